@@ -1,0 +1,364 @@
+"""Boundaries: what users ask of two marked points, answered by interpreters of their relative path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinbound.annotations import Point
+from pinbound.coupling import LinearLimit, as_configurations, linear_text
+from pinbound.exceptions import DimensionError, UnknownNameError
+from pinbound.interpreters import numeric, univariate
+from pinbound.interpreters.univariate import AllowedArcs
+from pinbound.path import Kind, RelativePath
+
+__all__ = ["Boundary", "BoundarySet", "ContactAngle", "CoordinateLimits"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ContactAngle:
+    """Where a boundary of one effective angle `phi = coefficients @ q` is in contact.
+
+    Attributes:
+        coefficients: (n,), over the active coordinates.
+        text: The effective angle for people, e.g. ``"q3 - q2"``.
+        angle: phi* [rad], in (-pi, pi]; contacts repeat every turn.
+        half_width: w [rad]; contact is `phi* +- w`. 0: the arms align (zero threshold). None: never in contact.
+        smallest: [m], the smallest norm over a turn.
+    """
+
+    coefficients: Array
+    text: str
+    angle: float
+    half_width: float | None
+    smallest: float
+
+    def gap(self, phi: float) -> tuple[float, float]:
+        """Return the open interval without contact that holds `phi` [rad]; NaN if phi is in contact.
+
+        Example:
+            >>> ContactAngle(np.array([1.0]), "q1", 1.0, 0.25, 0.0).gap(0.0)
+            (-5.03..., 0.75)
+        """
+        if self.half_width is None:
+            return -math.inf, math.inf
+        turn = 2.0 * math.pi
+        turns = math.floor((phi - self.angle) / turn)
+        lower = self.angle + turns * turn + self.half_width
+        upper = self.angle + (turns + 1) * turn - self.half_width
+        return (lower, upper) if lower < phi < upper else (math.nan, math.nan)
+
+
+@dataclass(frozen=True)
+class CoordinateLimits:
+    """How far one coordinate can move from a configuration, and what stops it.
+
+    Attributes:
+        coordinate: Its name.
+        value: Its value [rad or m].
+        lower: Lower end of the allowed interval around the value, may be -inf; NaN if the value is not allowed.
+        upper: Upper end, may be inf; NaN if the value is not allowed.
+        lower_stop: Boundary or joint limit at the lower end; None if there is none.
+        upper_stop: Boundary or joint limit at the upper end; None if there is none.
+        blocked_by: Boundaries and limits that forbid the value itself.
+    """
+
+    coordinate: str
+    value: float
+    lower: float
+    upper: float
+    lower_stop: str | None
+    upper_stop: str | None
+    blocked_by: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """Two marked points that must keep a distance: `clearance(q) = norm(q) - threshold`.
+
+    Attributes:
+        name: Its name in the annotations.
+        point_a: First marked point.
+        point_b: Second marked point.
+        min_distance: [m], surface to surface.
+        path: The reduced relative path between the points.
+        robot_coordinates: All active coordinates of the robot, in q's order.
+        contact_tolerance: [m]; a smallest norm up to this counts as contact.
+    """
+
+    name: str
+    point_a: Point
+    point_b: Point
+    min_distance: float
+    path: RelativePath
+    robot_coordinates: tuple[str, ...]
+    contact_tolerance: float
+
+    def __repr__(self) -> str:
+        """Return name, kind, points and coordinates."""
+        points = f"{self.point_a.name} on {self.point_a.link}, {self.point_b.name} on {self.point_b.link}"
+        return f"<Boundary {self.name}: {self.kind.value}, {points}; depends on {', '.join(self.coordinates)}>"
+
+    @property
+    def kind(self) -> Kind:
+        """How the two links lie to each other, helper links aside."""
+        return self.path.kind
+
+    @property
+    def ancestor(self) -> str:
+        """The lowest common ancestor link, helper links aside."""
+        return self.path.ancestor
+
+    @cached_property
+    def coordinates(self) -> tuple[str, ...]:
+        """The active coordinates that the norm depends on."""
+        return tuple(self.robot_coordinates[index] for index in self.path.minimal.coordinates)
+
+    @property
+    def threshold(self) -> float:
+        """`radius_a + radius_b + min_distance` [m]."""
+        return self.point_a.radius + self.point_b.radius + self.min_distance
+
+    @cached_property
+    def contact(self) -> ContactAngle | None:
+        """The contact angle, if the boundary has one effective angle; None if it has several, or slides.
+
+        Example:
+            >>> import pinbound as pb
+            >>> contact = pb.load("minervabot_v3").boundaries["beta_4"].contact
+            >>> contact.text, round(float(np.degrees(contact.angle)), 9)
+            ('q3 - q2', 32.429119975)
+        """
+        found = univariate.one_angle_strip(self.path.minimal, self.threshold, self.contact_tolerance)
+        if found is None:
+            return None
+        coefficients, strip = found
+        text = linear_text(coefficients, self.robot_coordinates)
+        return ContactAngle(coefficients, text, strip.angle, strip.half_width, strip.smallest)
+
+    def vector(self, q: ArrayLike) -> Array:
+        """Return `r = x_a - x_b` in the frame of the ancestor link: (3,) or (N, 3) [m]; Eqs. (8)-(16)."""
+        return self._each(
+            q, lambda Q: numeric.positions(self.path.branch_a, Q) - numeric.positions(self.path.branch_b, Q)
+        )
+
+    def norm(self, q: ArrayLike) -> Any:
+        """Return `beta = |r|` [m]: a float, or (N,)."""
+        return self._each(q, lambda Q: numeric.norm(numeric.positions(self.path.minimal, Q)))
+
+    def clearance(self, q: ArrayLike) -> Any:
+        """Return `norm - threshold` [m]: positive is free, zero is contact."""
+        return self.norm(q) - self.threshold
+
+    def gradient(self, q: ArrayLike) -> Array:
+        """Return the gradient of the norm, (n,) or (N, n) [m/rad]; NaN where the norm is zero (a kink)."""
+        return self._each(q, lambda Q: numeric.gradient(self.path.minimal, Q))
+
+    def hessian(self, q: ArrayLike) -> Array:
+        """Return the Hessian of the norm, (n, n) or (N, n, n); NaN where the norm is zero (a kink)."""
+        return self._each(q, lambda Q: numeric.hessian(self.path.minimal, Q))
+
+    def _each(self, q: ArrayLike, ask: Callable[[Array], Array]) -> Any:
+        Q = as_configurations(q, self.robot_coordinates)
+        return ask(Q) if Q.ndim > 1 else ask(Q[None])[0]
+
+    def expression(self, frame: Literal["minimal", "ancestor"] = "minimal") -> Any:
+        """Return r as a SymPy (3, 1) matrix, metres, in one real symbol a coordinate.
+
+        Args:
+            frame: ``"minimal"``: the frame on the path in which the fewest rotated terms are left; its norm is
+                the boundary's, its components are in that frame. ``"ancestor"``: the paper's form.
+
+        Example:
+            >>> import pinbound as pb
+            >>> pb.load("minervabot_v3").boundaries["beta_5"].expression().free_symbols
+            {q3}
+        """
+        from pinbound.interpreters import symbolic
+
+        if frame not in ("minimal", "ancestor"):
+            raise UnknownNameError("frame", frame, ("minimal", "ancestor"))
+        ask = symbolic.minimal_vector if frame == "minimal" else symbolic.ancestor_vector
+        return ask(self.path, self.robot_coordinates)
+
+    def latex(self, frame: Literal["minimal", "ancestor"] = "minimal") -> str:
+        """Return `expression(frame)` as LaTeX, numbers as decimals in metres."""
+        from pinbound.interpreters import symbolic
+
+        return symbolic.latex(self.expression(frame))
+
+    def limits(self, coordinate: str, q: ArrayLike) -> AllowedArcs:
+        """Return the allowed values of one coordinate in closed form, the others as in q.
+
+        `|r|^2 = a + b cos q_j + c sin q_j`, so the allowed set is one arc a turn.
+
+        Args:
+            coordinate: An active coordinate of the robot.
+            q: (n,) configuration; its entry for the coordinate does not matter.
+
+        Raises:
+            UnknownNameError: If the robot has no such coordinate.
+            DimensionError: If q is not one finite configuration.
+            UnsupportedError: If the path uses the coordinate more than once.
+
+        Example:
+            >>> import pinbound as pb
+            >>> arcs = pb.load("minervabot_v3").boundaries["beta_4"].limits("q3", [0.0, 0.1, 0.0])
+            >>> np.degrees(arcs.intervals).round(6)
+            array([[ 38.158698, 398.158698]])
+        """
+        if coordinate not in self.robot_coordinates:
+            raise UnknownNameError("coordinate", coordinate, self.robot_coordinates)
+        point = one_configuration(q, self.robot_coordinates)
+        index = self.robot_coordinates.index(coordinate)
+        return univariate.allowed_arcs(
+            self.path.minimal, index, coordinate, point, self.threshold, self.contact_tolerance
+        )
+
+
+def one_configuration(q: ArrayLike, coordinates: Sequence[str]) -> Array:
+    """Return one finite configuration (n,).
+
+    Raises:
+        DimensionError: If there are several, or a number that is not finite.
+    """
+    point = as_configurations(q, coordinates)
+    if point.ndim != 1:
+        raise DimensionError(f"give one configuration ({len(coordinates)},), not {point.shape}")
+    if not np.all(np.isfinite(point)):
+        raise DimensionError(f"the configuration {point.tolist()} holds a number that is not finite")
+    return point
+
+
+class BoundarySet(Sequence[Boundary]):
+    """The boundaries of a robot, in order, evaluated together.
+
+    Example:
+        >>> import pinbound as pb
+        >>> B = pb.load("minervabot_v3").boundaries
+        >>> len(B), B.names[0], B["beta_1"] is B[0]
+        (10, 'beta_1', True)
+        >>> B.norms([0.0, 0.0, 0.0]).shape, B.norms(np.zeros((5, 3))).shape
+        ((10,), (5, 10))
+    """
+
+    def __init__(
+        self, boundaries: Sequence[Boundary], coordinates: Sequence[str], limits: Sequence[LinearLimit]
+    ) -> None:
+        """Hold boundaries of one robot, with its joint limits for `limits`."""
+        self._boundaries = tuple(boundaries)
+        self._index = {boundary.name: boundary for boundary in boundaries}
+        self._coordinates = tuple(coordinates)
+        self._limits = tuple(limits)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names, in order."""
+        return tuple(self._index)
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self._boundaries)
+
+    def __iter__(self) -> Iterator[Boundary]:
+        """Iterate over them in order."""
+        return iter(self._boundaries)
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return one boundary by name or position.
+
+        Raises:
+            UnknownNameError: If there is no boundary of that name.
+        """
+        if isinstance(key, str):
+            if key not in self._index:
+                raise UnknownNameError("boundary", key, self._index)
+            return self._index[key]
+        return self._boundaries[key]
+
+    def __repr__(self) -> str:
+        """Return the names."""
+        return f"<BoundarySet {', '.join(self.names)}>"
+
+    def vectors(self, Q: ArrayLike) -> Array:
+        """Return every r in its ancestor's frame: (m, 3) for one q, (N, m, 3) for many [m]."""
+        return self._stack(Q, Boundary.vector, (3,))
+
+    def norms(self, Q: ArrayLike) -> Array:
+        """Return every `beta = |r|`: (m,) for one q, (N, m) for many [m]; a non-finite row gives NaN."""
+        return self._stack(Q, Boundary.norm, ())
+
+    def clearances(self, Q: ArrayLike) -> Array:
+        """Return every `norm - threshold`: (m,) or (N, m) [m]; positive is free, zero is contact."""
+        return self.norms(Q) - np.array([boundary.threshold for boundary in self])
+
+    def gradients(self, Q: ArrayLike) -> Array:
+        """Return the gradients of the norms: (m, n) or (N, m, n) [m/rad]; NaN where a norm is zero."""
+        return self._stack(Q, Boundary.gradient, (len(self._coordinates),))
+
+    def hessians(self, Q: ArrayLike) -> Array:
+        """Return the Hessians of the norms: (m, n, n) or (N, m, n, n); NaN where a norm is zero."""
+        return self._stack(Q, Boundary.hessian, (len(self._coordinates),) * 2)
+
+    def _stack(self, Q: ArrayLike, ask: Callable[[Boundary, Array], Any], shape: tuple[int, ...]) -> Array:
+        array = as_configurations(Q, self._coordinates)
+        if not self._boundaries:
+            return np.empty((*array.shape[:-1], 0, *shape))
+        return np.stack([ask(boundary, array) for boundary in self], axis=array.ndim - 1)
+
+    def limits(self, coordinate: str, q: ArrayLike) -> CoordinateLimits:
+        """Return how far one coordinate can move from q, the others standing still, and what stops it.
+
+        All boundaries and all joint limits, those of followers too, are intersected.
+
+        Raises:
+            UnknownNameError: If the robot has no such coordinate.
+            DimensionError: If q is not one finite configuration.
+            UnsupportedError: If a path uses the coordinate more than once.
+
+        Example:
+            >>> import pinbound as pb
+            >>> found = pb.load("minervabot_v3").boundaries.limits("q2", [0.0, 0.0, 0.0])
+            >>> found.lower_stop, round(float(np.degrees(found.lower)), 6)
+            ('beta_10', -10.145751)
+        """
+        if coordinate not in self._coordinates:
+            raise UnknownNameError("coordinate", coordinate, self._coordinates)
+        point = one_configuration(q, self._coordinates)
+        index = self._coordinates.index(coordinate)
+        value = float(point[index])
+        spans = [(boundary.name, boundary.limits(coordinate, point).around(value)) for boundary in self]
+        spans += [(limit.joint, _linear_span(limit, index, point)) for limit in self._limits]
+        blocked = tuple(name for name, span in spans if span is None)
+        if blocked:
+            return CoordinateLimits(coordinate, value, math.nan, math.nan, None, None, blocked)
+        lower, lower_stop = max(((span[0], name) for name, span in spans if span), default=(-math.inf, ""))
+        upper, upper_stop = min(((span[1], name) for name, span in spans if span), default=(math.inf, ""))
+        return CoordinateLimits(
+            coordinate,
+            value,
+            lower,
+            upper,
+            lower_stop if math.isfinite(lower) else None,
+            upper_stop if math.isfinite(upper) else None,
+        )
+
+
+def _linear_span(limit: LinearLimit, index: int, q: Array) -> tuple[float, float] | None:
+    """Return the interval of coordinate `index` that one joint limit allows, the others as in q."""
+    theta = float(limit.coefficients @ q) + limit.offset
+    if not limit.lower <= theta <= limit.upper:
+        return None
+    c = float(limit.coefficients[index])
+    if c == 0.0:
+        return -math.inf, math.inf
+    ends = sorted(float(q[index]) + (end - theta) / c for end in (limit.lower, limit.upper))
+    return ends[0], ends[1]

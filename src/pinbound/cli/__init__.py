@@ -1,0 +1,8 @@
+"""The terminal: arguments, tables, exit codes; no mathematics.
+
+Exit codes: 0, all holds; 1, a check found a violation; 2, bad input, with one message and no traceback.
+"""
+
+from pinbound.cli.app import app, main
+
+__all__ = ["app", "main"]

@@ -1,0 +1,252 @@
+"""`pinbound info`, `derive`, `limits`, `region`: look at a robot, its boundaries, its limits, its region."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+import typer
+
+from pinbound.boundary import Boundary, CoordinateLimits
+from pinbound.cli.shared import (
+    Annotations,
+    AsJson,
+    PackageDirs,
+    RobotName,
+    XacroArgs,
+    console,
+    degrees,
+    emit_json,
+    load_robot,
+    millimetres,
+    parse_configuration,
+    print_table,
+)
+from pinbound.interpreters import symbolic
+from pinbound.region import Region, feasible_region
+from pinbound.robot import Robot
+
+__all__ = ["derive", "info", "limits", "region"]
+
+At = Annotated[str | None, typer.Option(help="q2=0.1,q3=-0.2: the configuration; home where left out.")]
+Degrees = Annotated[bool, typer.Option("--deg", help="Angles of --at are in degrees.")]
+InPlane = Annotated[str | None, typer.Option("--coordinates", help="The two coordinates, e.g. q2,q3.")]
+
+
+def info(
+    robot: RobotName,
+    annotations: Annotations = None,
+    package_dir: PackageDirs = None,
+    xacro_arg: XacroArgs = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show the tree, the coupling, the closures with their residuals, notes and assumptions."""
+    loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    if as_json:
+        emit_json(_info_record(loaded))
+        return
+    out = console()
+    out.print(f"[bold]{loaded.name}[/bold]: {len(loaded.coordinates)} coordinates, {len(loaded.tree.links)} links")
+    print_table("Joints", ("joint", "type", "moves", "home", "limits"), _joint_rows(loaded))
+    if loaded.closures:
+        rows = [(c.name, f"{c.mark.link_a} - {c.mark.link_b}", f"{c.bound:.1e}") for c in loaded.closures]
+        print_table("Closures", ("closure", "links", "residual at most, for every q [m]"), rows)
+    rows = [(p.name, p.link, *(millimetres(x, 3) for x in p.xyz), millimetres(p.radius, 3)) for p in _points(loaded)]
+    if rows:
+        print_table("Marked points", ("point", "link", "x [mm]", "y [mm]", "z [mm]", "radius [mm]"), rows)
+    out.print(f"{len(loaded.boundaries)} boundaries: {', '.join(loaded.boundaries.names) or 'none'}")
+    for heading, lines in (("Notes", loaded.notes), ("Assumptions", loaded.annotations.assumptions)):
+        if lines:
+            out.print(f"[bold]{heading}[/bold]")
+            for line in lines:
+                out.print(f"- {line}", markup=False)
+
+
+def _points(robot: Robot) -> list[Any]:
+    return list(robot.annotations.points.values())
+
+
+def _joint_rows(robot: Robot) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = []
+    for joint in robot.tree.moving_joints:
+        home = "-"
+        if joint.name in robot.coordinates:
+            home = _amount(robot, joint.name, float(robot.home[robot.coordinates.index(joint.name)]))
+        ends = f"{_amount(robot, joint.name, joint.lower)} .. {_amount(robot, joint.name, joint.upper)}"
+        rows.append((joint.name, joint.type, robot.coupling.text(joint.name), home, ends))
+    return rows
+
+
+def _amount(robot: Robot, joint: str, value: float) -> str:
+    if not math.isfinite(value):
+        return "none"
+    return f"{math.degrees(value):.6g} deg" if robot.turns(joint) else f"{1e3 * value:.6g} mm"
+
+
+def _info_record(robot: Robot) -> dict[str, Any]:
+    return {
+        "name": robot.name,
+        "coordinates": robot.coordinates,
+        "lower": robot.lower,
+        "upper": robot.upper,
+        "home": robot.home,
+        "joints": robot.coupling.joints,
+        "S": robot.coupling.S,
+        "offset": robot.coupling.offset,
+        "links": list(robot.tree.links),
+        "closures": [{"name": c.name, "residual_bound": c.bound} for c in robot.closures],
+        "points": [{"name": p.name, "link": p.link, "xyz": p.xyz, "radius": p.radius} for p in _points(robot)],
+        "boundaries": robot.boundaries.names,
+        "contact_tolerance": robot.annotations.contact_tolerance,
+        "notes": robot.notes,
+        "assumptions": robot.annotations.assumptions,
+    }
+
+
+def derive(
+    robot: RobotName,
+    annotations: Annotations = None,
+    package_dir: PackageDirs = None,
+    xacro_arg: XacroArgs = None,
+    latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX of both forms instead.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show each boundary's kind, ancestor, vector (paper's form, minimal form), and contact angle."""
+    loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    if as_json:
+        emit_json([_boundary_record(boundary) for boundary in loaded.boundaries])
+        return
+    out = console()
+    for boundary in loaded.boundaries:
+        if latex:
+            out.print(f"% {boundary.name}", markup=False)
+            out.print(boundary.latex("ancestor"), markup=False, soft_wrap=True)
+            out.print(boundary.latex(), markup=False, soft_wrap=True)
+            continue
+        ends = (
+            f"{boundary.point_a.name} ({boundary.point_a.link}) and {boundary.point_b.name} ({boundary.point_b.link})"
+        )
+        out.print(f"[bold]{boundary.name}[/bold]: {ends}")
+        out.print(
+            f"  {boundary.kind.value}; ancestor {boundary.ancestor}; depends on {', '.join(boundary.coordinates)}"
+        )
+        paper = symbolic.lines(boundary.expression("ancestor"))
+        minimal = symbolic.lines(boundary.expression())
+        differs = paper != minimal
+        for label, components in (("r", paper), ("r, minimal frame", minimal if differs else ())):
+            for axis, line in zip("xyz", components, strict=False):
+                out.print(
+                    f"  {label}_{axis} [mm] = {line}" if line != "0" else f"  {label}_{axis} = 0",
+                    markup=False,
+                )
+        out.print(f"  {_contact_text(boundary)}", markup=False)
+
+
+def _contact_text(boundary: Boundary) -> str:
+    contact = boundary.contact
+    if contact is None:
+        return "contact: a curve (more than one effective angle)"
+    if contact.half_width is None:
+        return f"never in contact: the norm stays above {millimetres(contact.smallest)} mm"
+    width = f" +- {degrees(contact.half_width)}" if contact.half_width else ""
+    text = f"contact at {contact.text} = {degrees(contact.angle, 9)}{width} deg, every turn"
+    return (
+        f"{text}; smallest norm {millimetres(contact.smallest, 6)} mm, threshold {millimetres(boundary.threshold)} mm"
+    )
+
+
+def _boundary_record(boundary: Boundary) -> dict[str, Any]:
+    contact = boundary.contact
+    return {
+        "name": boundary.name,
+        "points": [boundary.point_a.name, boundary.point_b.name],
+        "links": [boundary.point_a.link, boundary.point_b.link],
+        "kind": boundary.kind.value,
+        "ancestor": boundary.ancestor,
+        "coordinates": boundary.coordinates,
+        "threshold": boundary.threshold,
+        "expression": [str(component) for component in boundary.expression()],
+        "expression_ancestor": [str(component) for component in boundary.expression("ancestor")],
+        "latex": boundary.latex(),
+        "contact": contact
+        and {
+            "effective_angle": contact.text,
+            "coefficients": contact.coefficients,
+            "angle": contact.angle,
+            "half_width": contact.half_width,
+            "smallest_norm": contact.smallest,
+        },
+    }
+
+
+def limits(
+    robot: RobotName,
+    at: At = None,
+    deg: Degrees = False,
+    annotations: Annotations = None,
+    package_dir: PackageDirs = None,
+    xacro_arg: XacroArgs = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show how far each coordinate can move from a configuration, the others standing still, and what stops it."""
+    loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    q = parse_configuration(loaded, at, deg)
+    found = [loaded.boundaries.limits(name, q) for name in loaded.coordinates]
+    if as_json:
+        emit_json([vars(one) for one in found])
+    else:
+        columns = ("coordinate", "here", "from", "stopped by", "to", "stopped by")
+        print_table(
+            "Articular limits, the other coordinates standing still",
+            columns,
+            [_row(loaded, x) for x in found],
+        )
+    if any(one.blocked_by for one in found):
+        raise typer.Exit(1)
+
+
+def _row(robot: Robot, found: CoordinateLimits) -> tuple[str, ...]:
+    here = _amount(robot, found.coordinate, found.value)
+    if found.blocked_by:
+        return found.coordinate, here, "not allowed here", ", ".join(found.blocked_by), "", ""
+    ends = (_amount(robot, found.coordinate, found.lower), _amount(robot, found.coordinate, found.upper))
+    return found.coordinate, here, ends[0], found.lower_stop or "-", ends[1], found.upper_stop or "-"
+
+
+def region(
+    robot: RobotName,
+    coordinates: InPlane = None,
+    at: At = None,
+    deg: Degrees = False,
+    annotations: Annotations = None,
+    package_dir: PackageDirs = None,
+    xacro_arg: XacroArgs = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show the feasible region of two coordinates around home: vertices, named edges, area, what is implied."""
+    loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    plane = None if coordinates is None else tuple(name.strip() for name in coordinates.split(","))
+    found = feasible_region(loaded, plane, parse_configuration(loaded, at, deg))
+    if as_json:
+        emit_json(_region_record(found))
+        return
+    x, y = found.coordinates
+    rows = [(edge.name, *(degrees(float(value), 9) for value in (*edge.start, *edge.end))) for edge in found.edges]
+    columns = ("edge", f"{x} from [deg]", f"{y} from [deg]", f"{x} to [deg]", f"{y} to [deg]")
+    centre = ", ".join(degrees(float(value), 9) for value in found.centroid)
+    note = f"area {found.area:.10f} rad^2, centroid ({centre}) deg"
+    print_table(f"Feasible region of ({x}, {y}) around home", columns, rows, note)
+    implied = [(name, ", ".join(s.by), degrees(s.slack)) for name, s in found.supports().items() if s.by]
+    print_table("Implied", ("boundary or limit", "implied by", "slack [deg]"), implied)
+
+
+def _region_record(region: Region) -> dict[str, Any]:
+    return {
+        "coordinates": region.coordinates,
+        "at": dict(zip(region.robot_coordinates, region.at.tolist(), strict=True)),
+        "vertices": region.vertices,
+        "edges": [{"name": e.name, "source": e.source, "start": e.start, "end": e.end} for e in region.edges],
+        "area": region.area,
+        "centroid": region.centroid,
+        "implied": {name: {"by": s.by, "slack": s.slack} for name, s in region.supports().items() if s.by},
+    }

@@ -1,0 +1,151 @@
+"""What all commands share: the robot argument, tables for people, JSON for programs, errors as one message."""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Annotated, Any, ParamSpec, TypeVar
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from pinbound.exceptions import InputError, PinboundError, Problem
+from pinbound.robot import Robot, load
+
+__all__ = [
+    "Annotations",
+    "AsJson",
+    "PackageDirs",
+    "RobotName",
+    "XacroArgs",
+    "console",
+    "degrees",
+    "emit_json",
+    "guarded",
+    "load_robot",
+    "millimetres",
+    "parse_configuration",
+    "print_table",
+]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_PIPE_WIDTH = 140
+
+RobotName = Annotated[str, typer.Argument(help="A packaged robot's name, or a path to a .urdf or .xacro.")]
+Annotations = Annotated[Path | None, typer.Option(help="YAML sidecar with the annotations.")]
+PackageDirs = Annotated[list[Path] | None, typer.Option("--package-dir", help="Where package:// is looked up.")]
+XacroArgs = Annotated[list[str] | None, typer.Option("--xacro-arg", help="NAME=VALUE for a xacro file.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON (metres, radians) instead of tables.")]
+
+
+def console(stderr: bool = False) -> Console:
+    """Return a console; piped output gets a fixed width, so that scripts see the same tables everywhere."""
+    made = Console(stderr=stderr, highlight=False, soft_wrap=False)
+    return made if made.is_terminal else Console(stderr=stderr, highlight=False, width=_PIPE_WIDTH)
+
+
+def guarded(command: Callable[P, R]) -> Callable[P, R]:
+    """Turn an expected error into one message on stderr and exit code 2."""
+
+    @functools.wraps(command)
+    def run(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return command(*args, **kwargs)
+        except PinboundError as error:
+            typer.echo(f"pinbound: {error}", err=True)
+        except OSError as error:
+            typer.echo(f"pinbound: {error.filename}: {error.strerror}", err=True)
+        raise typer.Exit(2)
+
+    return run
+
+
+def load_robot(
+    robot: str,
+    annotations: Path | None = None,
+    package_dirs: Sequence[Path] | None = None,
+    xacro_args: Sequence[str] | None = None,
+) -> Robot:
+    """Load the robot of a command line."""
+    mappings: dict[str, str] = {}
+    for text in xacro_args or ():
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise _bad("--xacro-arg", f"{text!r} is not NAME=VALUE", "Write e.g. --xacro-arg bridge=as_printed")
+        mappings[name] = value
+    return load(robot, annotations, tuple(package_dirs or ()), mappings)
+
+
+def _bad(option: str, message: str, remedy: str) -> InputError:
+    return InputError([Problem(message, remedy, option)])
+
+
+def parse_configuration(robot: Robot, text: str | None, deg: bool = False) -> np.ndarray[Any, Any]:
+    """Return home, changed by ``"q2=0.1,q3=-0.2"`` (radians, or degrees with `deg`; slides in metres always)."""
+    q = np.array(robot.home)
+    for part in filter(None, (text or "").split(",")):
+        name, equals, number = (word.strip() for word in part.partition("="))
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        if not equals or name not in robot.coordinates or not math.isfinite(value):
+            remedy = f"Write NAME=NUMBER, NAME one of: {', '.join(robot.coordinates)}"
+            raise _bad("--at", f"{part.strip()!r} is no coordinate with a finite number", remedy)
+        q[robot.coordinates.index(name)] = math.radians(value) if deg and robot.turns(name) else value
+    return q
+
+
+def emit_json(value: Any) -> None:
+    """Print a value as JSON: arrays as lists, numbers that are not finite as null."""
+    sys.stdout.write(json.dumps(_plain(value), indent=2, allow_nan=False) + "\n")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    return value
+
+
+def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]], note: str = "") -> None:
+    """Print a table for people; columns whose heading ends in ``]`` hold numbers and are right-aligned."""
+    table = Table(title=title, title_justify="left", title_style="bold", caption=note, caption_justify="left")
+    for column in columns:
+        is_number = column.endswith("]")
+        table.add_column(column.replace("[", r"\["), justify="right" if is_number else "left")
+    for row in rows:
+        table.add_row(*(str(cell).replace("[", r"\[") for cell in row))
+    console().print(table)
+
+
+def degrees(angle: float | None, digits: int = 6) -> str:
+    """Return an angle [rad] in degrees for people; a dash if there is none.
+
+    Example:
+        >>> degrees(np.pi / 4), degrees(None), degrees(np.inf)
+        ('45.000000', '-', 'none')
+    """
+    if angle is None or math.isnan(angle):
+        return "-"
+    return f"{math.degrees(angle):.{digits}f}" if math.isfinite(angle) else "none"
+
+
+def millimetres(length: float, digits: int = 4) -> str:
+    """Return a length [m] in millimetres for people."""
+    return f"{1e3 * length:.{digits}f}"

@@ -1,0 +1,133 @@
+"""The errors of pinbound: one tree, each with its fields, each saying how to mend it."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+__all__ = [
+    "DimensionError",
+    "InputError",
+    "PinboundError",
+    "Problem",
+    "Problems",
+    "UnknownNameError",
+    "UnsupportedError",
+    "name_hint",
+]
+
+
+class PinboundError(Exception):
+    """Base of every error that pinbound raises on purpose."""
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One fault of an input file.
+
+    Attributes:
+        message: What is wrong, and what would have been valid.
+        remedy: What to do about it.
+        source: The file, as the user knows it.
+        line: Line in that file, or None if the fault belongs to no line.
+    """
+
+    message: str
+    remedy: str
+    source: str
+    line: int | None = None
+
+    def __str__(self) -> str:
+        """Return ``source:line: message -> remedy``."""
+        place = self.source if self.line is None else f"{self.source}, line {self.line}"
+        return f"{place}: {self.message}. {self.remedy}."
+
+
+class InputError(PinboundError, ValueError):
+    """A URDF, xacro or annotation file that cannot be used, with all its faults at once.
+
+    Attributes:
+        problems: Every fault that was found, in the order of the file.
+    """
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        """Collect the faults into one message."""
+        self.problems = tuple(sorted(problems, key=lambda p: (p.source, p.line or 0)))
+        count = len(self.problems)
+        head = "" if count == 1 else f"{count} problems:\n"
+        super().__init__(head + "\n".join(str(problem) for problem in self.problems))
+
+
+class UnknownNameError(PinboundError, KeyError):
+    """A name that the robot does not have.
+
+    Attributes:
+        kind: What sort of thing was asked for, e.g. ``"boundary"``.
+        name: The name that was given.
+        valid: The names that exist.
+    """
+
+    def __init__(self, kind: str, name: object, valid: Iterable[str]) -> None:
+        """Say which name is unknown and which ones exist."""
+        self.kind, self.name, self.valid = kind, name, tuple(valid)
+        super().__init__(f"there is no {kind} {name!r}; {name_hint(str(name), self.valid)}")
+
+    def __str__(self) -> str:
+        """Return the message itself; KeyError alone would print its repr."""
+        return str(self.args[0])
+
+
+class DimensionError(PinboundError, ValueError):
+    """An array whose shape does not fit the robot, or that holds numbers that are not finite."""
+
+
+class UnsupportedError(PinboundError):
+    """A question that is well posed but that this version cannot answer; never answered wrongly instead."""
+
+
+class Problems:
+    """Collect the faults of one file, so that all of them are reported at once.
+
+    Example:
+        >>> problems = Problems("arm.urdf")
+        >>> problems.add("joint 'elbow' has a zero axis", "give it a direction", line=12)
+        >>> problems.raise_if_any()
+        Traceback (most recent call last):
+        pinbound.exceptions.InputError: arm.urdf, line 12: joint 'elbow' has a zero axis. give it a direction.
+    """
+
+    def __init__(self, source: str) -> None:
+        """Start with no fault in ``source``."""
+        self.source = source
+        self.found: list[Problem] = []
+
+    def add(self, message: str, remedy: str, line: int | None = None, source: str | None = None) -> None:
+        """Record one fault."""
+        self.found.append(Problem(message, remedy, source or self.source, line))
+
+    def raise_if_any(self) -> None:
+        """Raise what was collected.
+
+        Raises:
+            InputError: If at least one fault was recorded.
+        """
+        if self.found:
+            raise InputError(self.found)
+
+
+def name_hint(name: str, valid: Iterable[str], most: int = 12) -> str:
+    """Return which names are valid, the most similar one first.
+
+    Example:
+        >>> name_hint("link_22", ["link_1", "link_2", "link_21"])
+        "did you mean 'link_2'? valid: link_1, link_2, link_21"
+        >>> name_hint("x", [])
+        'there is none'
+    """
+    names = list(valid)
+    if not names:
+        return "there is none"
+    listed = ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
+    close = difflib.get_close_matches(name, names, n=1)
+    return (f"did you mean {close[0]!r}? " if close else "") + f"valid: {listed}"

@@ -1,0 +1,1 @@
+"""Interpreters of the reduced relative path: one question each, none knows another."""

@@ -1,0 +1,129 @@
+"""Convex cells as intersections of named half-planes, vertices from the pair of lines that meet there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.tolerances import IMPLIED, VERTEX
+
+__all__ = ["HalfPlane", "Support", "intersect", "support"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HalfPlane:
+    """`normal @ x <= bound` in the plane of two coordinates.
+
+    Attributes:
+        source: The boundary or the joint that it comes from.
+        name: What people read, e.g. ``"beta_4"`` or ``"q2 upper"``.
+        normal: (2,), not zero; not a unit vector in general.
+        bound: [rad].
+        is_contact: True for a boundary, False for a joint limit.
+    """
+
+    source: str
+    name: str
+    normal: Array
+    bound: float
+    is_contact: bool
+
+    def inset(self, distance: float) -> HalfPlane:
+        """Return the half-plane moved inwards by a Euclidean distance [rad]."""
+        bound = self.bound - distance * float(np.linalg.norm(self.normal))
+        return HalfPlane(self.source, self.name, self.normal, bound, self.is_contact)
+
+
+@dataclass(frozen=True)
+class Support:
+    """How a half-plane lies to a convex cell.
+
+    Attributes:
+        slack: `(bound - max normal @ x) / |normal|` over the cell [rad]; zero for an edge, positive if implied.
+        by: The edges whose combination implies it, none if it is an edge itself.
+    """
+
+    slack: float
+    by: tuple[str, ...]
+
+
+def intersect(planes: Sequence[HalfPlane]) -> tuple[Array, tuple[HalfPlane, ...]]:
+    """Return the cell `{x : normal_i @ x <= bound_i for all i}`, which must be bounded.
+
+    Args:
+        planes: Half-planes; the first four must form a box around the cell.
+
+    Returns:
+        Vertices (k, 2), counter-clockwise, and the k half-planes of the edges; edge i runs from vertex i to
+        vertex i + 1. Both empty if the cell is empty or flat.
+
+    Example:
+        >>> sides = {"right": (1.0, 0.0), "top": (0.0, 1.0), "left": (-1.0, 0.0), "low": (0.0, -1.0)}
+        >>> box = [HalfPlane("q", name, np.array(normal), 1.0, False) for name, normal in sides.items()]
+        >>> corner = HalfPlane("beta", "beta", np.array([1.0, 1.0]), 1.0, True)
+        >>> vertices, edges = intersect([*box, corner])
+        >>> [plane.name for plane in edges]
+        ['right', 'beta', 'top', 'left', 'low']
+    """
+    edges = list(planes[:4])
+    vertices = [_meet(edges[i - 1], edges[i]) for i in range(4)]
+    for plane in planes[4:]:
+        vertices, edges = _clip(vertices, edges, plane)
+    vertices, edges = _without_short_edges(vertices, edges)
+    if len(edges) < 3:
+        return np.empty((0, 2)), ()
+    return np.array(vertices), tuple(edges)
+
+
+def _meet(a: HalfPlane, b: HalfPlane) -> Array:
+    return np.linalg.solve(np.array([a.normal, b.normal]), np.array([a.bound, b.bound]))
+
+
+def _clip(vertices: list[Array], edges: list[HalfPlane], plane: HalfPlane) -> tuple[list[Array], list[HalfPlane]]:
+    """Cut a convex polygon by one half-plane; new vertices are solved from the two lines, not interpolated."""
+    inside = [float(plane.normal @ vertex) <= plane.bound for vertex in vertices]
+    if all(inside) or not any(inside):
+        return (vertices, edges) if any(inside) else ([], [])
+    cut_vertices: list[Array] = []
+    cut_edges: list[HalfPlane] = []
+    for i, edge in enumerate(edges):
+        following = (i + 1) % len(edges)
+        if inside[i]:
+            cut_vertices.append(vertices[i])
+            cut_edges.append(edge)
+        if inside[i] and not inside[following]:
+            cut_vertices.append(_meet(edge, plane))
+            cut_edges.append(plane)
+        elif inside[following] and not inside[i]:
+            cut_vertices.append(_meet(plane, edge))
+            cut_edges.append(edge)
+    return cut_vertices, cut_edges
+
+
+def _without_short_edges(vertices: list[Array], edges: list[HalfPlane]) -> tuple[list[Array], list[HalfPlane]]:
+    keep = [
+        i for i, vertex in enumerate(vertices) if np.max(np.abs(vertices[(i + 1) % len(vertices)] - vertex)) > VERTEX
+    ]
+    return [vertices[i] for i in keep], [edges[i] for i in keep]
+
+
+def support(vertices: Array, edges: Sequence[HalfPlane], plane: HalfPlane) -> Support:
+    """Return a half-plane's slack over a cell, and which edges imply it.
+
+    At the vertex where `normal @ x` is largest, `normal = l_1 n_1 + l_2 n_2` with the normals of the two edges that
+    meet there and `l >= 0` (Farkas): the edges with `l > 0` imply the half-plane.
+    """
+    if any(plane is edge for edge in edges):
+        return Support(0.0, ())
+    values = vertices @ plane.normal
+    top = int(np.argmax(values))
+    slack = (plane.bound - float(values[top])) / float(np.linalg.norm(plane.normal))
+    meeting = (edges[top - 1], edges[top])
+    weights = np.linalg.solve(np.column_stack([edge.normal for edge in meeting]), plane.normal)
+    by = tuple(edge.name for edge, weight in zip(meeting, weights, strict=True) if weight > IMPLIED)
+    return Support(slack, by)

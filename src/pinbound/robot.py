@@ -1,0 +1,321 @@
+"""load() and Robot: what users hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinbound.annotations import Annotations, Point, RawItem, read_inline, read_sidecar, validate
+from pinbound.boundary import Boundary, BoundarySet
+from pinbound.closures import Closure, close
+from pinbound.coupling import Coupling, LinearLimit, as_configurations, couple, linear_limits
+from pinbound.document import Document, read_document
+from pinbound.exceptions import (
+    DimensionError,
+    PinboundError,
+    Problems,
+    UnknownNameError,
+    UnsupportedError,
+    name_hint,
+)
+from pinbound.interpreters import numeric
+from pinbound.path import absolute_chain, relative_path
+from pinbound.tree import Tree
+from pinbound.urdf import build_model, read_kinematics
+
+__all__ = ["Robot", "load"]
+
+Array = NDArray[np.float64]
+
+_RESIDUAL_SAMPLES = 2000
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot with its coupling, closures and boundaries. Made by `load`; never changed afterwards.
+
+    Attributes:
+        document: The XML that it was read from.
+        tree: Links and joints.
+        annotations: What was marked on it.
+        coupling: `theta = S q + o`.
+        linear_limits: Limits of all tree joints, said of q.
+        closures: Closed loops, each proven to close.
+        boundaries: The boundaries, in order.
+        home: (n,) a feasible configuration [rad or m].
+        notes: What was normalised on loading.
+        package_dirs: Folders in which `package://` is looked up.
+    """
+
+    document: Document
+    tree: Tree
+    annotations: Annotations
+    coupling: Coupling
+    linear_limits: tuple[LinearLimit, ...]
+    closures: tuple[Closure, ...]
+    boundaries: BoundarySet
+    home: Array
+    notes: tuple[str, ...]
+    package_dirs: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return name and counts."""
+        counts = f"{len(self.boundaries)} boundaries, {len(self.closures)} closures"
+        return f"<Robot {self.name}: coordinates {', '.join(self.coordinates)}; {counts}>"
+
+    @property
+    def name(self) -> str:
+        """The robot's name in its URDF."""
+        return self.tree.kinematics.name
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the active joints, in q's order."""
+        return self.coupling.coordinates
+
+    @cached_property
+    def lower(self) -> Array:
+        """(n,) lower limits of the active joints themselves [rad or m]; -inf where there is none."""
+        return self._ends("lower")
+
+    @cached_property
+    def upper(self) -> Array:
+        """(n,) upper limits of the active joints themselves [rad or m]; inf where there is none."""
+        return self._ends("upper")
+
+    def _ends(self, end: str) -> Array:
+        joints = {joint.name: joint for joint in self.tree.moving_joints}
+        values = np.array([float(getattr(joints[name], end)) for name in self.coordinates])
+        values.flags.writeable = False
+        return values
+
+    def turns(self, joint: str) -> bool:
+        """Return whether a joint's value is an angle [rad], not a length [m]."""
+        return any(one.name == joint and one.type != "prismatic" for one in self.tree.moving_joints)
+
+    @cached_property
+    def model(self) -> Any:
+        """The `pinocchio.Model` of the whole tree, one coordinate a moving joint, in `coupling.joints`' order.
+
+        Example:
+            >>> robot = load("minervabot_v3")
+            >>> robot.model.nq == len(robot.coupling.joints) == 11
+            True
+        """
+        model = build_model(self.document, self.tree.kinematics)
+        if tuple(model.names)[1:] != self.coupling.joints:
+            raise PinboundError(f"Pinocchio orders the joints as {tuple(model.names)[1:]}, not {self.coupling.joints}")
+        return model
+
+    def closure_residuals(self, Q: ArrayLike) -> Array:
+        """Return the gap of every closure, (n_closures,) or (N, n_closures) [m].
+
+        Example:
+            >>> robot = load("minervabot_v3")
+            >>> bool(robot.closure_residuals(robot.home).max() < 1e-15)
+            True
+        """
+        array = as_configurations(Q, self.coordinates)
+        rows = array.reshape(-1, len(self.coordinates))
+        residuals = np.array([closure.residuals(rows) for closure in self.closures]).reshape(-1, len(rows)).T
+        return residuals if array.ndim > 1 else residuals[0]
+
+    def positions(self, link: str, Q: ArrayLike, xyz: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
+        """Return where a point of a link is, in the root link's frame: (3,) or (N, 3) [m].
+
+        Args:
+            link: Name of the link.
+            Q: One q (n,) or many (N, n).
+            xyz: The point in the link's frame [m].
+
+        Raises:
+            UnknownNameError: If there is no such link.
+
+        Example:
+            >>> load("minervabot_v3").positions("link_6", [0.0, 0.0, 0.0]).round(5).tolist()
+            [0.12943, 0.0, 0.14859]
+        """
+        if link not in self.tree.links:
+            raise UnknownNameError("link", link, self.tree.links)
+        x, y, z = (float(value) for value in xyz)
+        chain = absolute_chain(self.tree, self.coupling, Point("", link, (x, y, z)))
+        array = as_configurations(Q, self.coordinates)
+        found = numeric.positions(chain, array.reshape(-1, len(self.coordinates)))
+        return found if array.ndim > 1 else found[0]
+
+    def to_pinocchio(self, model: Any, Q: ArrayLike) -> Array:
+        """Return q of a model that the user built from this URDF, matched by joint name.
+
+        Works for `mimic=True` and `mimic=False`, for continuous joints (cos, sin), and for a model with a free
+        flyer at its root, whose coordinates are left neutral.
+
+        Args:
+            model: A `pinocchio.Model`; it is not changed.
+            Q: One q (n,) or many (N, n) of this robot.
+
+        Returns:
+            (model.nq,) or (N, model.nq).
+
+        Raises:
+            DimensionError: If the model has a joint of one coordinate that this robot does not have.
+        """
+        import pinocchio
+
+        theta = self.coupling.expand(Q)
+        full = np.broadcast_to(pinocchio.neutral(model), (*theta.shape[:-1], model.nq)).copy()
+        for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
+            nq, nv = int(joint.nq), int(joint.nv)
+            if nv != 1 or "Mimic" in joint.shortname():
+                continue
+            if name not in self.coupling.joints:
+                hint = name_hint(name, self.coupling.joints)
+                raise DimensionError(f"the model's joint {name!r} is none of {self.name!r}; {hint}")
+            value = theta[..., self.coupling.joints.index(name)]
+            columns = (value,) if nq == 1 else (np.cos(value), np.sin(value))
+            for step, column in enumerate(columns):
+                full[..., joint.idx_q + step] = column
+        return full
+
+
+def load(
+    robot: str | Path,
+    annotations: str | Path | None = None,
+    package_dirs: Sequence[str | Path] = (),
+    xacro_args: Mapping[str, Any] | None = None,
+) -> Robot:
+    """Load a robot with its boundaries.
+
+    Args:
+        robot: Name of a packaged robot (e.g. ``"minervabot_v3"``), or a path to a `.urdf` or `.xacro`.
+        annotations: Path of a YAML sidecar; by default `NAME.pinbound.yaml` beside the file, where it exists.
+        package_dirs: Folders in which `package://` is looked up when geometry is read.
+        xacro_args: Arguments of a xacro file.
+
+    Returns:
+        The robot, every closure proven to close and home proven to be free.
+
+    Raises:
+        InputError: If anything is wrong with the files: all faults at once, each with its line and remedy.
+
+    Example:
+        >>> robot = load("minervabot_v3")
+        >>> robot.coordinates, robot.boundaries["beta_5"].coordinates
+        (('q1', 'q2', 'q3'), ('q3',))
+        >>> load("minervabot_v3", xacro_args={"bridge": "as_printed"}).boundaries["beta_5"].coordinates
+        ('q2',)
+    """
+    document = read_document(robot, {key: str(value) for key, value in (xacro_args or {}).items()})
+    problems = Problems(document.label)
+    kinematics = read_kinematics(document, problems)
+    is_sound = not problems.found
+    items = [*read_inline(document.root, problems), *_sidecar_items(document, annotations, problems)]
+    marks = validate(items, [link.name for link in kinematics.links], problems)
+    if not is_sound:
+        problems.raise_if_any()
+    tree = Tree(kinematics, {point.link for point in marks.points.values()})
+    coupling = couple(tree.moving_joints)
+    limits = linear_limits(tree.moving_joints, coupling)
+    home, notes = _home(tree, coupling, marks, limits, problems)
+    closures = _closures(tree, coupling, marks, problems)
+    boundaries = _boundaries(tree, coupling, marks, home, problems)
+    problems.raise_if_any()
+    return Robot(
+        document=document,
+        tree=tree,
+        annotations=marks,
+        coupling=coupling,
+        linear_limits=limits,
+        closures=tuple(closures),
+        boundaries=BoundarySet(boundaries, coupling.coordinates, limits),
+        home=home,
+        notes=(*kinematics.notes, *notes),
+        package_dirs=tuple(map(str, package_dirs)),
+    )
+
+
+def _sidecar_items(document: Document, given: str | Path | None, problems: Problems) -> list[RawItem]:
+    stem = document.path.name.removesuffix(".xacro").removesuffix(".urdf")
+    path = document.path.with_name(f"{stem}.pinbound.yaml") if given is None else Path(given)
+    return read_sidecar(path, problems) if given is not None or path.is_file() else []
+
+
+def _home(
+    tree: Tree, coupling: Coupling, marks: Annotations, limits: Sequence[LinearLimit], problems: Problems
+) -> tuple[Array, list[str]]:
+    """Return home: what is marked, else zero, else (zero being out of limits) the middle of the limits."""
+    names, joints = coupling.coordinates, {joint.name: joint for joint in tree.moving_joints}
+    home, notes = np.zeros(len(names)), list[str]()
+    for name in marks.home:
+        if name not in names:
+            what = "follows another joint" if name in joints else "does not exist"
+            problems.add(f"home names {name!r}, which {what}", name_hint(name, names).capitalize(), marks.home_line)
+    for index, name in enumerate(names):
+        lower, upper = joints[name].lower, joints[name].upper
+        if name in marks.home:
+            home[index] = marks.home[name]
+        elif not lower <= 0.0 <= upper:
+            home[index] = (lower + upper) / 2
+            notes.append(f"home of {name!r} is the middle of its limits, {home[index]:.6g}: zero is outside them")
+    for limit in limits:
+        theta = float(limit.coefficients @ home) + limit.offset
+        if marks.home and not limit.lower <= theta <= limit.upper:
+            message = f"home is outside the limits of {limit.joint!r}: {theta:.6g} is not in"
+            message += f" [{limit.lower:.6g}, {limit.upper:.6g}]"
+            problems.add(message, "Choose a home inside all limits", marks.home_line)
+    home.flags.writeable = False
+    return home, notes
+
+
+def _closures(tree: Tree, coupling: Coupling, marks: Annotations, problems: Problems) -> list[Closure]:
+    """Return the closures that are proven to close; the others are faults, with their largest residual."""
+    closures: list[Closure] = []
+    for mark in marks.closures:
+        try:
+            closure = close(tree, coupling, mark)
+        except UnsupportedError as error:
+            problems.add(f"closure {mark.name!r}: {error}", "Close the loop over single joints", mark.line)
+            continue
+        closures.append(closure)
+        if not closure.closes:
+            residual, q = _worst_residual(closure, tree, coupling)
+            place = ", ".join(f"{name} = {value:.4g}" for name, value in zip(coupling.coordinates, q, strict=True))
+            message = f"closure {mark.name!r} does not close: its ends are {1e3 * residual:.6g} mm apart at {place}"
+            remedy = "Mend the pins, the lengths or the <mimic> of the joints around the loop"
+            problems.add(message, remedy, mark.line)
+    return closures
+
+
+def _worst_residual(closure: Closure, tree: Tree, coupling: Coupling) -> tuple[float, Array]:
+    joints = {joint.name: joint for joint in tree.moving_joints}
+    ends = np.array([(joints[name].lower, joints[name].upper) for name in coupling.coordinates]).reshape(-1, 2)
+    ends = np.clip(ends, -np.pi, np.pi)
+    Q = np.random.default_rng(0).uniform(ends[:, 0], ends[:, 1], (_RESIDUAL_SAMPLES, len(ends)))
+    residuals = closure.residuals(Q)
+    worst = int(np.argmax(residuals))
+    return float(residuals[worst]), Q[worst]
+
+
+def _boundaries(tree: Tree, coupling: Coupling, marks: Annotations, home: Array, problems: Problems) -> list[Boundary]:
+    """Return the boundaries; those that are in contact at home are faults."""
+    boundaries: list[Boundary] = []
+    for mark in marks.boundaries:
+        a, b = marks.points[mark.a], marks.points[mark.b]
+        try:
+            path = relative_path(tree, coupling, a, b)
+        except UnsupportedError as error:
+            problems.add(f"boundary {mark.name!r}: {error}", "Choose other points", mark.line)
+            continue
+        boundary = Boundary(mark.name, a, b, mark.min_distance, path, coupling.coordinates, marks.contact_tolerance)
+        boundaries.append(boundary)
+        clearance = float(boundary.clearance(home))
+        if clearance <= max(0.0, marks.contact_tolerance - boundary.threshold):
+            message = f"home is outside the feasible region: {mark.name!r} has a clearance of {1e3 * clearance:.6g} mm"
+            remedy = "Choose a free home, or mend the points and distances of this boundary"
+            problems.add(message, remedy, marks.home_line or mark.line)
+    return boundaries
