@@ -1,6 +1,17 @@
 """pinbound: coupled joint limits and self-collision boundaries in closed form, from a URDF, beside Pinocchio."""
 
 from pinbound.boundary import Boundary, BoundarySet, ContactAngle, CoordinateLimits
+from pinbound.certificates import (
+    BoundedMotion,
+    BoxCertificate,
+    Budget,
+    Certificate,
+    Verdict,
+    certified_box,
+    certify,
+    certify_box,
+    signed_clearances,
+)
 from pinbound.document import packaged_robots
 from pinbound.exceptions import (
     DimensionError,
@@ -20,6 +31,10 @@ __all__ = [
     "AllowedArcs",
     "Boundary",
     "BoundarySet",
+    "BoundedMotion",
+    "BoxCertificate",
+    "Budget",
+    "Certificate",
     "ContactAngle",
     "CoordinateLimits",
     "DimensionError",
@@ -31,7 +46,12 @@ __all__ = [
     "Robot",
     "UnknownNameError",
     "UnsupportedError",
+    "Verdict",
+    "certified_box",
+    "certify",
+    "certify_box",
     "feasible_region",
     "load",
     "packaged_robots",
+    "signed_clearances",
 ]
