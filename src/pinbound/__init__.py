@@ -21,6 +21,7 @@ from pinbound.exceptions import (
     UnsupportedError,
 )
 from pinbound.interpreters.univariate import AllowedArcs
+from pinbound.motion import Motion, MotionHistory, Place, history, read_motion
 from pinbound.path import Kind
 from pinbound.region import Edge, Region, feasible_region
 from pinbound.robot import Robot, load
@@ -41,7 +42,10 @@ __all__ = [
     "Edge",
     "InputError",
     "Kind",
+    "Motion",
+    "MotionHistory",
     "PinboundError",
+    "Place",
     "Region",
     "Robot",
     "UnknownNameError",
@@ -51,7 +55,9 @@ __all__ = [
     "certify",
     "certify_box",
     "feasible_region",
+    "history",
     "load",
     "packaged_robots",
+    "read_motion",
     "signed_clearances",
 ]

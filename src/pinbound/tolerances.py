@@ -8,9 +8,11 @@ __all__ = [
     "EVALUATION",
     "FIRST_CONTACT",
     "FOLDING",
+    "FOLLOWS",
     "IMPLIED",
     "INFLATION",
     "LIMIT",
+    "ON_CONTOUR",
     "PRECISION",
     "REDUCTION",
     "REDUCTION_ROUNDOFFS",
@@ -65,3 +67,9 @@ PRECISION: Final = 1e-6
 
 FIRST_CONTACT: Final = 1e-9
 """Relative to the duration of a motion: the width to which the first contact is bracketed."""
+
+FOLLOWS: Final = 1e-4
+"""Radians or metres. A recorded follower follows if it is this near: encoders resolve 1e-5, backlash is far more."""
+
+ON_CONTOUR: Final = 1e-9
+"""Radians. A configuration is on a region's contour within this: the rounding of a path given to nine decimals."""

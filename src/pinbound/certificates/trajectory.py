@@ -343,7 +343,7 @@ def _from_spline(spline: Any, n: int) -> Polynomials:
     if isinstance(spline, interpolation.BPoly):
         controls, size = terms, np.abs(terms).max(axis=(0, 1))
     else:
-        powers: Array = terms[:, ::-1] * widths[:, None, None] ** np.arange(degree + 1)[:, None]
+        powers: Array = terms[:, ::-1] * widths[:, None, None] ** np.arange(degree + 1, dtype=np.float64)[:, None]
         change = [[math.comb(j, i) / math.comb(degree, i) for i in range(degree + 1)] for j in range(degree + 1)]
         controls = np.einsum("ji,kin->kjn", np.array(change), powers)
         size = np.abs(powers).sum(axis=1).max(axis=0)
