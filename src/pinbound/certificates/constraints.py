@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,7 +39,7 @@ from pinbound.interpreters.bounds import (
 from pinbound.robot import Robot
 from pinbound.tolerances import LIMIT, UNIT_ROUNDOFF
 
-__all__ = ["Enclosure", "Family", "families", "far_sides", "select", "signed_clearances"]
+__all__ = ["Enclosure", "Family", "OneAngleFamily", "families", "far_sides", "select", "signed_clearances"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -90,6 +90,24 @@ class Family(Protocol):
         """Return the signed clearances (N, m) at configurations, as computed."""
         ...
 
+    def clearance(self, row: int, q: Array) -> float:
+        """Return the signed clearance of one constraint at one q (n,)."""
+        ...
+
+
+@runtime_checkable
+class OneAngleFamily(Family, Protocol):
+    """Constraints on one angle each, or one affine function of q, so that its range says all."""
+
+    @property
+    def angles(self) -> Array:
+        """(m, n) coefficients of the angles."""
+        ...
+
+    def judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
+        """Return what is known of constraints `which` from the angle somewhere, and from its range."""
+        ...
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -101,6 +119,11 @@ class Limits:
     error: Array
 
     @property
+    def angles(self) -> Array:
+        """Coefficients."""
+        return self.coefficients
+
+    @property
     def weights(self) -> Array:
         """Coefficients."""
         return np.abs(self.coefficients)
@@ -109,20 +132,24 @@ class Limits:
         """Return the margins (N, m) [rad or m]."""
         return self.bounds - Q @ self.coefficients.T
 
+    def clearance(self, row: int, q: Array) -> float:
+        """Return the margin of one end [rad or m]."""
+        return float(self.bounds[row] - self.coefficients[row] @ q)
+
     def enclose(self, which: Indices, part: Expansion, rows: Indices) -> Enclosure:
         """Return the enclosure: the largest `c . q` is at a control point."""
-        middle, _, top = _range(self.coefficients, which, part, rows)
-        return self._judge(which, middle, top)
+        return self.judge(which, *_range(self.coefficients, which, part, rows))
 
     def enclose_box(self, which: Indices, centre: Array, half: Array) -> Enclosure:
         """Return the enclosure: the largest `c . q` is at a corner."""
         c = self.coefficients[which]
-        middle = np.einsum("ni,ni->n", c, centre)
-        return self._judge(which, middle, middle + np.einsum("ni,ni->n", np.abs(c), half))
+        middle, wide = np.einsum("ni,ni->n", c, centre), np.einsum("ni,ni->n", np.abs(c), half)
+        return self.judge(which, middle, middle - wide, middle + wide)
 
-    def _judge(self, which: Indices, middle: Array, top: Array) -> Enclosure:
+    def judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
+        """Return the enclosure from the range of `c . q`; only its upper end matters."""
         error, bound = self.error[which], self.bounds[which]
-        value, lower = bound - middle, bound - top - error
+        value, lower = bound - middle, bound - upper - error
         return Enclosure(value, lower, error, lower >= -LIMIT, value < -LIMIT - error)
 
 
@@ -149,6 +176,11 @@ class OneAngleBoundaries:
     angle_error: Array
 
     @property
+    def angles(self) -> Array:
+        """Coefficients of the effective angle."""
+        return self.chains.coefficients
+
+    @property
     def weights(self) -> Array:
         """Coefficients of the effective angle."""
         return np.abs(self.chains.coefficients)
@@ -159,6 +191,10 @@ class OneAngleBoundaries:
         which = np.broadcast_to(np.arange(len(self.names)), phi.shape)
         return self._signed(which, phi)
 
+    def clearance(self, row: int, q: Array) -> float:
+        """Return the signed clearance of one boundary [m]."""
+        return float(self._signed(np.array([row]), self.chains.coefficients[row : row + 1] @ q)[0])
+
     def _signed(self, which: Indices, phi: Array) -> Array:
         norm = self.chains.norm(which, phi)
         home = (phi > self.gap[which, 0]) & (phi < self.gap[which, 1])
@@ -166,15 +202,16 @@ class OneAngleBoundaries:
 
     def enclose(self, which: Indices, part: Expansion, rows: Indices) -> Enclosure:
         """Return the enclosure over the range of the effective angle."""
-        return self._judge(which, *_range(self.chains.coefficients, which, part, rows))
+        return self.judge(which, *_range(self.chains.coefficients, which, part, rows))
 
     def enclose_box(self, which: Indices, centre: Array, half: Array) -> Enclosure:
         """Return the enclosure over the range of the effective angle."""
         c = self.chains.coefficients[which]
         middle, wide = np.einsum("ni,ni->n", c, centre), np.einsum("ni,ni->n", np.abs(c), half)
-        return self._judge(which, middle, middle - wide, middle + wide)
+        return self.judge(which, middle, middle - wide, middle + wide)
 
-    def _judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
+    def judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
+        """Return the enclosure from the range of the effective angle."""
         error, slack, line = self.error[which], self.angle_error[which], self.is_line[which]
         value = self._signed(which, middle)
         near, far = self.chains.extremes(which, lower, upper)
@@ -218,6 +255,10 @@ class ManyAngleBoundaries:
         """Return the signed clearances (N, m) [m]."""
         norms = [numeric.norm(numeric.positions(boundary.path.minimal, Q)) for boundary in self.boundaries]
         return np.array(norms).reshape(len(self.boundaries), len(Q)).T - self.threshold
+
+    def clearance(self, row: int, q: Array) -> float:
+        """Return the signed clearance of one boundary [m]."""
+        return float(self.boundaries[row].norm(q) - self.threshold[row])
 
     def enclose(self, which: Indices, part: Expansion, rows: Indices) -> Enclosure:
         """Return the enclosure by the bounds along a motion."""

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.certificates.constraints import Enclosure, Family
+from pinbound.certificates.constraints import Enclosure, Family, OneAngleFamily
 from pinbound.certificates.records import Budget, Contact, Finding, OpenPart, Reason, Verdict
-from pinbound.certificates.trajectory import Trajectory
+from pinbound.certificates.trajectory import Polynomials, Trajectory
 from pinbound.interpreters.bounds import Expansion
 from pinbound.tolerances import FIRST_CONTACT
 
@@ -88,7 +88,7 @@ class Search:
         self.best, self.best_piece, self.best_u = np.full(m, np.inf), np.zeros(m, np.intp), np.zeros(m)
         self.first, self.first_piece, self.first_u = np.full(m, np.inf), np.zeros(m, np.intp), np.zeros(m)
         self.open: list[tuple[_Parts, Array, Indices]] = []
-        self.unseen: tuple[float, Reason] | None = None
+        self.unseen: tuple[float, Indices, Reason] | None = None
         starts, durations = trajectory.starts, trajectory.durations
         self.origin, self.total = float(starts[0]), float(starts[-1] + durations[-1] - starts[0])
 
@@ -98,24 +98,56 @@ class Search:
         Args:
             each: Whether every constraint gets tight bounds of its smallest clearance, not only the smallest of all.
         """
-        m, pieces = len(self.family.names), len(self.trajectory.starts)
+        active, pieces = self._sweep(each), len(self.trajectory.starts)
+        m = len(active)
         if not m:
             return
         step = max(1, _BATCH // m)
         for start in range(0, pieces, step):  # the knots first: contacts there save much of the rest
             if self.meter.spent():
                 break
-            self._knots(np.arange(start, min(start + step, pieces)), last=start + step >= pieces)
+            self._knots(active, np.arange(start, min(start + step, pieces)), last=start + step >= pieces)
         for start in range(0, pieces, step):
             piece = np.repeat(np.arange(start, min(start + step, pieces)), m)
-            parts = _Parts(piece, np.tile(np.arange(m), len(piece) // m), np.zeros(len(piece)), np.ones(len(piece)))
+            which = np.tile(active, len(piece) // m)
+            parts = _Parts(piece, which, np.zeros(len(piece)), np.ones(len(piece)))
             while len(parts):
                 reason = self.meter.spent()
                 if reason:
-                    self._give_up(parts, reason)
+                    self._give_up(parts, active, reason)
                     return
                 batches = [self._round(parts.take(slice(i, i + _BATCH)), each) for i in range(0, len(parts), _BATCH)]
                 parts = batches[0] if len(batches) == 1 else _joined(batches)
+
+    def _sweep(self, each: bool) -> Indices:
+        """Settle what one look at the whole motion settles; return the constraints that need a closer one.
+
+        A constraint on one angle is proven for the motion if it is for the whole range of that angle, and its clearance
+        is smallest at an end of the range, which a motion straight between knots takes at a knot.
+        """
+        m, family = len(self.family.names), self.family
+        if not m or not isinstance(family, OneAngleFamily) or not isinstance(self.trajectory, Polynomials):
+            return np.arange(m)
+        controls, which = self.trajectory.controls, np.arange(m)
+        knots = np.concatenate([controls[:, 0], controls[-1:, -1]])
+        phi = knots @ family.angles.T
+        inner = phi if controls.shape[1] == 2 else controls.reshape(-1, knots.shape[1]) @ family.angles.T
+        wide = np.abs(family.angles) @ self.trajectory.radius
+        low, high = inner.min(axis=0) - wide, inner.max(axis=0) + wide
+        self.meter.boxes += m
+        clear, lower = np.zeros(m, np.bool_), np.full(m, -np.inf)
+        for row in (phi.argmin(axis=0), phi.argmax(axis=0)):
+            found = family.judge(which, phi[row, which], low, high)
+            upper, clear, lower = found.value + found.error, found.clear, found.lower
+            better = upper < self.best
+            piece = np.minimum(row, len(controls) - 1)
+            self.best = np.where(better, upper, self.best)
+            self.best_piece = np.where(better, piece, self.best_piece)
+            self.best_u = np.where(better, (row - piece).astype(np.float64), self.best_u)
+        target = self.best if each else np.full(m, min(float(self.best.min()), self.elsewhere))
+        settled = clear & ((self.best - lower <= self.precision) | (lower >= target - self.precision))
+        self.lower[settled] = lower[settled]
+        return np.flatnonzero(~settled)
 
     def _times(self, piece: Indices, u: Array) -> Array:
         """Return times since the start of the motion."""
@@ -131,12 +163,12 @@ class Search:
             self._earliest(parts.take(found.violated), middle[found.violated])
         return found
 
-    def _knots(self, pieces: Indices, last: bool) -> None:
-        m = len(self.family.names)
+    def _knots(self, active: Indices, pieces: Indices, last: bool) -> None:
+        m = len(active)
         zero = np.zeros(len(pieces) * m)
-        parts = [_Parts(np.repeat(pieces, m), np.tile(np.arange(m), len(pieces)), zero, zero)]
+        parts = [_Parts(np.repeat(pieces, m), np.tile(active, len(pieces)), zero, zero)]
         if last:
-            parts.append(_Parts(np.full(m, pieces[-1]), np.arange(m), np.ones(m), np.ones(m)))
+            parts.append(_Parts(np.full(m, pieces[-1]), active, np.ones(m), np.ones(m)))
         for one in parts:
             self._enclose(one)
 
@@ -171,15 +203,15 @@ class Search:
             self.open.append((parts.take(left), found.lower[left], code))
         return parts.take(split).halves()
 
-    def _give_up(self, parts: _Parts, reason: Reason) -> None:
+    def _give_up(self, parts: _Parts, active: Indices, reason: Reason) -> None:
         """Keep what the budget does not allow to look at: these parts, and every later piece."""
         self.lower[np.unique(parts.which)] = -np.inf
         code = np.full(len(parts), _REASONS.index(reason))
         self.open.append((parts, np.full(len(parts), -np.inf), code))
         behind = int(parts.piece.max()) + 1
         if behind < len(self.trajectory.starts):
-            self.lower[:] = -np.inf
-            self.unseen = (float(self.trajectory.starts[behind]) - self.origin, reason)
+            self.lower[active] = -np.inf
+            self.unseen = (float(self.trajectory.starts[behind]) - self.origin, active, reason)
 
     def results(self) -> tuple[list[Finding], list[OpenPart]]:
         """Return one finding a constraint, and the open parts before its first contact, neighbours merged."""
@@ -195,16 +227,16 @@ class Search:
                 span = self.origin + float(begin[row]), self.origin + float(end[row])
                 listed.append(OpenPart(name, *span, float(lower[row]), reason))
         if self.unseen:
-            begun, reason = self.unseen
-            pending = np.where(self.first > begun, np.minimum(pending, begun), pending)
+            begun, active, reason = self.unseen
             span = self.origin + begun, self.origin + self.total
-            listed += [OpenPart(name, *span, -np.inf, reason) for name in self.family.names]
+            for row in active[self.first[active] > begun]:
+                pending[row] = min(float(pending[row]), begun)
+                listed.append(OpenPart(self.family.names[int(row)], *span, -np.inf, reason))
         findings: list[Finding] = []
         at, best_times = self.trajectory.at, self.origin + self._times(self.best_piece, self.best_u)
         best_q = at(self.best_piece, self.best_u)
         hit = np.isfinite(self.first)
         contact_q = at(self.first_piece, self.first_u)
-        clearances = self.family.signed(contact_q)
         for row, name in enumerate(self.family.names):
             contact = None
             verdict = Verdict.UNDECIDED if np.isfinite(pending[row]) else Verdict.CERTIFIED
@@ -212,7 +244,7 @@ class Search:
                 verdict = Verdict.VIOLATED
                 before = self.origin + float(min(pending[row], self.first[row]))
                 after = self.origin + float(self.first[row])
-                contact = Contact(before, after, contact_q[row], float(clearances[row, row]))
+                contact = Contact(before, after, contact_q[row], self.family.clearance(row, contact_q[row]))
             lower = float(min(self.lower[row], self.best[row]))
             one = Finding(name, verdict, lower, float(self.best[row]), float(best_times[row]), best_q[row], contact)
             findings.append(one)
