@@ -267,7 +267,8 @@ class ManyAngleBoundaries:
 
     def enclose_box(self, which: Indices, centre: Array, half: Array) -> Enclosure:
         """Return the enclosure by the bounds over a box."""
-        return self._judge(which, self.error[which], *over_box(self.chains, self.arms, which, centre, half))
+        error = self.error[which]
+        return self._judge(which, error, *over_box(self.chains, self.arms, which, centre, half, error))
 
     def _judge(self, which: Indices, error: Array, norm: Array, bound: Array) -> Enclosure:
         value = norm - self.threshold[which]

@@ -114,6 +114,7 @@ class Polynomials:
         loose = 2.0 * self.degree * self.radius * width[:, 0]
         return Expansion(
             middle=self.at(piece, middle),
+            middle_radius=self.radius,
             slope=slope,
             values=_restrict(self.controls[piece], a, b),
             value_radius=self.radius,
@@ -217,13 +218,15 @@ class BoundedMotion:
         speed, acceleration = self._bounds
         middle = self.at(piece, 0.5 * (a + b))
         zero = np.zeros_like(middle)
+        jitter = speed * (4.0 * UNIT_ROUNDOFF * max(abs(self.start), abs(self.end)))  # times are rounded too
         known = self.acceleration is not None
         slope = self._call(self.start + 0.5 * (a + b) * self.durations[0], 1) * span if known else zero
         return Expansion(
             middle=middle,
+            middle_radius=jitter,
             slope=slope,
             values=middle[:, None],
-            value_radius=0.5 * speed * span,
+            value_radius=0.5 * speed * span + jitter,
             slopes=zero[:, None],
             slope_radius=speed * span,
             bends=zero[:, None] if known else None,

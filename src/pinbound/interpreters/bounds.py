@@ -70,7 +70,8 @@ class Expansion:
     their convex hull: `q'(u)` lies in the hull of `slopes`, widened by `slope_radius`.
 
     Attributes:
-        middle: (N, n), q(1/2) [rad or m].
+        middle: (N, n), q(1/2) [rad or m], as known.
+        middle_radius: (N, n) or (n,), how far q(1/2) may be from it.
         slope: (N, n), q'(1/2).
         values: (N, p, n), whose hull, widened by `value_radius`, holds q(u).
         value_radius: (N, n) or (n,).
@@ -81,6 +82,7 @@ class Expansion:
     """
 
     middle: Array
+    middle_radius: Array
     slope: Array
     values: Array
     value_radius: Array
@@ -97,6 +99,7 @@ class Expansion:
 
         return Expansion(
             middle=self.middle[rows],
+            middle_radius=radius(self.middle_radius),
             slope=self.slope[rows],
             values=self.values[rows],
             value_radius=radius(self.value_radius),
@@ -263,13 +266,18 @@ def along_motion(chains: Bundle, arms: Array, which: Indices, piece: Expansion, 
         second = second + _slid(slides, piece.bends, piece.bend_radius).sum(axis=1)
         lower = np.maximum(lower, _nearest(r, v) - second / 8.0 * INFLATION)
     wide = np.einsum("nki,ni->nk", np.abs(C), np.abs(piece.slope)).max(axis=1, initial=0.0)
-    return norm, lower - error * wide
+    aside = np.einsum("nk,nk->n", rho, _spread(np.abs(C), piece.middle_radius))
+    aside = aside + _slid(slides, np.zeros_like(piece.slopes[:, :1]), piece.middle_radius).sum(axis=1)
+    return norm, lower - aside * INFLATION - error * wide
 
 
-def over_box(chains: Bundle, arms: Array, which: Indices, centre: Array, half: Array) -> tuple[Array, Array]:
+def over_box(
+    chains: Bundle, arms: Array, which: Indices, centre: Array, half: Array, error: Array
+) -> tuple[Array, Array]:
     """Return, for N boxes `centre +- half` (N, n) each, the norm at the centre and a lower bound over the box.
 
-    First order: lever arms. Second order: `|r| >= r_0/|r_0| . r`, linear part exact, rest bounded.
+    First order: lever arms. Second order: `|r| >= r_0/|r_0| . r`, linear part exact, rest bounded. The rounding of the
+    bound itself is taken off, but not `error` (N,) of the norm.
     """
     C = chains.coefficients[which]
     phi = np.einsum("nki,ni->kn", C, centre)
@@ -289,7 +297,7 @@ def over_box(chains: Bundle, arms: Array, which: Indices, centre: Array, half: A
             unit = np.divide(r, norm, out=np.zeros_like(r), where=norm > 0.0)
         linear = linear + np.abs(_dot(unit, v))
     second = linear + 0.5 * _second(rho, wide, slid)
-    return norm, norm - np.minimum(first, second) * INFLATION
+    return norm, norm - np.minimum(first, second) * INFLATION - error * wide.sum(axis=1)
 
 
 def _hull(points: Array) -> Array:
