@@ -120,6 +120,18 @@ def test_contact_lines_are_crossed_not_sampled(tmp_path: Path) -> None:
     assert -1e-11 < touching.lower <= 0.0
 
 
+def test_contact_lines_are_bracketed_though_the_norm_is_flat_there() -> None:
+    robot = pb.load("minervabot_v3")
+    ends = np.radians([[0.0, 40.0, 20.0], [0.0, 60.0, 75.0]])
+    found = pb.certify(robot, interpolate.CubicSpline([0.0, 1.0, 2.0], [*ends, ends[0]], bc_type="clamped"))
+    assert {finding.name for finding in found.violations} == {"beta_3", "beta_6"}
+    for finding in found.violations:
+        angle = robot.boundaries[finding.name].contact.angle
+        assert finding.contact.after - finding.contact.before <= 2e-9
+        assert finding.contact.q[2] == pytest.approx(angle, abs=1e-7)
+        assert finding.contact.q[2] > angle
+
+
 def test_the_far_side_of_a_line_is_not_safe(tmp_path: Path) -> None:
     robot = hinge(tmp_path, 0.0)
     for value in (4.0, -4.0, 4.0 + 2 * np.pi):

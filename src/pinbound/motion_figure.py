@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, cast
 
 import numpy as np
 
 from pinbound.certificates import Certificate, Verdict
-from pinbound.motion import MotionHistory, tightest
+from pinbound.motion import MotionHistory, Place, tightest
+from pinbound.region import Region
 
-__all__ = ["draw_motion"]
+__all__ = ["draw_motion", "draw_paths"]
 
 _PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _STYLES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 1)))
@@ -49,6 +51,51 @@ def draw_motion(seen: MotionHistory, certificate: Certificate | None = None, clo
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
         axes.margins(x=0.0)
     panels[-1].set_xlabel(clock)
+    return figure
+
+
+def draw_paths(region: Region, paths: Mapping[str, MotionHistory], margin: Region | None = None) -> Any:
+    """Draw motions in the plane of a region, samples outside it marked (the paper's Fig. 21).
+
+    Args:
+        region: The region; its edges are named.
+        paths: Histories by label, each made with a region of the same plane.
+        margin: A smaller region inside, drawn as a dashed outline.
+
+    Returns:
+        A matplotlib figure.
+    """
+    from matplotlib.figure import Figure
+
+    figure = cast(Any, Figure(figsize=(7.6, 6.4), layout="constrained"))
+    axes = figure.add_subplot()
+    vertices, centre = np.degrees(region.vertices), np.degrees(region.centroid)
+    axes.fill(*vertices.T, color="#DCEBF5", zorder=1)
+    for edge in region.edges:
+        ends = np.degrees(np.array([edge.start, edge.end]))
+        axes.plot(*ends.T, color="#333333", linewidth=1.6, zorder=2)
+        middle = ends.mean(axis=0)
+        direction = np.array([ends[1, 1] - ends[0, 1], ends[0, 0] - ends[1, 0]])
+        place = middle + 3.2 * direction / np.linalg.norm(direction)
+        side = "left" if place[0] > centre[0] else "right"
+        axes.text(*place, edge.name, ha=side, va="center", fontsize=9, color="#333333")
+    if margin is not None:
+        outline = np.degrees(np.vstack([margin.vertices, margin.vertices[:1]]))
+        axes.plot(*outline.T, color="#333333", linewidth=0.9, linestyle=(0, (4, 3)), label="margin", zorder=2)
+    columns = [region.robot_coordinates.index(name) for name in region.coordinates]
+    for row, (label, seen) in enumerate(paths.items()):
+        points = np.degrees(seen.Q[:, columns])
+        axes.plot(*points.T, color=_PALETTE[row], linewidth=1.8, linestyle=_STYLES[row], label=label, zorder=3)
+        outside = np.asarray(seen.places) == Place.OUTSIDE
+        if np.any(outside):
+            style = {"s": 16, "marker": "x", "color": _CONTACT, "linewidth": 0.9, "zorder": 4}
+            axes.scatter(*points[outside].T, label=f"{label}: outside", **style)
+    axes.set(xlabel=f"{region.coordinates[0]} [deg]", ylabel=f"{region.coordinates[1]} [deg]", aspect="equal")
+    axes.margins(0.12)
+    axes.set_axisbelow(True)
+    axes.grid(True, color="#E6E6E6", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=9)
     return figure
 
 

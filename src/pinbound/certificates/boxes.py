@@ -128,7 +128,7 @@ def _search(family: Family, low: Array, high: Array, meter: Meter, state: _State
             state.witness, state.violated = centre[row].copy(), family.names[int(which[row])]
             return
         reach = weights[which] * half
-        stuck = (found.value - found.error - found.lower <= found.error) | (half <= _NARROWEST * root).all(axis=1)
+        stuck = found.settled | (half <= _NARROWEST * root).all(axis=1)
         closed, left = found.clear | stuck, stuck & ~found.clear
         if not is_limit and np.any(closed):
             state.lower = min(state.lower, float(found.lower[closed].min()))

@@ -56,6 +56,7 @@ class Enclosure:
         error: (N,) rounding bound of `value`.
         clear: (N,) whether the part is proven free.
         violated: (N,) whether the middle is proven not to be.
+        settled: (N,) whether halving cannot tell more: what is left of the part's width is below rounding.
     """
 
     value: Array
@@ -63,6 +64,7 @@ class Enclosure:
     error: Array
     clear: Flags
     violated: Flags
+    settled: Flags
 
 
 class Family(Protocol):
@@ -150,7 +152,7 @@ class Limits:
         """Return the enclosure from the range of `c . q`; only its upper end matters."""
         error, bound = self.error[which], self.bounds[which]
         value, lower = bound - middle, bound - upper - error
-        return Enclosure(value, lower, error, lower >= -LIMIT, value < -LIMIT - error)
+        return Enclosure(value, lower, error, lower >= -LIMIT, value < -LIMIT - error, value - lower <= 2.0 * error)
 
 
 @dataclass(frozen=True)
@@ -222,7 +224,8 @@ class OneAngleBoundaries:
         bound = np.where(line & home, np.maximum(bound, 0.0), bound)
         clear = np.where(line, home, bound > 0.0)
         violated = np.where(line, over & (value < 0.0), value < -error)
-        return Enclosure(value, bound, error, clear, violated)
+        narrow = np.where(line & ~home, upper - lower <= slack, value - bound <= 2.0 * error)
+        return Enclosure(value, bound, error, clear, violated, narrow)
 
 
 @dataclass(frozen=True)
@@ -273,7 +276,7 @@ class ManyAngleBoundaries:
     def _judge(self, which: Indices, error: Array, norm: Array, bound: Array) -> Enclosure:
         value = norm - self.threshold[which]
         lower = np.maximum(bound, 0.0) - self.threshold[which] - error
-        return Enclosure(value, lower, error, lower > 0.0, value < -error)
+        return Enclosure(value, lower, error, lower > 0.0, value < -error, value - lower <= 2.0 * error)
 
 
 def _range(C: Array, which: Indices, part: Expansion, rows: Indices) -> tuple[Array, Array, Array]:

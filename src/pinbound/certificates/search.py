@@ -191,7 +191,7 @@ class Search:
         doubtful = ~found.clear & (begin < first)
         target = self.best[which] if each else np.full(len(parts), min(float(self.best.min()), self.elsewhere))
         wanted = found.lower < target - self.precision
-        stuck = found.value - found.error - found.lower <= found.error
+        stuck = found.settled & ~found.violated
         narrow = parts.b - parts.a <= _NARROWEST
         timed = np.isfinite(first) & (end - begin <= FIRST_CONTACT * self.total / 4.0)
         split = (doubtful & ~timed | wanted) & ~stuck & ~narrow
