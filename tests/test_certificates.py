@@ -339,6 +339,24 @@ def test_budget_never_certifies_what_is_not_clear(tmp_path: Path) -> None:
     assert verdicts == {pb.Verdict.UNDECIDED, pb.Verdict.VIOLATED}
 
 
+def test_what_the_budget_never_reached_is_not_certified(tmp_path: Path) -> None:
+    least, _ = closest(arm(tmp_path, 0.01), START, END)
+    points = [
+        ("tip", "fore", np.array([0.0, 0.0, 0.25]), 0.0),
+        ("post", "base", np.array([0.2, 0.0, 0.1]), 0.0),
+        ("mirrored", "base", np.array([-0.2, 0.0, 0.1]), 0.0),
+    ]
+    pairs = [("tip", "post", least - 1e-9), ("tip", "mirrored", least + 1e-6)]
+    robot = pb.load(write(tmp_path, ARM, sidecar(points, pairs, {})))
+    forth_and_back = np.array([START, END] * 6000)  # costly for the first boundary, far from the second
+    waypoints = np.concatenate([forth_and_back, [START, -START, -END]])  # the second touches in the last segment
+    for boxes in (60_000, 80_000):  # spent while the first batch of segments is refined
+        found = pb.certify(robot, waypoints, budget=pb.Budget(boxes, 60.0))
+        assert [finding.verdict for finding in found.boundaries] == [pb.Verdict.UNDECIDED] * 2
+        assert found.boundaries[1].lower == -np.inf
+    assert pb.certify(robot, waypoints[-2:]).violations[0].name == "beta_1"
+
+
 def test_no_boundaries(tmp_path: Path) -> None:
     robot = pb.load(write(tmp_path, ARM))
     found = pb.certify(robot, [START, END])

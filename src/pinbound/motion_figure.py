@@ -91,7 +91,8 @@ def draw_paths(region: Region, paths: Mapping[str, MotionHistory], margin: Regio
             style = {"s": 16, "marker": "x", "color": _CONTACT, "linewidth": 0.9, "zorder": 4}
             axes.scatter(*points[outside].T, label=f"{label}: outside", **style)
     axes.set(xlabel=f"{region.coordinates[0]} [deg]", ylabel=f"{region.coordinates[1]} [deg]", aspect="equal")
-    axes.margins(0.12)
+    axes.set_title("Motions in the plane of the feasible region", loc="left", fontsize=10)
+    axes.margins(x=0.2, y=0.1)
     axes.set_axisbelow(True)
     axes.grid(True, color="#E6E6E6", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
