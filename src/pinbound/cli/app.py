@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import typer
 
 from pinbound.cli import inspect
@@ -17,7 +19,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-for command in (inspect.info, inspect.derive, inspect.limits, inspect.region):
+commands: tuple[Callable[..., None], ...] = (inspect.info, inspect.derive, inspect.limits, inspect.region)
+for command in commands:
     app.command(command.__name__)(guarded(command))
 
 
