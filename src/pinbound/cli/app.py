@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import typer
 
-from pinbound.cli import inspect
+from pinbound.cli import inspect, report
 from pinbound.cli.shared import guarded
 
 __all__ = ["app", "main"]
@@ -19,9 +19,16 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-commands: tuple[Callable[..., None], ...] = (inspect.info, inspect.derive, inspect.limits, inspect.region)
-for command in commands:
+
+def _register(command: Callable[..., None]) -> None:
     app.command(command.__name__)(guarded(command))
+
+
+_register(inspect.info)
+_register(inspect.derive)
+_register(inspect.limits)
+_register(inspect.region)
+_register(report.report)
 
 
 def main() -> None:

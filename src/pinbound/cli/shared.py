@@ -111,7 +111,7 @@ def emit_json(value: Any) -> None:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
+        return _plain(cast(Any, value).tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):
