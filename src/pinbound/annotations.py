@@ -156,7 +156,7 @@ def _read_block(block: etree._Element, problems: Problems) -> list[RawItem]:
         if etree.QName(element).namespace != NAMESPACE or kind not in valid:
             problems.add(
                 f"<{kind}> is no annotation",
-                name_hint(kind, [f"pinbound:{name}" for name in valid]).capitalize(),
+                name_hint(kind, valid),
                 element.sourceline,
             )
             continue
@@ -214,7 +214,7 @@ class _Sidecar:
             elif key in _SIDECAR_LISTS:
                 items += self._list(key, value)
             else:
-                hint = name_hint(key, valid).capitalize()
+                hint = name_hint(key, valid)
                 self.problems.add(f"{key!r} is no key of a sidecar", hint, line, self.source)
         return items
 
@@ -334,7 +334,7 @@ class _Validator:
         for key in item.fields:
             if key not in required + optional:
                 hint = name_hint(key, required + optional)
-                self._fault(f"{what} has the unknown attribute {key!r}", hint.capitalize())
+                self._fault(f"{what} has the unknown attribute {key!r}", hint)
         missing = [key for key in required if not str(item.fields.get(key, "")).strip()]
         if missing:
             self._fault(f"{what} has no {', no '.join(missing)}", f"It needs {', '.join(required)}")
@@ -369,7 +369,7 @@ class _Validator:
         if name in self.links:
             return name
         what = f"{self.item.kind} {self.item.fields['name']!r}"
-        self._fault(f"{what} names the link {name!r}, which does not exist", name_hint(name, self.links).capitalize())
+        self._fault(f"{what} names the link {name!r}, which does not exist", name_hint(name, self.links))
         return None
 
     def _point(self, item: RawItem) -> Point | None:
@@ -384,7 +384,7 @@ class _Validator:
         name, a, b = (str(item.fields[key]) for key in ("name", "a", "b"))
         for point in (a, b):
             if point not in marked:
-                hint = name_hint(point, points).capitalize()
+                hint = name_hint(point, points)
                 self._fault(f"boundary {name!r} names the point {point!r}, which is not marked", hint)
         distance = self._length("min_distance", 0.0)
         if a not in points or b not in points:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
-from xml.parsers.expat import ExpatError
+from xml.parsers.expat import ExpatError, ParserCreate
 
 from lxml import etree
 
@@ -111,6 +111,7 @@ def _parse_file(path: Path) -> etree._Element:
 
 
 def _parse_text(data: bytes, label: str) -> etree._Element:
+    _refuse_doctype(data, label)
     try:
         root = etree.fromstring(data, _parser())
     except etree.XMLSyntaxError as error:
@@ -121,10 +122,28 @@ def _parse_text(data: bytes, label: str) -> etree._Element:
         ) from error
     except ValueError as error:
         raise refusal(label, f"cannot be read as XML: {error}", "Save it as UTF-8") from error
-    if root.getroottree().docinfo.doctype:
-        remedy = "Remove it: pinbound resolves no entities, neither internal nor external ones"
-        raise refusal(label, "has a DOCTYPE", remedy, 1)
     return root
+
+
+class _DoctypeError(Exception):
+    """A document type declaration was met."""
+
+
+def _refuse_doctype(data: bytes, label: str) -> None:
+    """Refuse a DOCTYPE before any reader could expand an entity that it declares."""
+
+    def found(*_: object) -> None:
+        raise _DoctypeError
+
+    parser = ParserCreate()
+    parser.StartDoctypeDeclHandler = found
+    try:
+        parser.Parse(data, True)
+    except _DoctypeError:
+        remedy = "Remove it: pinbound resolves no entities, neither internal nor external ones"
+        raise refusal(label, "has a DOCTYPE", remedy, parser.CurrentLineNumber) from None
+    except ExpatError:
+        return  # lxml says what is wrong
 
 
 def _expand(path: Path, xacro_args: dict[str, str]) -> str:
@@ -134,7 +153,7 @@ def _expand(path: Path, xacro_args: dict[str, str]) -> str:
     unknown = sorted(set(xacro_args) - declared)
     if unknown:
         hint = name_hint(unknown[0], sorted(declared))
-        raise refusal(path.name, f"has no xacro argument {', '.join(map(repr, unknown))}", hint.capitalize())
+        raise refusal(path.name, f"has no xacro argument {', '.join(map(repr, unknown))}", hint)
     try:
         expanded = cast(Any, xacro).process_file(str(path), mappings={k: str(v) for k, v in xacro_args.items()})
     except (xacro.XacroException, ExpatError, RecursionError) as error:

@@ -122,7 +122,7 @@ class Robot:
             True
         """
         array = as_configurations(Q, self.coordinates)
-        rows = array.reshape(-1, len(self.coordinates))
+        rows = array if array.ndim > 1 else array[None]
         residuals = np.array([closure.residuals(rows) for closure in self.closures]).reshape(-1, len(rows)).T
         return residuals if array.ndim > 1 else residuals[0]
 
@@ -146,8 +146,7 @@ class Robot:
         x, y, z = (float(value) for value in xyz)
         chain = absolute_chain(self.tree, self.coupling, Point("", link, (x, y, z)))
         array = as_configurations(Q, self.coordinates)
-        found = numeric.positions(chain, array.reshape(-1, len(self.coordinates)))
-        return found if array.ndim > 1 else found[0]
+        return numeric.positions(chain, array) if array.ndim > 1 else numeric.positions(chain, array[None])[0]
 
     def to_pinocchio(self, model: Any, Q: ArrayLike) -> Array:
         """Return q of a model that the user built from this URDF, matched by joint name.
@@ -176,7 +175,7 @@ class Robot:
                 continue
             if name not in self.coupling.joints:
                 hint = name_hint(name, self.coupling.joints)
-                raise DimensionError(f"the model's joint {name!r} is none of {self.name!r}; {hint}")
+                raise DimensionError(f"the model's joint {name!r} is none of {self.name!r}. {hint}")
             value = theta[..., self.coupling.joints.index(name)]
             columns = (value,) if nq == 1 else (np.cos(value), np.sin(value))
             for step, column in enumerate(columns):
@@ -233,7 +232,7 @@ def load(
         coupling=coupling,
         linear_limits=limits,
         closures=tuple(closures),
-        boundaries=BoundarySet(boundaries, coupling.coordinates, limits),
+        boundaries=BoundarySet(boundaries, coupling.coordinates, limits, home),
         home=home,
         notes=(*kinematics.notes, *notes),
         package_dirs=tuple(map(str, package_dirs)),
@@ -255,7 +254,7 @@ def _home(
     for name in marks.home:
         if name not in names:
             what = "follows another joint" if name in joints else "does not exist"
-            problems.add(f"home names {name!r}, which {what}", name_hint(name, names).capitalize(), marks.home_line)
+            problems.add(f"home names {name!r}, which {what}", name_hint(name, names), marks.home_line)
     for index, name in enumerate(names):
         lower, upper = joints[name].lower, joints[name].upper
         if name in marks.home:

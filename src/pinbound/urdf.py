@@ -203,7 +203,7 @@ class _Reader:
 
     @staticmethod
     def _hint(name: str, known: dict[str, Any]) -> str:
-        return name_hint(name, known).capitalize()
+        return name_hint(name, known)
 
     def _number(self, element: etree._Element | None, key: str, what: str, default: float) -> float:
         return self._numbers(element, key, what, (default,))[0]
