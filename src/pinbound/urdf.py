@@ -167,6 +167,8 @@ class _Reader:
         if kind not in JOINT_TYPES:
             self.problems.add(f"{what} has the type {kind!r}", f"Valid types: {', '.join(JOINT_TYPES)}", line)
             kind = "fixed"
+        if kind in _FREE_TYPES:
+            self.notes.append(f"{kind} {what} is held at its origin in robot.model; no boundary may lie across it")
         ends = [self._end(element, tag, what) for tag in ("parent", "child")]
         origin = element.find("origin")
         xyz = self._vector(origin, "xyz", f"the origin of {what}", (0.0, 0.0, 0.0))
@@ -275,8 +277,10 @@ class _Reader:
                 continue
             if name not in moving:
                 self.notes.append(f"{joint.type} joint {name!r} has a <mimic>, which does nothing")
+                continue
             primary = joint.mimic.primary
             if primary in moving:
+                self._note_follower(joint, moving[primary])
                 continue
             kind = f"a {self.joints[primary].type} joint" if primary in self.joints else "no joint of this robot"
             message = f"joint {name!r} follows {primary!r}, which is {kind}"
@@ -285,6 +289,13 @@ class _Reader:
             if name in self._followed(joint):
                 message = f"joint {name!r} follows itself, through other followers"
                 self.problems.add(message, "Let one joint of the cycle be free", joint.line)
+
+    def _note_follower(self, joint: Joint, primary: Joint) -> None:
+        """Say what stock readers refuse or get wrong about a follower, and pinbound does not."""
+        if primary.mimic is not None:
+            self.notes.append(f"joint {joint.name!r} follows {primary.name!r}, itself a follower: the chain is flattened")
+        if (joint.type == "continuous") != (primary.type == "continuous"):
+            self.notes.append(f"{joint.type} joint {joint.name!r} follows {primary.type} joint {primary.name!r}")
 
     def _followed(self, joint: Joint) -> set[str]:
         """Return every joint that this one follows, directly or not."""
