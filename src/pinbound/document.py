@@ -16,6 +16,7 @@ __all__ = [
     "Document",
     "local_name",
     "packaged_robots",
+    "parse_file",
     "parse_floats",
     "read_document",
     "refusal",
@@ -71,7 +72,7 @@ def read_document(robot: str | Path, xacro_args: dict[str, str] | None = None) -
         InputError: If there is no such file, or if it is not well-formed XML, or if xacro refuses it.
     """
     path = _locate(robot)
-    root = _parse_file(path)
+    root = parse_file(path)
     if path.suffix == ".xacro":
         text = _expand(path, dict(xacro_args or {}))
         label = f"{path.name} (as printed by xacro)"
@@ -102,7 +103,12 @@ def _parser() -> etree.XMLParser:
     return etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True)
 
 
-def _parse_file(path: Path) -> etree._Element:
+def parse_file(path: Path) -> etree._Element:
+    """Return the root of an XML file, entities refused.
+
+    Raises:
+        InputError: If it cannot be read, is not well-formed, or has a DOCTYPE.
+    """
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -168,7 +174,7 @@ def _declared_arguments(path: Path, seen: set[Path]) -> set[str]:
         return set()
     seen.add(path)
     names: set[str] = set()
-    for element in _parse_file(path).iter("{*}arg", "{*}include"):
+    for element in parse_file(path).iter("{*}arg", "{*}include"):
         if local_name(element) == "arg":
             names.add(str(element.get("name")))
         else:

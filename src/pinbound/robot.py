@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.annotations import Annotations, Point, RawItem, read_inline, read_sidecar, validate
+from pinbound.annotations import Annotations, Point, RawItem, raw_items, read_inline, read_sidecar, read_srdf, validate
 from pinbound.boundary import Boundary, BoundarySet
 from pinbound.closures import Closure, close
 from pinbound.coupling import Coupling, LinearLimit, as_configurations, couple, linear_limits
@@ -27,7 +27,7 @@ from pinbound.exceptions import (
 from pinbound.interpreters import numeric
 from pinbound.path import absolute_chain, relative_path
 from pinbound.tree import Tree
-from pinbound.urdf import build_model, read_kinematics
+from pinbound.urdf import Mimic, build_model, read_kinematics
 
 __all__ = ["Robot", "load"]
 
@@ -185,7 +185,7 @@ class Robot:
 
 def load(
     robot: str | Path,
-    annotations: str | Path | None = None,
+    annotations: str | Path | Annotations | None = None,
     package_dirs: Sequence[str | Path] = (),
     xacro_args: Mapping[str, Any] | None = None,
 ) -> Robot:
@@ -193,7 +193,8 @@ def load(
 
     Args:
         robot: Name of a packaged robot (e.g. ``"minervabot_v3"``), or a path to a `.urdf` or `.xacro`.
-        annotations: Path of a YAML sidecar; by default `NAME.pinbound.yaml` beside the file, where it exists.
+        annotations: Path of a YAML sidecar or of an .srdf with spheres, or `Annotations`; they add to what is inline.
+            By default `NAME.pinbound.yaml` beside the file, where it exists.
         package_dirs: Folders in which `package://` is looked up when geometry is read.
         xacro_args: Arguments of a xacro file.
 
@@ -212,11 +213,17 @@ def load(
     """
     document = read_document(robot, {key: str(value) for key, value in (xacro_args or {}).items()})
     problems = Problems(document.label)
-    kinematics = read_kinematics(document, problems)
-    is_sound = not problems.found
-    items = [*read_inline(document.root, problems), *_sidecar_items(document, annotations, problems)]
-    marks = validate(items, [link.name for link in kinematics.links], problems)
-    if not is_sound:
+    items = [*read_inline(document.root, problems), *_given_items(document, annotations, problems)]
+    links, joints = ([str(e.get("name")) for e in document.root.findall(tag)] for tag in ("link", "joint"))
+    marks = validate(items, problems, links, joints)
+    faults = len(problems.found)
+    kinematics = read_kinematics(
+        document,
+        problems,
+        limits={mark.joint: (mark.lower, mark.upper) for mark in marks.limits},
+        followers={mark.joint: Mimic(mark.primary, mark.multiplier, mark.offset) for mark in marks.followers},
+    )
+    if len(problems.found) > faults:
         problems.raise_if_any()
     tree = Tree(kinematics, {point.link for point in marks.points.values()})
     coupling = couple(tree.moving_joints)
@@ -239,10 +246,14 @@ def load(
     )
 
 
-def _sidecar_items(document: Document, given: str | Path | None, problems: Problems) -> list[RawItem]:
+def _given_items(document: Document, given: str | Path | Annotations | None, problems: Problems) -> list[RawItem]:
+    if isinstance(given, Annotations):
+        return raw_items(given, "annotations")
     stem = document.path.name.removesuffix(".xacro").removesuffix(".urdf")
     path = document.path.with_name(f"{stem}.pinbound.yaml") if given is None else Path(given)
-    return read_sidecar(path, problems) if given is not None or path.is_file() else []
+    if given is None and not path.is_file():
+        return []
+    return read_srdf(path, problems) if path.suffix == ".srdf" else read_sidecar(path, problems)
 
 
 def _home(

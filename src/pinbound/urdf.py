@@ -7,6 +7,7 @@ default namespace. pinbound accepts what has one meaning, lists what it normalis
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, Literal, cast
@@ -103,20 +104,36 @@ class Kinematics:
     notes: tuple[str, ...]
 
 
-def read_kinematics(document: Document, problems: Problems) -> Kinematics:
+def read_kinematics(
+    document: Document,
+    problems: Problems,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    followers: Mapping[str, Mimic] | None = None,
+) -> Kinematics:
     """Read links and joints; every fault goes to `problems`, with its line.
 
-    What comes back is complete only if no fault was added.
+    Args:
+        document: The robot's XML.
+        problems: Where faults go; what comes back is complete only if none was added.
+        limits: Limits by joint that replace the URDF's own.
+        followers: Followers by joint that replace the URDF's own `<mimic>`.
     """
-    reader = _Reader(document, problems)
+    reader = _Reader(document, problems, limits or {}, followers or {})
     return reader.read()
 
 
 class _Reader:
     """One pass over a `<robot>` element, collecting faults and notes."""
 
-    def __init__(self, document: Document, problems: Problems) -> None:
+    def __init__(
+        self,
+        document: Document,
+        problems: Problems,
+        given_limits: Mapping[str, tuple[float, float]],
+        given_followers: Mapping[str, Mimic],
+    ) -> None:
         self.root, self.problems = document.root, problems
+        self.given_limits, self.given_followers = given_limits, given_followers
         self.notes: list[str] = list(document.notes)
         self.links: dict[str, Link] = {}
         self.joints: dict[str, Joint] = {}
@@ -129,6 +146,8 @@ class _Reader:
             self._link(element)
         for element in self.root.findall("joint"):
             self._joint(element)
+        for given, thing in ((self.given_limits, "limits"), (self.given_followers, "<mimic>")):
+            self.notes.extend(f"the annotations replace the {thing} of joint {name!r}" for name in given)
         if not self.links:
             self.problems.add("the robot has no links", "Check that the file is the robot's URDF, and complete", 1)
         self._check_mimics()
@@ -173,7 +192,8 @@ class _Reader:
         origin = element.find("origin")
         xyz = self._vector(origin, "xyz", f"the origin of {what}", (0.0, 0.0, 0.0))
         rpy = self._vector(origin, "rpy", f"the origin of {what}", (0.0, 0.0, 0.0))
-        lower, upper = self._limits(element, kind, what)
+        lower, upper = self._limits(element, kind, what) if name not in self.given_limits else self.given_limits[name]
+        mimic = self._mimic(element, what) if name not in self.given_followers else self.given_followers[name]
         if ends[0] is None or ends[1] is None:
             return
         self.joints[name] = Joint(
@@ -186,7 +206,7 @@ class _Reader:
             axis=self._axis(element, kind, what),
             lower=lower,
             upper=upper,
-            mimic=self._mimic(element, what),
+            mimic=mimic,
             line=line,
         )
 
@@ -293,7 +313,9 @@ class _Reader:
     def _note_follower(self, joint: Joint, primary: Joint) -> None:
         """Say what stock readers refuse or get wrong about a follower, and pinbound does not."""
         if primary.mimic is not None:
-            self.notes.append(f"joint {joint.name!r} follows {primary.name!r}, itself a follower: the chain is flattened")
+            self.notes.append(
+                f"joint {joint.name!r} follows {primary.name!r}, itself a follower: the chain is flattened"
+            )
         if (joint.type == "continuous") != (primary.type == "continuous"):
             self.notes.append(f"{joint.type} joint {joint.name!r} follows {primary.type} joint {primary.name!r}")
 
