@@ -18,6 +18,7 @@ FLOORS = [
     ("path",),
     ("interpreters",),
     ("closures",),
+    ("parallelograms",),
     ("boundary",),
     ("robot",),
     ("region",),

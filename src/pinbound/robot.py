@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pinbound.annotations import Annotations, Point, RawItem, raw_items, read_inline, read_sidecar, read_srdf, validate
 from pinbound.boundary import Boundary, BoundarySet
-from pinbound.closures import Closure, close
+from pinbound.closures import Closure
 from pinbound.coupling import Coupling, LinearLimit, as_configurations, couple, linear_limits
 from pinbound.document import Document, read_document
 from pinbound.exceptions import (
@@ -25,15 +25,15 @@ from pinbound.exceptions import (
     name_hint,
 )
 from pinbound.interpreters import numeric
+from pinbound.parallelograms import settle
 from pinbound.path import absolute_chain, relative_path
+from pinbound.tolerances import HOME
 from pinbound.tree import Tree
 from pinbound.urdf import Mimic, build_model, read_kinematics
 
 __all__ = ["Robot", "load"]
 
 Array = NDArray[np.float64]
-
-_RESIDUAL_SAMPLES = 2000
 
 
 @dataclass(frozen=True)
@@ -226,10 +226,9 @@ def load(
     if len(problems.found) > faults:
         problems.raise_if_any()
     tree = Tree(kinematics, {point.link for point in marks.points.values()})
-    coupling = couple(tree.moving_joints)
+    coupling, closures, coupled = settle(tree, couple(tree.moving_joints), marks, problems)
     limits = linear_limits(tree.moving_joints, coupling)
     home, notes = _home(tree, coupling, marks, limits, problems)
-    closures = _closures(tree, coupling, marks, problems)
     boundaries = _boundaries(tree, coupling, marks, home, problems)
     problems.raise_if_any()
     return Robot(
@@ -238,10 +237,10 @@ def load(
         annotations=marks,
         coupling=coupling,
         linear_limits=limits,
-        closures=tuple(closures),
+        closures=closures,
         boundaries=BoundarySet(boundaries, coupling.coordinates, limits, home),
         home=home,
-        notes=(*kinematics.notes, *notes),
+        notes=(*kinematics.notes, *coupled, *notes),
         package_dirs=tuple(map(str, package_dirs)),
     )
 
@@ -263,7 +262,7 @@ def _home(
     names, joints = coupling.coordinates, {joint.name: joint for joint in tree.moving_joints}
     home, notes = np.zeros(len(names)), list[str]()
     for name in marks.home:
-        if name not in names:
+        if name not in names and (name not in joints or joints[name].mimic is not None):
             what = "follows another joint" if name in joints else "does not exist"
             problems.add(f"home names {name!r}, which {what}", name_hint(name, names), marks.home_line)
     for index, name in enumerate(names):
@@ -273,6 +272,14 @@ def _home(
         elif not lower <= 0.0 <= upper:
             home[index] = (lower + upper) / 2
             notes.append(f"home of {name!r} is the middle of its limits, {home[index]:.6g}: zero is outside them")
+    for name, value in marks.home.items():
+        if name in names or name not in joints or joints[name].mimic is not None:
+            continue
+        coefficients, offset = coupling.row(name)
+        expected = float(coefficients @ home) + offset
+        if abs(value - expected) > HOME:
+            message = f"home has {name!r} at {value:.9g}, but the closed loops put it at {expected:.9g}"
+            problems.add(message, "Leave it out, or give the assembled pose exactly", marks.home_line)
     for limit in limits:
         theta = float(limit.coefficients @ home) + limit.offset
         if marks.home and not limit.lower <= theta <= limit.upper:
@@ -281,35 +288,6 @@ def _home(
             problems.add(message, "Choose a home inside all limits", marks.home_line)
     home.flags.writeable = False
     return home, notes
-
-
-def _closures(tree: Tree, coupling: Coupling, marks: Annotations, problems: Problems) -> list[Closure]:
-    """Return the closures that are proven to close; the others are faults, with their largest residual."""
-    closures: list[Closure] = []
-    for mark in marks.closures:
-        try:
-            closure = close(tree, coupling, mark)
-        except UnsupportedError as error:
-            problems.add(f"closure {mark.name!r}: {error}", "Close the loop over single joints", mark.line)
-            continue
-        closures.append(closure)
-        if not closure.closes:
-            residual, q = _worst_residual(closure, tree, coupling)
-            place = ", ".join(f"{name} = {value:.4g}" for name, value in zip(coupling.coordinates, q, strict=True))
-            message = f"closure {mark.name!r} does not close: its ends are {1e3 * residual:.6g} mm apart at {place}"
-            remedy = "Mend the pins, the lengths or the <mimic> of the joints around the loop"
-            problems.add(message, remedy, mark.line)
-    return closures
-
-
-def _worst_residual(closure: Closure, tree: Tree, coupling: Coupling) -> tuple[float, Array]:
-    joints = {joint.name: joint for joint in tree.moving_joints}
-    ends = np.array([(joints[name].lower, joints[name].upper) for name in coupling.coordinates]).reshape(-1, 2)
-    ends = np.clip(ends, -np.pi, np.pi)
-    Q = np.random.default_rng(0).uniform(ends[:, 0], ends[:, 1], (_RESIDUAL_SAMPLES, len(ends)))
-    residuals = closure.residuals(Q)
-    worst = int(np.argmax(residuals))
-    return float(residuals[worst]), Q[worst]
 
 
 def _boundaries(tree: Tree, coupling: Coupling, marks: Annotations, home: Array, problems: Problems) -> list[Boundary]:
