@@ -152,7 +152,10 @@ class _Reader:
             self.problems.add("the robot has no links", "Check that the file is the robot's URDF, and complete", 1)
         self._check_mimics()
         self._check_tree()
-        name = self.root.get("name", "robot")
+        name = self.root.get("name", "")
+        if not name:
+            name = "robot"
+            self.notes.append("the robot has no name; it is called 'robot'")
         return Kinematics(name, tuple(self.links.values()), tuple(self.joints.values()), tuple(self.notes))
 
     def _name(self, element: etree._Element, known: dict[str, Any]) -> str | None:
@@ -381,6 +384,7 @@ def build_model(document: Document, kinematics: Kinematics) -> Any:
 
     pin = cast(Any, pinocchio)
     root = deepcopy(document.root)
+    root.set("name", kinematics.name)
     for element in list(root):
         if not isinstance(element.tag, str) or element.tag not in ("link", "joint"):
             root.remove(element)
