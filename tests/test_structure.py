@@ -21,6 +21,8 @@ FLOORS = [
     ("parallelograms",),
     ("boundary",),
     ("robot",),
+    ("bodies",),
+    ("marking",),
     ("region",),
     ("plots",),
     ("report",),

@@ -11,6 +11,7 @@ from pinbound.exceptions import (
     UnsupportedError,
 )
 from pinbound.interpreters.univariate import AllowedArcs
+from pinbound.marking import Proposal, propose_marks
 from pinbound.path import Kind
 from pinbound.region import Edge, Region, feasible_region
 from pinbound.robot import Robot, load
@@ -34,6 +35,7 @@ __all__ = [
     "LimitMark",
     "PinboundError",
     "Point",
+    "Proposal",
     "Region",
     "Robot",
     "UnknownNameError",
@@ -41,4 +43,5 @@ __all__ = [
     "feasible_region",
     "load",
     "packaged_robots",
+    "propose_marks",
 ]

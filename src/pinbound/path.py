@@ -163,8 +163,14 @@ def relative_path(tree: Tree, coupling: Coupling, a: Point, b: Point) -> Relativ
     )
 
 
-def absolute_chain(tree: Tree, coupling: Coupling, point: Point) -> Chain:
+def absolute_chain(tree: Tree, coupling: Coupling, point: Point, reduced: bool = True) -> Chain:
     """Return the chain of a point's position in the root link's frame.
+
+    Args:
+        tree: The robot's tree.
+        coupling: `theta = S q + o`.
+        point: The point.
+        reduced: False leaves one rotation a joint, as Eq. (5) of the paper does.
 
     Raises:
         UnsupportedError: If a floating or planar joint lies between.
@@ -172,7 +178,8 @@ def absolute_chain(tree: Tree, coupling: Coupling, point: Point) -> Chain:
     builder = _Builder(coupling)
     for joint in tree.descent(tree.root, point.link):
         builder.down(joint)
-    return _reduce(builder.chain(np.array(point.xyz)))
+    chain = builder.chain(np.array(point.xyz))
+    return _reduce(chain) if reduced else chain
 
 
 def _moves(joints: list[Joint]) -> bool:

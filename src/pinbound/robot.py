@@ -148,6 +148,23 @@ class Robot:
         array = as_configurations(Q, self.coordinates)
         return numeric.positions(chain, array) if array.ndim > 1 else numeric.positions(chain, array[None])[0]
 
+    def operation_counts(self, boundary: str) -> tuple[int, int]:
+        """Return how many operations the minimal form of a boundary's vector has, and how many Eq. (5) unreduced.
+
+        Sums, products, sines and cosines are counted as SymPy prints them; nothing is shared between terms.
+
+        Example:
+            >>> load("minervabot_v3").operation_counts("beta_5")
+            (18, 111)
+        """
+        from pinbound.interpreters import symbolic
+
+        found = self.boundaries[boundary]
+        place_a = absolute_chain(self.tree, self.coupling, found.point_a, reduced=False)
+        place_b = absolute_chain(self.tree, self.coupling, found.point_b, reduced=False)
+        unreduced = symbolic.unreduced_vector(place_a, place_b, self.coordinates)
+        return symbolic.operations(found.expression()), symbolic.operations(unreduced)
+
     def to_pinocchio(self, model: Any, Q: ArrayLike) -> Array:
         """Return q of a model that the user built from this URDF, matched by joint name.
 
