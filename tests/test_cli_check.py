@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+import pinbound as pb
 from pinbound.cli import app
 
 CLEAR = "time,q1,q2,q3\n0,0,0,0\n2,90,30,40\n"
@@ -50,10 +51,16 @@ def test_only_some_boundaries_and_no_limits(tmp_path: Path) -> None:
 
 
 def test_undecided_is_no_success(tmp_path: Path) -> None:
-    result = check(tmp_path, CLEAR, "--deg", "--max-boxes", "1")
+    touching = pb.load("minervabot_v3").boundaries["beta_3"].contact.angle
+    text = f"q1,q2,q3\n0,0.9,0.8\n0,0.9,{touching!r}\n0,0.9,0.8\n"
+    result = check(tmp_path, text)
     assert result.exit_code == 1
     assert "UNDECIDED" in result.stdout
-    assert "budget" in result.stdout
+    assert "rounding" in result.stdout
+    left = json.loads(check(tmp_path, text, "--json", "--boundary", "beta_3").stdout)["undecided"]
+    assert len(left) == 1
+    assert left[0]["name"] == "beta_3"
+    assert left[0]["start"] <= 1.0 <= left[0]["end"]
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])

@@ -1,5 +1,6 @@
 """pinbound: coupled joint limits and self-collision boundaries in closed form, from a URDF, beside Pinocchio."""
 
+from pinbound.annotations import Annotations, BoundaryMark, ClosureMark, FollowerMark, LimitMark, Point
 from pinbound.boundary import Boundary, BoundarySet, ContactAngle, CoordinateLimits
 from pinbound.certificates import (
     BoundedMotion,
@@ -21,6 +22,7 @@ from pinbound.exceptions import (
     UnsupportedError,
 )
 from pinbound.interpreters.univariate import AllowedArcs
+from pinbound.marking import Proposal, propose_marks
 from pinbound.motion import Motion, MotionHistory, Place, history, read_motion
 from pinbound.path import Kind
 from pinbound.region import Edge, Region, feasible_region
@@ -30,22 +32,29 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AllowedArcs",
+    "Annotations",
     "Boundary",
+    "BoundaryMark",
     "BoundarySet",
     "BoundedMotion",
     "BoxCertificate",
     "Budget",
     "Certificate",
+    "ClosureMark",
     "ContactAngle",
     "CoordinateLimits",
     "DimensionError",
     "Edge",
+    "FollowerMark",
     "InputError",
     "Kind",
+    "LimitMark",
     "Motion",
     "MotionHistory",
     "PinboundError",
     "Place",
+    "Point",
+    "Proposal",
     "Region",
     "Robot",
     "UnknownNameError",
@@ -58,6 +67,7 @@ __all__ = [
     "history",
     "load",
     "packaged_robots",
+    "propose_marks",
     "read_motion",
     "signed_clearances",
 ]

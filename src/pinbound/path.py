@@ -121,8 +121,8 @@ def rotation_matrix(axis: Array, angle: float) -> Array:
 
 def are_parallel(u: Array, v: Array) -> bool:
     """Return whether two unit vectors span one line, up to the rounding of folded constants."""
-    cross = (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
-    return max(map(abs, cross)) <= REDUCTION
+    (a, b, c), (x, y, z) = u.tolist(), v.tolist()
+    return max(abs(b * z - c * y), abs(c * x - a * z), abs(a * y - b * x)) <= REDUCTION
 
 
 def relative_path(tree: Tree, coupling: Coupling, a: Point, b: Point) -> RelativePath:
@@ -163,8 +163,14 @@ def relative_path(tree: Tree, coupling: Coupling, a: Point, b: Point) -> Relativ
     )
 
 
-def absolute_chain(tree: Tree, coupling: Coupling, point: Point) -> Chain:
+def absolute_chain(tree: Tree, coupling: Coupling, point: Point, reduced: bool = True) -> Chain:
     """Return the chain of a point's position in the root link's frame.
+
+    Args:
+        tree: The robot's tree.
+        coupling: `theta = S q + o`.
+        point: The point.
+        reduced: False leaves one rotation a joint, as Eq. (5) of the paper does.
 
     Raises:
         UnsupportedError: If a floating or planar joint lies between.
@@ -172,7 +178,8 @@ def absolute_chain(tree: Tree, coupling: Coupling, point: Point) -> Chain:
     builder = _Builder(coupling)
     for joint in tree.descent(tree.root, point.link):
         builder.down(joint)
-    return _reduce(builder.chain(np.array(point.xyz)))
+    chain = builder.chain(np.array(point.xyz))
+    return _reduce(chain) if reduced else chain
 
 
 def _moves(joints: list[Joint]) -> bool:
@@ -255,8 +262,9 @@ class _Builder:
             offsets, slides, scale = -offsets, -slides, scale + float(np.linalg.norm(head))
             offsets[0] += head
         n = slides.shape[2]
-        axes = np.array(self.axes).reshape(-1, 3)
-        return Chain(offsets, slides, axes, np.array(self.coefficients).reshape(-1, n), scale)
+        k = len(self.axes)
+        axes, coefficients = np.array(self.axes).reshape(k, 3), np.array(self.coefficients).reshape(k, n)
+        return Chain(offsets, slides, axes, coefficients, scale)
 
 
 def _reduce(chain: Chain) -> Chain:
@@ -300,7 +308,8 @@ def _collect_runs(chain: Chain) -> Chain:
         start = stop
     stacked = np.array(out_blocks)
     n = chain.coefficients.shape[1]
-    axes, coefficients = np.array(out_axes).reshape(-1, 3), np.array(out_coefficients).reshape(-1, n)
+    k = len(out_axes)
+    axes, coefficients = np.array(out_axes).reshape(k, 3), np.array(out_coefficients).reshape(k, n)
     return Chain(stacked[:, :, 0].copy(), stacked[:, :, 1:].copy(), axes, coefficients, chain.scale)
 
 

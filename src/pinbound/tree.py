@@ -111,3 +111,15 @@ class Tree:
             joints.append(joint)
             link = joint.parent
         return joints[::-1]
+
+    def path_between(self, link_a: str, link_b: str) -> list[Joint]:
+        """Return the joints between two links: up from `link_a`, then down to `link_b`."""
+        above_b = set(self.lineage(link_b))
+        meeting = next(name for name in self.lineage(link_a) if name in above_b)
+        return [*reversed(self.descent(meeting, link_a)), *self.descent(meeting, link_b)]
+
+    def are_adjacent(self, link_a: str, link_b: str) -> bool:
+        """Return whether one moving joint connects two links, fixed joints and helper links between aside."""
+        moving = [joint for joint in self.path_between(link_a, link_b) if joint.type != "fixed"]
+        hidden = sum(joint.child in self.helpers for joint in moving)
+        return len(moving) - hidden == 1

@@ -109,6 +109,9 @@ def derive(
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
     latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX of both forms instead.")] = False,
+    operations: Annotated[
+        bool, typer.Option("--operations", help="Count operations beside Eq. (5) unreduced.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Show each boundary's kind, ancestor, vector (paper's form, minimal form), and contact angle."""
@@ -140,6 +143,9 @@ def derive(
                     markup=False,
                 )
         out.print(f"  {_contact_text(boundary)}", markup=False)
+        if operations:
+            minimal_count, unreduced = loaded.operation_counts(boundary.name)
+            out.print(f"  {minimal_count} operations; Eq. (5) unreduced has {unreduced}")
 
 
 def _contact_text(boundary: Boundary) -> str:
@@ -201,7 +207,9 @@ def limits(
             columns,
             [_row(loaded, x) for x in found],
         )
-    if any(one.blocked_by for one in found):
+    if found and found[0].beyond and not as_json:
+        console().print(f"Not reachable from home: a contact of {', '.join(found[0].beyond)} lies between.")
+    if any(one.blocked_by or one.beyond for one in found):
         raise typer.Exit(1)
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pinbound.path import Chain, RelativePath, are_parallel
 from pinbound.tolerances import SYMBOLIC_DIGITS
 
-__all__ = ["ancestor_vector", "latex", "lines", "minimal_vector", "symbols"]
+__all__ = ["ancestor_vector", "latex", "lines", "mathml", "minimal_vector", "operations", "symbols", "unreduced_vector"]
 
 Array = NDArray[np.float64]
 sp = cast(Any, sympy)  # SymPy carries only part of its types
@@ -39,6 +39,17 @@ def ancestor_vector(path: RelativePath, coordinates: Sequence[str]) -> Any:
     return _vector(path.branch_a, 0, q) - _vector(path.branch_b, 0, q)
 
 
+def operations(vector: Any) -> int:
+    """Return the number of operations (sums, products, sines, cosines) of a vector as it stands."""
+    return int(sum(sp.count_ops(component) for component in vector))
+
+
+def unreduced_vector(place_a: Chain, place_b: Chain, coordinates: Sequence[str]) -> Any:
+    """Return `r_0,n - r_0,m` of Eq. (5): both points placed from the root by unreduced chains, nothing merged."""
+    q = symbols(coordinates)
+    return _vector(place_a, 0, q, merge=False) - _vector(place_b, 0, q, merge=False)
+
+
 def latex(vector: Any, digits: int = 6) -> str:
     """Return a vector as LaTeX, numbers as decimals in metres."""
     decimals = {number: sp.Float(number, digits) for number in vector.atoms(sp.Rational) if not number.is_Integer}
@@ -57,7 +68,20 @@ def lines(vector: Any, digits: int = 6) -> tuple[str, ...]:
     return tuple("0" if component == 0 else text for component, text in zip(metres, texts, strict=True))
 
 
-def _vector(chain: Chain, position: int, q: Sequence[Any]) -> Any:
+def mathml(vector: Any, digits: int = 6) -> tuple[str, ...]:
+    """Return the components `r_x = ...`, `r_y = ...`, `r_z = ...` as MathML, lengths in millimetres."""
+    from sympy.printing.mathml import mathml as to_mathml
+
+    metres = (1000 * vector).expand()
+    decimals = {number: sp.Float(number, digits) for number in metres.atoms(sp.Rational) if not number.is_Integer}
+    names = sp.symbols("r_x r_y r_z")
+    equations = [sp.Eq(name, side, evaluate=False) for name, side in zip(names, metres.xreplace(decimals), strict=True)]
+    bodies = [str(cast(Any, to_mathml)(equation, printer="presentation")) for equation in equations]
+    bodies = [body.replace("<mo>&InvisibleTimes;</mo>", '<mspace width="0.17em"/>') for body in bodies]
+    return tuple(f'<math xmlns="http://www.w3.org/1998/Math/MathML">{body}</math>' for body in bodies)
+
+
+def _vector(chain: Chain, position: int, q: Sequence[Any], merge: bool = True) -> Any:
     """Sum every offset of a chain, turned into the frame at `position`."""
     total = sp.zeros(3, 1)
     for index in range(chain.rotations + 1):
@@ -66,19 +90,19 @@ def _vector(chain: Chain, position: int, q: Sequence[Any]) -> Any:
             continue
         forward = index > position
         span = slice(position, index) if forward else slice(index, position)
-        factors = _factors(chain.axes[span], chain.coefficients[span], q)
+        factors = _factors(chain.axes[span], chain.coefficients[span], q, merge)
         turn = reduce(lambda left, right: left * right, factors, sp.eye(3))
         total += (turn if forward else turn.T) * block
     return total
 
 
-def _factors(axes: Array, coefficients: Array, q: Sequence[Any]) -> list[Any]:
-    """Return rotation matrices, neighbours about one direction merged into one of the summed angle."""
+def _factors(axes: Array, coefficients: Array, q: Sequence[Any], merge: bool) -> list[Any]:
+    """Return rotation matrices; `merge` makes neighbours about one direction one of the summed angle."""
     factors: list[Any] = []
     start = 0
     while start < len(axes):
         stop, total = start, np.zeros(coefficients.shape[1])
-        while stop < len(axes) and are_parallel(axes[start], axes[stop]):
+        while stop == start or (merge and stop < len(axes) and are_parallel(axes[start], axes[stop])):
             total = total + np.sign(axes[start] @ axes[stop]) * coefficients[stop]
             stop += 1
         angle = sum(

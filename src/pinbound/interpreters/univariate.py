@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from pinbound.exceptions import UnsupportedError
 from pinbound.path import Chain, rotation_matrix
+from pinbound.tolerances import REDUCTION
 
-__all__ = ["AllowedArcs", "Strip", "allowed_arcs", "one_angle_strip"]
+__all__ = ["AllowedArcs", "Strip", "allowed_arcs", "one_angle_strip", "strip"]
 
 Array = NDArray[np.float64]
 
@@ -89,7 +90,8 @@ def strip(p: Array, s: Array, axis: Array, threshold: float, tolerance: float) -
     length_p, length_s = float(np.linalg.norm(p_across)), float(np.linalg.norm(s_across))
     smallest = math.hypot(height, length_p - length_s)
     angle = math.atan2(float(axis @ np.cross(s_across, -p_across)), float(-s_across @ p_across))
-    if smallest > max(threshold, tolerance):
+    rounding = REDUCTION * (length_p + length_s + abs(height))
+    if smallest > max(threshold, tolerance) + rounding:  # equal arms must not come out unequal by an ulp
         return Strip(angle, None, smallest)
     if threshold <= smallest:
         return Strip(angle, 0.0, smallest)

@@ -1,0 +1,87 @@
+"""`pinbound mark`: propose a sidecar of spheres and pairs for a robot with simple collision bodies."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pinbound.cli.shared import (
+    Annotations,
+    AsJson,
+    PackageDirs,
+    RobotName,
+    XacroArgs,
+    console,
+    emit_json,
+    load_robot,
+    millimetres,
+    print_table,
+)
+from pinbound.exceptions import InputError, Problem
+from pinbound.marking import SHAPES, Proposal, propose_marks
+
+__all__ = ["mark"]
+
+
+def mark(
+    robot: RobotName,
+    out: Annotated[Path | None, typer.Option(help="Sidecar to write; it must not exist.")] = None,
+    accuracy: Annotated[float, typer.Option(help="How far a sphere may stick out of its body [m].")] = 0.02,
+    shapes: Annotated[str, typer.Option(help="Shapes to cover, separated by commas.")] = ",".join(SHAPES),
+    annotations: Annotations = None,
+    package_dir: PackageDirs = None,
+    xacro_arg: XacroArgs = None,
+    as_json: AsJson = False,
+) -> None:
+    """Propose spheres over the collision bodies and all pairs worth checking, with reasons for what is left out."""
+    if out is not None and out.exists():
+        raise InputError([Problem("exists already", "Remove it, or give another name", str(out))])
+    loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    proposal = propose_marks(loaded, accuracy, tuple(word.strip() for word in shapes.split(",") if word.strip()))
+    if out is not None:
+        proposal.annotations.save(out)
+    if as_json:
+        emit_json(_record(proposal))
+        return
+    rows = [
+        (one.body.link, one.body.shape, len(one.centres), millimetres(one.radius, 2), millimetres(one.excess, 2))
+        for one in proposal.covers
+    ]
+    print_table(
+        "Bodies and the spheres that hold them", ("link", "shape", "spheres", "radius [mm]", "excess [mm]"), rows
+    )
+    reasons = [(a, b, reason, count) for (a, b, reason), count in sorted(proposal.left_out.items())]
+    print_table("Pairs left out", ("link", "link", "reason", "pairs []"), reasons)
+    said = console()
+    for link, count in Counter(body.link for body in proposal.uncovered).items():
+        said.print(
+            f"Not covered: {count} bodies of {link} (meshes, or shapes not asked for); no boundary speaks of them."
+        )
+    said.print(f"{len(proposal.annotations.points)} points, {len(proposal.annotations.boundaries)} boundaries.")
+    if out is not None:
+        said.print(f"Wrote {out}.", markup=False, soft_wrap=True)
+
+
+def _record(proposal: Proposal) -> dict[str, object]:
+    return {
+        "points": len(proposal.annotations.points),
+        "boundaries": len(proposal.annotations.boundaries),
+        "excess": proposal.excess,
+        "covers": [
+            {
+                "link": c.body.link,
+                "shape": c.body.shape,
+                "spheres": len(c.centres),
+                "radius": c.radius,
+                "excess": c.excess,
+            }
+            for c in proposal.covers
+        ],
+        "uncovered": [{"link": body.link, "shape": body.shape} for body in proposal.uncovered],
+        "left_out": [
+            {"links": [a, b], "reason": reason, "pairs": count} for (a, b, reason), count in proposal.left_out.items()
+        ],
+    }

@@ -1,0 +1,138 @@
+"""Annotations from Python: to YAML and XML and back, exactly; from SRDF; wherever they stand, the same robot."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import pinbound as pb
+from test_input import BARE, GOOD
+
+Load = Callable[..., pb.Robot]
+NUMBER = st.floats(-10, 10, allow_nan=False)
+LENGTH = st.floats(0, 10, allow_nan=False)
+NAME = st.text(st.characters(codec="utf-8", categories=("L", "N", "P")), min_size=1, max_size=8)
+
+
+def bare(annotations: pb.Annotations) -> pb.Annotations:
+    """Return the same without lines, which files add."""
+    return replace(
+        annotations,
+        home_line=None,
+        points={name: replace(point, line=None) for name, point in annotations.points.items()},
+        **{
+            key: tuple(replace(mark, line=None) for mark in getattr(annotations, key))
+            for key in ("boundaries", "closures", "followers", "limits")
+        },
+    )
+
+
+@st.composite
+def marks(draw: Callable[..., object]) -> pb.Annotations:
+    names = draw(st.lists(NAME, min_size=2, max_size=5, unique=True))
+    vector = st.tuples(NUMBER, NUMBER, NUMBER)
+    points = [pb.Point(n, f"link {i}", draw(vector), draw(LENGTH)) for i, n in enumerate(names)]
+    return pb.Annotations.of(
+        points,
+        [pb.BoundaryMark(draw(NAME), names[0], names[1], draw(LENGTH))],
+        contact_tolerance=draw(LENGTH),
+        home={"q1": draw(NUMBER), "q2": draw(NUMBER)},
+        closures=(pb.ClosureMark("loop", "a", draw(vector), "b", draw(vector), ("x", "y")),),
+        followers=(pb.FollowerMark("f", "g", draw(NUMBER), draw(NUMBER)),),
+        limits=(pb.LimitMark("q1", -1.5, draw(LENGTH)),),
+        assumptions=("a sentence: with [brackets], and # signs",),
+    )
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(marks())
+def test_save_and_load_give_everything_back_exactly(
+    tmp_path_factory: pytest.TempPathFactory, found: pb.Annotations
+) -> None:
+    path = tmp_path_factory.mktemp("marks") / "robot.pinbound.yaml"
+    found.save(path)
+    assert bare(pb.Annotations.load(path)) == found
+
+
+def test_inline_sidecar_and_python_say_the_same(load_text: Load, tmp_path: Path) -> None:
+    inline = load_text(GOOD)
+    notes = bare(inline.annotations)
+    sidecar = load_text(BARE, notes.to_yaml())
+    (tmp_path / "robot.pinbound.yaml").unlink()
+    pasted = load_text(BARE.replace("</robot>", notes.to_xml() + "</robot>"))
+    given_path = tmp_path / "robot.urdf"
+    given_path.write_text(BARE)
+    given_object = pb.load(given_path, annotations=notes)
+    Q = np.random.default_rng(0).uniform(-2, 2, (20, 1))
+    for robot in (sidecar, pasted, given_object):
+        assert bare(robot.annotations) == notes
+        assert np.array_equal(robot.boundaries.norms(Q), inline.boundaries.norms(Q))
+        assert np.array_equal(robot.home, inline.home)
+
+
+def test_minervabot_survives_both_round_trips(minerva: pb.Robot, tmp_path: Path) -> None:
+    minerva.annotations.save(tmp_path / "m.yaml")
+    assert bare(pb.Annotations.load(tmp_path / "m.yaml")) == bare(minerva.annotations)
+
+
+def test_a_joint_name_that_xml_forbids_needs_a_sidecar() -> None:
+    notes = pb.Annotations(home={"joint 1": 0.0})
+    assert "joint 1" in notes.to_yaml()
+    with pytest.raises(pb.UnsupportedError, match="sidecar"):
+        notes.to_xml()
+
+
+def test_faults_of_python_annotations_are_faults_of_load(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(BARE)
+    wrong = pb.Annotations.of([pb.Point("p", "bsae", (0, 0, 0)), pb.Point("s", "arm", (float("nan"), 0, 0))])
+    with pytest.raises(pb.InputError) as caught:
+        pb.load(path, annotations=wrong)
+    assert {problem.source for problem in caught.value.problems} == {"annotations"}
+    assert "Did you mean 'base'" in str(caught.value)
+    assert "not finite" in str(caught.value)
+
+
+def test_followers_and_limits_replace_those_of_the_urdf(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(
+        BARE.replace('<mimic joint="q1"', '<mimic joint="gone"').replace('lower="-2" upper="2"', 'lower="2" upper="-2"')
+    )
+    with pytest.raises(pb.InputError, match=r"(?s)above upper.*follows 'gone'"):
+        pb.load(path)
+    mended = pb.Annotations(
+        followers=(pb.FollowerMark("q1_rod", "q1", -1.0, 0.25),), limits=(pb.LimitMark("q1", -0.5, 0.5),)
+    )
+    robot = pb.load(path, annotations=mended)
+    assert robot.coupling.text("q1_rod") == "- q1 + 0.25"
+    assert robot.upper.tolist() == [0.5]
+    assert any("replace the limits of joint 'q1'" in note for note in robot.notes)
+
+
+SRDF = """<robot name="arm">
+  <link_sphere_approximation link="base"><sphere center="1 0 0" radius="0.1"/></link_sphere_approximation>
+  <link_sphere_approximation link="arm">
+    <sphere center="0 0 0.5" radius="0.05"/><sphere center="0 0 1" radius="0.05"/></link_sphere_approximation>
+  <link_sphere_approximation link="rod"><sphere center="0 0 0.2" radius="0.02"/></link_sphere_approximation>
+  <disable_collisions link1="rod" link2="arm" reason="Adjacent"/>
+</robot>"""
+
+
+def test_srdf_spheres_become_points_and_disabled_pairs_are_respected(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(BARE)
+    srdf = tmp_path / "arm.srdf"
+    srdf.write_text(SRDF)
+    robot = pb.load(tmp_path / "arm.urdf", annotations=srdf)
+    assert set(robot.boundaries.names) == {"base.0-arm.0", "base.0-arm.1", "base.0-rod.0"}
+    assert robot.boundaries["base.0-rod.0"].threshold == pytest.approx(0.12)
+    assert bare(robot.annotations) == bare(pb.Annotations.load(srdf))
+    srdf.write_text(SRDF.replace('link="base"', 'link="bsae"').replace('radius="0.02"', 'radius="-1"'))
+    with pytest.raises(pb.InputError, match=r"(?s)arm.srdf, line 2.*Did you mean 'base'.*line 5.*negative"):
+        pb.load(tmp_path / "arm.urdf", annotations=srdf)
+    srdf.write_text("<robot/>")
+    with pytest.raises(pb.InputError, match="link_sphere_approximation"):
+        pb.load(tmp_path / "arm.urdf", annotations=srdf)
