@@ -72,7 +72,32 @@ def main() -> int:  # noqa: PLR0915
     widths: list[float] = []
     gaps: list[float] = []
     open_clearance = 0.0
+
+    def report() -> str:
+        rows = sorted({label for label, _ in verdicts})
+        lines = ["| mechanisms | certified | violated | undecided |", "| --- | ---: | ---: | ---: |"]
+        lines += [
+            f"| {row} | " + " | ".join(f"{verdicts[row, v]:,}" for v in ("certified", "violated", "undecided")) + " |"
+            for row in rows
+        ]
+        lines += [
+            "",
+            f"{done:,} motions of {robots:,} mechanisms, seed {options.seed}; "
+            f"{1e3 * seconds / done:.2f} ms and {boxes / done:.0f} boxes a motion on average.",
+            "",
+            "| wrong certificates | count |",
+            "| --- | ---: |",
+            *(f"| {name} | {count:,} |" for name, count in sorted(wrong.items())),
+            "",
+            f"First contacts bracketed to 1e-9 of the duration: {np.mean(np.array(widths) <= 1e-9):.4%} of {len(widths):,} "
+            f"(worst {max(widths):.1e}, at a grazing contact, where rounding decides). Width of the bounds of the smallest "
+            f"clearance: at most {1e9 * max(gaps):.0f} nm. Largest |clearance| left undecided: {open_clearance:.1e} m.",
+        ]
+        return "\n".join(lines) + "\n"
+
     while done < options.motions:
+        if options.out and done and done % 5000 == 0:
+            options.out.write_text(report(), encoding="utf-8")  # what is done so far
         sort, slides = ["planar", "spatial"][robots % 2], robots % 5 == 4
         robots += 1
         robot = random_robot(rng, folder, sort, slides)
@@ -112,26 +137,7 @@ def main() -> int:  # noqa: PLR0915
             wrong["CERTIFIED with an open boundary"] += found.verdict is pb.Verdict.CERTIFIED and any(
                 finding.verdict is not pb.Verdict.CERTIFIED for finding in (*found.boundaries, *found.limits)
             )
-    rows = sorted({label for label, _ in verdicts})
-    lines = ["| mechanisms | certified | violated | undecided |", "| --- | ---: | ---: | ---: |"]
-    lines += [
-        f"| {row} | " + " | ".join(f"{verdicts[row, v]:,}" for v in ("certified", "violated", "undecided")) + " |"
-        for row in rows
-    ]
-    lines += [
-        "",
-        f"{done:,} motions of {robots:,} mechanisms, seed {options.seed}; "
-        f"{1e3 * seconds / done:.2f} ms and {boxes / done:.0f} boxes a motion on average.",
-        "",
-        "| wrong certificates | count |",
-        "| --- | ---: |",
-        *(f"| {name} | {count:,} |" for name, count in sorted(wrong.items())),
-        "",
-        f"First contacts bracketed to 1e-9 of the duration: {np.mean(np.array(widths) <= 1e-9):.4%} of {len(widths):,} "
-        f"(worst {max(widths):.1e}, at a grazing contact, where rounding decides). Width of the bounds of the smallest "
-        f"clearance: at most {1e9 * max(gaps):.0f} nm. Largest |clearance| left undecided: {open_clearance:.1e} m.",
-    ]
-    text = "\n".join(lines) + "\n"
+    text = report()
     sys.stdout.write(text)
     if options.out:
         options.out.write_text(text, encoding="utf-8")

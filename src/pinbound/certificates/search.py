@@ -1,6 +1,6 @@
-"""Branch and bound over the parts of a motion: halve what is neither clear nor violated, as arrays.
+"""Branch and bound over the parts of a motion: cut what is neither clear nor violated, as arrays.
 
-All open parts of all constraints of a family are bounded in one go and halved together. A part leaves the list
+All open parts of all constraints of a family are bounded in one go and cut together. A part leaves the list
 when it is proven clear and cannot hold the smallest clearance any more, when it lies behind the first contact, or when
 halving it cannot help: what is left of its width is below rounding.
 """
@@ -26,6 +26,7 @@ Indices = NDArray[np.intp]
 
 _BATCH = 2**14
 _NARROWEST = 2.0**-48
+_WAYS = ((32, 8), (256, 4))
 _REASONS = tuple(Reason)
 
 
@@ -64,11 +65,17 @@ class _Parts:
     def take(self, rows: NDArray[np.bool_] | slice) -> _Parts:
         return _Parts(self.piece[rows], self.which[rows], self.a[rows], self.b[rows])
 
-    def halves(self) -> _Parts:
-        middle = 0.5 * (self.a + self.b)
-        join = np.concatenate
-        piece, which = join([self.piece, self.piece]), join([self.which, self.which])
-        return _Parts(piece, which, join([self.a, middle]), join([middle, self.b]))
+    def cut(self) -> _Parts:
+        """Cut each part into equal ones, the more the fewer there are: a short list costs as much as its length.
+
+        Parts are dyadic, so that edges are exact, and neighbours share them: no gap.
+        """
+        ways = next((ways for most, ways in _WAYS if len(self) <= most), 2)
+        steps = np.arange(ways + 1) / ways
+        edges = self.a + (self.b - self.a) * steps[:, None]
+        edges[-1] = self.b
+        piece, which = np.tile(self.piece, ways), np.tile(self.which, ways)
+        return _Parts(piece, which, edges[:-1].ravel(), edges[1:].ravel())
 
 
 class Search:
@@ -184,7 +191,7 @@ class Search:
         self.first[which], self.first_piece[which], self.first_u[which] = times[rows], parts.piece[rows], u[rows]
 
     def _round(self, parts: _Parts, each: bool) -> _Parts:
-        """Bound parts, settle what can be settled, and return the halves of the rest."""
+        """Bound parts, settle what can be settled, and return the rest, cut."""
         found = self._enclose(parts)
         which, first = parts.which, self.first[parts.which]
         begin, end = self._times(parts.piece, parts.a), self._times(parts.piece, parts.b)
@@ -201,7 +208,7 @@ class Search:
         if np.any(left):
             code = np.where(stuck[left], _REASONS.index(Reason.ROUNDING), _REASONS.index(Reason.RESOLUTION))
             self.open.append((parts.take(left), found.lower[left], code))
-        return parts.take(split).halves()
+        return parts.take(split).cut()
 
     def _give_up(self, parts: _Parts, active: Indices, reason: Reason) -> None:
         """Keep what the budget does not allow to look at: these parts, and every later piece."""
