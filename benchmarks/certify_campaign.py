@@ -89,9 +89,10 @@ def main() -> int:  # noqa: PLR0915
             "| --- | ---: |",
             *(f"| {name} | {count:,} |" for name, count in sorted(wrong.items())),
             "",
-            f"First contacts bracketed to 1e-9 of the duration: {np.mean(np.array(widths) <= 1e-9):.4%} of {len(widths):,} "
-            f"(worst {max(widths):.1e}, at a grazing contact, where rounding decides). Width of the bounds of the smallest "
-            f"clearance: at most {1e9 * max(gaps):.0f} nm. Largest |clearance| left undecided: {open_clearance:.1e} m.",
+            f"First contacts bracketed to 1e-9 of the duration: {np.mean(np.array(widths) <= 1e-9):.4%} of "
+            f"{len(widths):,} (worst {max(widths):.1e}, at a grazing contact, where rounding decides). Width of the "
+            f"bounds of the smallest clearance: at most {1e9 * max(gaps):.0f} nm. Largest |clearance| left undecided: "
+            f"{open_clearance:.1e} m.",
         ]
         return "\n".join(lines) + "\n"
 
