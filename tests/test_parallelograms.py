@@ -158,3 +158,11 @@ def test_two_loops_that_share_links_are_coupled_one_after_the_other(load_text: L
     robot = load_text(robot_xml(joints, {}, [], second + closure(("b", "0.3 0 0"), ("c", "0 0 0.5"))))
     assert robot.coordinates == ("j1",)
     assert robot.closure_residuals(random_q(robot, 50, seed=2)).max() < 1e-14
+
+
+def test_the_turn_of_a_passive_joint_is_that_of_the_assembled_pose(load_text: Load) -> None:
+    """Angles are not wrapped: a cable that is wound up once stays wound up."""
+    pose = f'<pinbound:home arm="0" crank="0" elbow="0" rod="{2 * np.pi}"/>'
+    robot = load_text(palletizer().replace("<pinbound:closure", pose + "<pinbound:closure"))
+    assert robot.coupling.row("rod")[1] == pytest.approx(2 * np.pi, abs=1e-15)
+    assert gap_by_pinocchio(robot, random_q(robot, 20, seed=3)) < 1e-14
