@@ -2,6 +2,17 @@
 
 from pinbound.annotations import Annotations, BoundaryMark, ClosureMark, FollowerMark, LimitMark, Point
 from pinbound.boundary import Boundary, BoundarySet, ContactAngle, CoordinateLimits
+from pinbound.certificates import (
+    BoundedMotion,
+    BoxCertificate,
+    Budget,
+    Certificate,
+    Verdict,
+    certified_box,
+    certify,
+    certify_box,
+    signed_clearances,
+)
 from pinbound.document import packaged_robots
 from pinbound.exceptions import (
     DimensionError,
@@ -12,6 +23,7 @@ from pinbound.exceptions import (
 )
 from pinbound.interpreters.univariate import AllowedArcs
 from pinbound.marking import Proposal, propose_marks
+from pinbound.motion import Motion, MotionHistory, Place, history, read_motion
 from pinbound.path import Kind
 from pinbound.region import Edge, Region, feasible_region
 from pinbound.robot import Robot, load
@@ -24,6 +36,10 @@ __all__ = [
     "Boundary",
     "BoundaryMark",
     "BoundarySet",
+    "BoundedMotion",
+    "BoxCertificate",
+    "Budget",
+    "Certificate",
     "ClosureMark",
     "ContactAngle",
     "CoordinateLimits",
@@ -33,15 +49,25 @@ __all__ = [
     "InputError",
     "Kind",
     "LimitMark",
+    "Motion",
+    "MotionHistory",
     "PinboundError",
+    "Place",
     "Point",
     "Proposal",
     "Region",
     "Robot",
     "UnknownNameError",
     "UnsupportedError",
+    "Verdict",
+    "certified_box",
+    "certify",
+    "certify_box",
     "feasible_region",
+    "history",
     "load",
     "packaged_robots",
     "propose_marks",
+    "read_motion",
+    "signed_clearances",
 ]

@@ -2,7 +2,25 @@
 
 from typing import Final
 
-__all__ = ["CLOSURE", "CONTACT", "HOME", "IMPLIED", "REDUCTION", "SYMBOLIC_DIGITS", "VERTEX"]
+__all__ = [
+    "CLOSURE",
+    "CONTACT",
+    "EVALUATION",
+    "FIRST_CONTACT",
+    "FOLDING",
+    "FOLLOWS",
+    "HOME",
+    "IMPLIED",
+    "INFLATION",
+    "LIMIT",
+    "ON_CONTOUR",
+    "PRECISION",
+    "REDUCTION",
+    "REDUCTION_ROUNDOFFS",
+    "SYMBOLIC_DIGITS",
+    "UNIT_ROUNDOFF",
+    "VERTEX",
+]
 
 CONTACT: Final = 2e-5
 """Metres. Default `contact_tolerance`: two arms that should have equal lengths may differ by the rounding of
@@ -27,3 +45,35 @@ VERTEX: Final = 1e-12
 
 SYMBOLIC_DIGITS: Final = 15
 """Decimal digits that symbolic output keeps of a float64, so that 0.06827 - 0.1 prints as -0.03173."""
+
+UNIT_ROUNDOFF: Final = 2.0**-53
+"""Relative error of one float64 operation, rounded to nearest."""
+
+FOLDING: Final = 256
+"""Unit roundoffs per squared number of joints on a path, relative to its length: what folding its constants and
+reducing it can have changed (`docs/certificates.md` adds them up)."""
+
+REDUCTION_ROUNDOFFS: Final = 128
+"""Unit roundoffs, rounded up: `REDUCTION` = 90 of them, taken for zero in an angle's coefficient, and its sums."""
+
+EVALUATION: Final = 32
+"""Unit roundoffs per rotation, relative to the length of a path: two sines, one turn, one sum, one root."""
+
+INFLATION: Final = 1.0 + 1e-12
+"""Factor on every lever arm and every remainder: far above the rounding of the sums that make them (1e-14)."""
+
+LIMIT: Final = 1e-12
+"""Radians or metres. A motion exceeds a joint limit if it passes it by more: degrees converted to radians, and sums
+along a spline, end up this close on either side."""
+
+PRECISION: Final = 1e-6
+"""Metres. Default width of the bounds of a motion's smallest clearance: a tenth of the rounding of 0.01 mm data."""
+
+FIRST_CONTACT: Final = 1e-9
+"""Relative to the duration of a motion: the width to which the first contact is bracketed."""
+
+FOLLOWS: Final = 1e-4
+"""Radians or metres. A recorded follower follows if it is this near: encoders resolve 1e-5, backlash is far more."""
+
+ON_CONTOUR: Final = 1e-9
+"""Radians. A configuration is on a region's contour within this: the rounding of a path given to nine decimals."""

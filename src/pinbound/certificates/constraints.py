@@ -1,0 +1,447 @@
+"""What has to hold: limits, boundaries of one effective angle, boundaries of several; each with its enclosure.
+
+Three families, one question: over a part of a motion, or over a box, what is the clearance in the middle, what is it
+at least, and is that beyond every rounding error? `docs/certificates.md` gives the argument for each.
+
+The *signed clearance* that is certified is `norm - threshold`, except where the threshold is so small that contact
+is a line or a point instead of a strip:
+
+- one effective angle, and arms that just align (`half_width` 0): `+norm` on home's side of the contact lines, `-norm`
+  on every other side, so that what crosses a line has changed sign;
+- several effective angles, or a slide: `norm - max(threshold, contact_tolerance)`, the same rule that home must pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinbound.boundary import Boundary
+from pinbound.coupling import as_configurations
+from pinbound.exceptions import UnknownNameError
+from pinbound.interpreters import numeric
+from pinbound.interpreters.bounds import (
+    Bundle,
+    Expansion,
+    OneAngle,
+    along_motion,
+    bundle,
+    lever_arms,
+    one_angle,
+    over_box,
+    rounding_bound,
+)
+from pinbound.robot import Robot
+from pinbound.tolerances import LIMIT, UNIT_ROUNDOFF
+
+__all__ = ["Enclosure", "Family", "OneAngleFamily", "families", "far_sides", "select", "signed_clearances"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """What is known of N parts.
+
+    Attributes:
+        value: (N,) signed clearance in the middle, as computed [m, or rad for limits].
+        lower: (N,) proven lower bound over the part.
+        error: (N,) rounding bound of `value`.
+        clear: (N,) whether the part is proven free.
+        violated: (N,) whether the middle is proven not to be.
+        settled: (N,) whether halving cannot tell more: what is left of the part's width is below rounding.
+    """
+
+    value: Array
+    lower: Array
+    error: Array
+    clear: Flags
+    violated: Flags
+    settled: Flags
+
+
+class Family(Protocol):
+    """Constraints of one sort, over one extent of q."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names."""
+        ...
+
+    @property
+    def weights(self) -> Array:
+        """(m, n): how much each coordinate moves what is bounded, for the choice of where to halve a box."""
+        ...
+
+    def enclose(self, which: Indices, part: Expansion, rows: Indices) -> Enclosure:
+        """Return what is known of constraints `which` (N,) on the parts `rows` (N,) of those of `part`."""
+        ...
+
+    def enclose_box(self, which: Indices, centre: Array, half: Array) -> Enclosure:
+        """Return what is known of constraints `which` on boxes `centre +- half`."""
+        ...
+
+    def signed(self, Q: Array) -> Array:
+        """Return the signed clearances (N, m) at configurations, as computed."""
+        ...
+
+    def clearance(self, row: int, q: Array) -> float:
+        """Return the signed clearance of one constraint at one q (n,)."""
+        ...
+
+
+@runtime_checkable
+class OneAngleFamily(Family, Protocol):
+    """Constraints on one angle each, or one affine function of q, so that its range says all."""
+
+    @property
+    def angles(self) -> Array:
+        """(m, n) coefficients of the angles."""
+        ...
+
+    def judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
+        """Return what is known of constraints `which` from the angle somewhere, and from its range."""
+        ...
+
+
+@dataclass(frozen=True)
+class Limits:
+    """`bound - c . q >= 0`: every end of every joint limit, said of q. Affine, so that enclosures are exact."""
+
+    names: tuple[str, ...]
+    coefficients: Array
+    bounds: Array
+    error: Array
+
+    @property
+    def angles(self) -> Array:
+        """Coefficients."""
+        return self.coefficients
+
+    @property
+    def weights(self) -> Array:
+        """Coefficients."""
+        return np.abs(self.coefficients)
+
+    def signed(self, Q: Array) -> Array:
+        """Return the margins (N, m) [rad or m]."""
+        return self.bounds - Q @ self.coefficients.T
+
+    def clearance(self, row: int, q: Array) -> float:
+        """Return the margin of one end [rad or m]."""
+        return float(self.bounds[row] - self.coefficients[row] @ q)
+
+    def enclose(self, which: Indices, part: Expansion, rows: Indices) -> Enclosure:
+        """Return the enclosure: the largest `c . q` is at a control point."""
+        return self.judge(which, *_range(self.coefficients, which, part, rows))
+
+    def enclose_box(self, which: Indices, centre: Array, half: Array) -> Enclosure:
+        """Return the enclosure: the largest `c . q` is at a corner."""
+        c = self.coefficients[which]
+        middle, wide = np.einsum("ni,ni->n", c, centre), np.einsum("ni,ni->n", np.abs(c), half)
+        return self.judge(which, middle, middle - wide, middle + wide)
+
+    def judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
+        """Return the enclosure from the range of `c . q`; only its upper end matters."""
+        error, bound = self.error[which], self.bounds[which]
+        value, lower = bound - middle, bound - upper - error
+        return Enclosure(value, lower, error, lower >= -LIMIT, value < -LIMIT - error, value - lower <= 2.0 * error)
+
+
+@dataclass(frozen=True)
+class OneAngleBoundaries:
+    """Boundaries of one effective angle: the exact extremes of the norm over an interval of the angle.
+
+    Attributes:
+        names: Their names.
+        chains: Their closed form.
+        threshold: (m,) [m].
+        is_line: (m,) whether contact is a line, so that the side of it counts.
+        gap: (m, 2) home's gap between contact lines [rad]; infinite where contact is no line.
+        error: (m,) rounding bound of a norm [m].
+        angle_error: (m,) rounding bound of the angle between phi and a contact line [rad].
+    """
+
+    names: tuple[str, ...]
+    chains: OneAngle
+    threshold: Array
+    is_line: Flags
+    gap: Array
+    error: Array
+    angle_error: Array
+
+    @property
+    def angles(self) -> Array:
+        """Coefficients of the effective angle."""
+        return self.chains.coefficients
+
+    @property
+    def weights(self) -> Array:
+        """Coefficients of the effective angle."""
+        return np.abs(self.chains.coefficients)
+
+    def signed(self, Q: Array) -> Array:
+        """Return the signed clearances (N, m) [m]."""
+        phi = Q @ self.chains.coefficients.T
+        which = np.broadcast_to(np.arange(len(self.names)), phi.shape)
+        return self._signed(which, phi)
+
+    def clearance(self, row: int, q: Array) -> float:
+        """Return the signed clearance of one boundary [m]."""
+        return float(self._signed(np.array([row]), self.chains.coefficients[row : row + 1] @ q)[0])
+
+    def _signed(self, which: Indices, phi: Array) -> Array:
+        norm = self.chains.norm(which, phi)
+        home = (phi > self.gap[which, 0]) & (phi < self.gap[which, 1])
+        return np.where(self.is_line[which], np.where(home, norm, -norm), norm - self.threshold[which])
+
+    def enclose(self, which: Indices, part: Expansion, rows: Indices) -> Enclosure:
+        """Return the enclosure over the range of the effective angle."""
+        return self.judge(which, *_range(self.chains.coefficients, which, part, rows))
+
+    def enclose_box(self, which: Indices, centre: Array, half: Array) -> Enclosure:
+        """Return the enclosure over the range of the effective angle."""
+        c = self.chains.coefficients[which]
+        middle, wide = np.einsum("ni,ni->n", c, centre), np.einsum("ni,ni->n", np.abs(c), half)
+        return self.judge(which, middle, middle - wide, middle + wide)
+
+    def judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
+        """Return the enclosure from the range of the effective angle."""
+        error, slack, line = self.error[which], self.angle_error[which], self.is_line[which]
+        value = self._signed(which, middle)
+        near, far = self.chains.extremes(which, lower, upper)
+        start, end = self.gap[which, 0], self.gap[which, 1]
+        home = (lower - slack > start) & (upper + slack < end)
+        over = (middle + slack < start) | (middle - slack > end)
+        bound = np.where(line, np.where(home, near, -far), near - self.threshold[which]) - error
+        bound = np.where(line & home, np.maximum(bound, 0.0), bound)
+        clear = np.where(line, home, bound > 0.0)
+        violated = np.where(line, over & (value < 0.0), value < -error)
+        narrow = np.where(line & ~home, upper - lower <= slack, value - bound <= 2.0 * error)
+        return Enclosure(value, bound, error, clear, violated, narrow)
+
+
+@dataclass(frozen=True)
+class ManyAngleBoundaries:
+    """Boundaries of several effective angles, or with slides: lever-arm bounds.
+
+    Attributes:
+        names: Their names.
+        chains: Their chains, side by side.
+        arms: (m, k) lever arms [m].
+        threshold: (m,) what the norm must exceed: `max(threshold, contact_tolerance)` [m].
+        error: (m,) rounding bound of a norm [m].
+    """
+
+    names: tuple[str, ...]
+    chains: Bundle
+    arms: Array
+    threshold: Array
+    error: Array
+    boundaries: tuple[Boundary, ...]
+
+    @property
+    def weights(self) -> Array:
+        """Lever arms, and lengths of slides, a coordinate."""
+        turned = np.einsum("mk,mkn->mn", self.arms, np.abs(self.chains.coefficients))
+        slides = self.chains.slides
+        return turned if slides is None else turned + np.linalg.norm(slides, axis=2).sum(axis=1)
+
+    def signed(self, Q: Array) -> Array:
+        """Return the signed clearances (N, m) [m]."""
+        norms = [numeric.norm(numeric.positions(boundary.path.minimal, Q)) for boundary in self.boundaries]
+        return np.array(norms).reshape(len(self.boundaries), len(Q)).T - self.threshold
+
+    def clearance(self, row: int, q: Array) -> float:
+        """Return the signed clearance of one boundary [m]."""
+        return float(self.boundaries[row].norm(q) - self.threshold[row])
+
+    def enclose(self, which: Indices, part: Expansion, rows: Indices) -> Enclosure:
+        """Return the enclosure by the bounds along a motion."""
+        error = self.error[which]
+        return self._judge(which, error, *along_motion(self.chains, self.arms, which, part.take(rows), error))
+
+    def enclose_box(self, which: Indices, centre: Array, half: Array) -> Enclosure:
+        """Return the enclosure by the bounds over a box."""
+        error = self.error[which]
+        return self._judge(which, error, *over_box(self.chains, self.arms, which, centre, half, error))
+
+    def _judge(self, which: Indices, error: Array, norm: Array, bound: Array) -> Enclosure:
+        value = norm - self.threshold[which]
+        lower = np.maximum(bound, 0.0) - self.threshold[which] - error
+        return Enclosure(value, lower, error, lower > 0.0, value < -error, value - lower <= 2.0 * error)
+
+
+def _range(C: Array, which: Indices, part: Expansion, rows: Indices) -> tuple[Array, Array, Array]:
+    """Return `c . q` in the middle, and its least and largest value, (N,) each."""
+    if len(part.middle) * len(C) <= 2 * len(which):  # all constraints on all parts: one product, then look up
+        phi = part.values @ C.T
+        wide = np.broadcast_to(part.value_radius @ np.abs(C.T), (len(part.middle), len(C)))
+        tables = part.middle @ C.T, phi.min(axis=1) - wide, phi.max(axis=1) + wide
+        middle, low, high = (table[rows, which] for table in tables)
+        return middle, low, high
+    c, values = C[which], part.values[rows]
+    phi = np.einsum("ni,npi->np", c, values)
+    radius = part.value_radius[rows] if part.value_radius.ndim > 1 else part.value_radius
+    wide = np.einsum("ni,ni->n", np.abs(c), np.broadcast_to(radius, c.shape))
+    return np.einsum("ni,ni->n", c, part.middle[rows]), phi.min(axis=1) - wide, phi.max(axis=1) + wide
+
+
+def select(robot: Robot, boundaries: Sequence[str] | None) -> tuple[Boundary, ...]:
+    """Return the boundaries of these names, in the robot's order; None: all.
+
+    Raises:
+        UnknownNameError: If the robot has no boundary of that name.
+    """
+    if boundaries is None:
+        return tuple(robot.boundaries)
+    wanted = [boundaries] if isinstance(boundaries, str) else list(boundaries)
+    for name in wanted:
+        if name not in robot.boundaries.names:
+            raise UnknownNameError("boundary", name, robot.boundaries.names)
+    return tuple(boundary for boundary in robot.boundaries if boundary.name in wanted)
+
+
+def families(
+    robot: Robot, boundaries: Sequence[Boundary], lower: Array, upper: Array, degree: int = 1
+) -> tuple[Limits, OneAngleBoundaries, ManyAngleBoundaries]:
+    """Return all constraints of a robot, with rounding bounds that hold while q stays in a box.
+
+    Args:
+        robot: The robot.
+        boundaries: Which of its boundaries.
+        lower: (n,) lower corner.
+        upper: (n,) upper corner.
+        degree: Degree of the motion's pieces.
+    """
+    one = [boundary for boundary in boundaries if boundary.contact is not None]
+    many = tuple(boundary for boundary in boundaries if boundary.contact is None)
+    return (
+        _limits(robot, lower, upper, degree),
+        _one_angle(robot, one, lower, upper, degree),
+        _many_angles(robot, many, lower, upper, degree),
+    )
+
+
+def _limits(robot: Robot, lower: Array, upper: Array, degree: int) -> Limits:
+    names: list[str] = []
+    rows: list[Array] = []
+    bounds: list[float] = []
+    for limit in robot.linear_limits:
+        for end, sign, bound in (("upper", 1.0, limit.upper), ("lower", -1.0, limit.lower)):
+            if np.isfinite(bound):
+                names.append(f"{limit.joint} {end}")
+                rows.append(sign * limit.coefficients)
+                bounds.append(sign * (bound - limit.offset))
+    C = np.array(rows).reshape(-1, len(robot.coordinates))
+    sizes = np.abs(C) @ np.maximum(np.abs(lower), np.abs(upper)) + np.abs(bounds)
+    return Limits(tuple(names), C, np.array(bounds), UNIT_ROUNDOFF * (C.shape[1] + 4 + 8 * degree) * sizes)
+
+
+def _errors(robot: Robot, boundaries: Sequence[Boundary], chains: Bundle, lower: Array, upper: Array, degree: int):
+    joints = [
+        len(robot.tree.descent(boundary.ancestor, boundary.point_a.link))
+        + len(robot.tree.descent(boundary.ancestor, boundary.point_b.link))
+        for boundary in boundaries
+    ]
+    return rounding_bound(chains, np.array(joints, dtype=np.float64), lower, upper, degree)
+
+
+def _one_angle(
+    robot: Robot, boundaries: Sequence[Boundary], lower: Array, upper: Array, degree: int
+) -> OneAngleBoundaries:
+    n = len(robot.coordinates)
+    chains = [boundary.path.minimal for boundary in boundaries]
+    closed = one_angle(chains, n)
+    error = _errors(robot, boundaries, bundle(chains, n), lower, upper, degree)
+    is_line = np.array([b.contact is not None and b.contact.half_width == 0.0 for b in boundaries], dtype=np.bool_)
+    phi = closed.coefficients @ robot.home
+    turn = 2.0 * np.pi
+    turns = np.floor((phi - closed.angle) / turn)
+    gap = np.stack([closed.angle + turns * turn, closed.angle + (turns + 1) * turn], axis=1).reshape(-1, 2)
+    gap[~is_line] = (-np.inf, np.inf)
+    farthest = np.maximum(np.abs(lower), np.abs(upper))
+    size = np.abs(closed.coefficients) @ farthest + np.abs(closed.angle) + turn * (1.0 + np.abs(turns))
+    with np.errstate(divide="ignore"):
+        angle_error = 4.0 * error / closed.arm + UNIT_ROUNDOFF * (n + 16 + 8 * degree) * size
+    threshold = np.array([boundary.threshold for boundary in boundaries])
+    names = tuple(boundary.name for boundary in boundaries)
+    return OneAngleBoundaries(names, closed, threshold, is_line, gap, error, angle_error)
+
+
+def _many_angles(
+    robot: Robot, boundaries: tuple[Boundary, ...], lower: Array, upper: Array, degree: int
+) -> ManyAngleBoundaries:
+    chains = bundle([boundary.path.minimal for boundary in boundaries], len(robot.coordinates))
+    error = _errors(robot, boundaries, chains, lower, upper, degree)
+    threshold = np.array([max(boundary.threshold, boundary.contact_tolerance) for boundary in boundaries])
+    names = tuple(boundary.name for boundary in boundaries)
+    return ManyAngleBoundaries(names, chains, lever_arms(chains, lower, upper), threshold, error, boundaries)
+
+
+def far_sides(robot: Robot, boundaries: Sequence[Boundary], q: Array) -> tuple[str, ...]:
+    """Return the boundaries with a contact strip beyond which q lies, seen from home: clear, but not reachable."""
+    found: list[str] = []
+    for boundary in boundaries:
+        contact = boundary.contact
+        if contact is not None and contact.half_width:
+            start, end = contact.gap(float(contact.coefficients @ robot.home))
+            if not start < float(contact.coefficients @ q) < end:
+                found.append(boundary.name)
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class _Signed:
+    """Signed clearances of some boundaries, in the robot's order."""
+
+    robot: Robot
+    boundaries: tuple[Boundary, ...]
+
+    @cached_property
+    def families(self) -> tuple[OneAngleBoundaries, ManyAngleBoundaries]:
+        zero = np.zeros(len(self.robot.coordinates))
+        return families(self.robot, self.boundaries, zero, zero)[1:]
+
+    def __call__(self, Q: Array) -> Array:
+        columns = {name: column for f in self.families for name, column in zip(f.names, f.signed(Q).T, strict=True)}
+        return np.array([columns[b.name] for b in self.boundaries]).reshape(len(self.boundaries), len(Q)).T
+
+
+def signed_clearances(robot: Robot, Q: ArrayLike, boundaries: Sequence[str] | None = None) -> Array:
+    """Return the clearances that a certificate is about, signed also where a threshold is zero.
+
+    `clearances` of the robot wherever contact is a strip or an area; see this module for the two other cases.
+
+    Args:
+        robot: The robot.
+        Q: One q (n,) or many (N, n).
+        boundaries: Names of boundaries, None: all.
+
+    Returns:
+        (m,) or (N, m) [m]: positive is free.
+
+    Raises:
+        UnknownNameError: If the robot has no boundary of that name.
+        DimensionError: If the last axis of Q is not n long.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> Q = np.radians([[0.0, 0.0, 0.0], [0.0, 0.0, 60.0]])
+        >>> [bool(x) for x in pb.signed_clearances(robot, Q, ["beta_4"])[:, 0] > 0.0]
+        [True, False]
+    """
+    array = as_configurations(Q, robot.coordinates)
+    rows = array.reshape(-1, len(robot.coordinates))
+    with np.errstate(invalid="ignore"):
+        found = _Signed(robot, select(robot, boundaries))(rows)
+    found[~np.all(np.isfinite(rows), axis=1)] = np.nan
+    return found if array.ndim > 1 else found[0]

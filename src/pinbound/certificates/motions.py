@@ -1,0 +1,117 @@
+"""certify(): a whole motion proved clear, or shown not to be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pinbound.certificates.constraints import families, far_sides, select
+from pinbound.certificates.records import Budget, Certificate, Finding, OpenPart, Verdict
+from pinbound.certificates.search import Meter, Search
+from pinbound.certificates.trajectory import as_trajectory
+from pinbound.robot import Robot
+from pinbound.tolerances import PRECISION
+
+__all__ = ["certify"]
+
+
+def certify(
+    robot: Robot,
+    waypoints: Any,
+    times: ArrayLike | None = None,
+    boundaries: Sequence[str] | None = None,
+    budget: Budget | None = None,
+    *,
+    limits: bool = True,
+    each: bool = False,
+    precision: float = PRECISION,
+) -> Certificate:
+    """Prove that a motion stays clear at every moment, or find where it does not.
+
+    What is checked: `norm(q(t)) > threshold` for every boundary and every real t (two refinements for zero thresholds:
+    `certificates.constraints`), and every joint limit, followers' limits included. Nothing is sampled: each part
+    of the motion is either proven by lever-arm bounds, rounding included, or halved. Angles are not wrapped.
+
+    Args:
+        robot: The robot.
+        waypoints: (N, n), straight in q between them; or a SciPy PPoly, CubicSpline, BPoly or BSpline with values (n,);
+            or a `BoundedMotion`.
+        times: (N,) increasing times of waypoints; None: 0, 1, ..., N - 1.
+        boundaries: Names of the boundaries to check; None: all.
+        budget: How much work is allowed; None: `Budget()`.
+        limits: Whether joint limits are checked too.
+        each: Tight bounds of the smallest clearance for every boundary. Otherwise only for the smallest of all; the
+            others' bounds are true, but may be wide.
+        precision: Width of the bounds of the smallest clearance [m], if the budget allows.
+
+    Returns:
+        The certificate: CERTIFIED, VIOLATED with first contact and witness, or UNDECIDED with what is left.
+
+    Raises:
+        DimensionError: If shapes do not fit, something is not finite, or times do not increase.
+        UnknownNameError: If the robot has no boundary of that name.
+        UnsupportedError: If the motion is of a kind that says nothing about what lies between two times.
+
+    References:
+        `docs/certificates.md`.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> pb.certify(robot, np.radians([[0, 0, 0], [90, 30, 40]])).verdict
+        <Verdict.CERTIFIED: 'certified'>
+        >>> found = pb.certify(robot, np.radians([[0, 0, 0], [90, 0, 60]]))
+        >>> found.verdict, found.violations[0].name, round(found.first_contact.after, 6)
+        (<Verdict.VIOLATED: 'violated'>, 'beta_4', 0.540485)
+    """
+    meter = Meter(budget or Budget())
+    chosen = select(robot, boundaries)
+    trajectory = as_trajectory(waypoints, robot.coordinates, times)
+    limit_family, *boundary_families = families(robot, chosen, *trajectory.extent, trajectory.degree)
+    found: dict[str, Finding] = {}
+    open_parts: list[OpenPart] = []
+    bounds: list[Finding] = []
+    if limits:
+        search = Search(limit_family, trajectory, meter, None)
+        search.run(each)
+        bounds, open_parts = search.results()
+    best = np.inf
+    for family in boundary_families:
+        search = Search(family, trajectory, meter, precision, best)
+        search.run(each)
+        findings, left = search.results()
+        best = min(best, *(finding.upper for finding in findings), np.inf)
+        open_parts += left
+        found |= {finding.name: finding for finding in findings}
+    ordered = tuple(found[boundary.name] for boundary in chosen)
+    start, end = float(trajectory.starts[0]), float(trajectory.starts[-1] + trajectory.durations[-1])
+    first_q = trajectory.at(np.zeros(1, dtype=np.intp), np.zeros(1))[0]
+    return Certificate(
+        verdict=_verdict([*ordered, *bounds]),
+        start=start,
+        end=end,
+        boundaries=ordered,
+        limits=tuple(bounds),
+        open_parts=tuple(sorted(open_parts, key=lambda part: (part.start, part.name))),
+        notes=_notes(robot, chosen, found, first_q),
+        boxes=meter.boxes,
+        seconds=meter.seconds,
+    )
+
+
+def _verdict(findings: Sequence[Finding]) -> Verdict:
+    verdicts = {finding.verdict for finding in findings}
+    return next((v for v in (Verdict.VIOLATED, Verdict.UNDECIDED) if v in verdicts), Verdict.CERTIFIED)
+
+
+def _notes(robot: Robot, chosen: Sequence[Any], found: dict[str, Finding], first_q: Any) -> tuple[str, ...]:
+    names = [name for name in far_sides(robot, chosen, first_q) if found[name].verdict is Verdict.CERTIFIED]
+    if not names:
+        return ()
+    return (
+        f"clear, but beyond contact as seen from home, so not reachable from there: {', '.join(names)}; "
+        "see whether the motion's signs and zeros are the robot's",
+    )

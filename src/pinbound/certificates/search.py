@@ -1,0 +1,296 @@
+"""Branch and bound over the parts of a motion: cut what is neither clear nor violated, as arrays.
+
+All open parts of all constraints of a family are bounded in one go and cut together. A part leaves the list
+when it is proven clear and cannot hold the smallest clearance any more, when it lies behind the first contact, or when
+halving it cannot help: what is left of its width is below rounding.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.certificates.constraints import Enclosure, Family, OneAngleFamily
+from pinbound.certificates.records import Budget, Contact, Finding, OpenPart, Reason, Verdict
+from pinbound.certificates.trajectory import Polynomials, Trajectory
+from pinbound.interpreters.bounds import Expansion
+from pinbound.tolerances import FIRST_CONTACT
+
+__all__ = ["Meter", "Search"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_BATCH = 2**14
+_NARROWEST = 2.0**-48
+_WAYS = ((32, 8), (256, 4))
+_REASONS = tuple(Reason)
+
+
+@dataclass
+class Meter:
+    """What a certificate has spent of its budget."""
+
+    budget: Budget
+    boxes: int = 0
+    started: float = field(default_factory=time.perf_counter)
+
+    @property
+    def seconds(self) -> float:
+        """Wall time so far."""
+        return time.perf_counter() - self.started
+
+    def spent(self) -> Reason | None:
+        """Return which part of the budget is spent, if one is."""
+        if self.boxes >= self.budget.boxes:
+            return Reason.BOXES
+        return Reason.TIME if self.seconds >= self.budget.seconds else None
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """Parts [a, b] of pieces, each of one constraint."""
+
+    piece: Indices
+    which: Indices
+    a: Array
+    b: Array
+
+    def __len__(self) -> int:
+        return len(self.piece)
+
+    def take(self, rows: NDArray[np.bool_] | slice) -> _Parts:
+        return _Parts(self.piece[rows], self.which[rows], self.a[rows], self.b[rows])
+
+    def cut(self) -> _Parts:
+        """Cut each part into equal ones, the more the fewer there are: a short list costs as much as its length.
+
+        Parts are dyadic, so that edges are exact, and neighbours share them: no gap.
+        """
+        ways = next((ways for most, ways in _WAYS if len(self) <= most), 2)
+        steps = np.arange(ways + 1) / ways
+        edges = self.a + (self.b - self.a) * steps[:, None]
+        edges[-1] = self.b
+        piece, which = np.tile(self.piece, ways), np.tile(self.which, ways)
+        return _Parts(piece, which, edges[:-1].ravel(), edges[1:].ravel())
+
+
+class Search:
+    """Everything that is known of the constraints of one family along one motion."""
+
+    def __init__(
+        self, family: Family, trajectory: Trajectory, meter: Meter, precision: float | None, best: float = np.inf
+    ) -> None:
+        """Start with nothing known, but that some clearance elsewhere is at most `best`.
+
+        `precision` [m] is wanted of the smallest clearance; None: whatever the verdict yields.
+        """
+        self.family, self.trajectory, self.meter = family, trajectory, meter
+        self.precision, self.elsewhere = np.inf if precision is None else precision, best
+        m = len(family.names)
+        self.lower = np.full(m, np.inf)
+        self.best, self.best_piece, self.best_u = np.full(m, np.inf), np.zeros(m, np.intp), np.zeros(m)
+        self.first, self.first_piece, self.first_u = np.full(m, np.inf), np.zeros(m, np.intp), np.zeros(m)
+        self.open: list[tuple[_Parts, Array, Indices]] = []
+        self.unseen: tuple[float, Indices, Reason] | None = None
+        starts, durations = trajectory.starts, trajectory.durations
+        self.origin, self.total = float(starts[0]), float(starts[-1] + durations[-1] - starts[0])
+
+    def run(self, each: bool) -> None:
+        """Search until everything is decided, or the budget is spent.
+
+        Args:
+            each: Whether every constraint gets tight bounds of its smallest clearance, not only the smallest of all.
+        """
+        active, pieces = self._sweep(each), len(self.trajectory.starts)
+        m = len(active)
+        if not m:
+            return
+        step = max(1, _BATCH // m)
+        for start in range(0, pieces, step):  # the knots first: contacts there save much of the rest
+            if self.meter.spent():
+                break
+            self._knots(active, np.arange(start, min(start + step, pieces)), last=start + step >= pieces)
+        for start in range(0, pieces, step):
+            piece = np.repeat(np.arange(start, min(start + step, pieces)), m)
+            which = np.tile(active, len(piece) // m)
+            parts = _Parts(piece, which, np.zeros(len(piece)), np.ones(len(piece)))
+            while len(parts):
+                reason = self.meter.spent()
+                if reason:
+                    self._give_up(parts, active, reason)
+                    return
+                batches = [self._round(parts.take(slice(i, i + _BATCH)), each) for i in range(0, len(parts), _BATCH)]
+                parts = batches[0] if len(batches) == 1 else _joined(batches)
+
+    def _sweep(self, each: bool) -> Indices:
+        """Settle what one look at the whole motion settles; return the constraints that need a closer one.
+
+        A constraint on one angle is proven for the motion if it is for the whole range of that angle, and its clearance
+        is smallest at an end of the range, which a motion straight between knots takes at a knot.
+        """
+        m, family = len(self.family.names), self.family
+        if not m or not isinstance(family, OneAngleFamily) or not isinstance(self.trajectory, Polynomials):
+            return np.arange(m)
+        controls, which = self.trajectory.controls, np.arange(m)
+        knots = np.concatenate([controls[:, 0], controls[-1:, -1]])
+        phi = knots @ family.angles.T
+        inner = phi if controls.shape[1] == 2 else controls.reshape(-1, knots.shape[1]) @ family.angles.T
+        wide = np.abs(family.angles) @ self.trajectory.radius
+        low, high = inner.min(axis=0) - wide, inner.max(axis=0) + wide
+        self.meter.boxes += m
+        clear, lower = np.zeros(m, np.bool_), np.full(m, -np.inf)
+        for row in (phi.argmin(axis=0), phi.argmax(axis=0)):
+            found = family.judge(which, phi[row, which], low, high)
+            upper, clear, lower = found.value + found.error, found.clear, found.lower
+            better = upper < self.best
+            piece = np.minimum(row, len(controls) - 1)
+            self.best = np.where(better, upper, self.best)
+            self.best_piece = np.where(better, piece, self.best_piece)
+            self.best_u = np.where(better, (row - piece).astype(np.float64), self.best_u)
+        target = self.best if each else np.full(m, min(float(self.best.min()), self.elsewhere))
+        settled = clear & ((self.best - lower <= self.precision) | (lower >= target - self.precision))
+        self.lower[settled] = lower[settled]
+        return np.flatnonzero(~settled)
+
+    def _times(self, piece: Indices, u: Array) -> Array:
+        """Return times since the start of the motion."""
+        return (self.trajectory.starts[piece] - self.origin) + u * self.trajectory.durations[piece]
+
+    def _enclose(self, parts: _Parts) -> Enclosure:
+        self.meter.boxes += len(parts)
+        found = self.family.enclose(parts.which, *_expanded(self.trajectory, parts))
+        middle = 0.5 * (parts.a + parts.b)
+        upper = found.value + found.error
+        self._smallest(parts, middle, upper)
+        if np.any(found.violated):
+            self._earliest(parts.take(found.violated), middle[found.violated])
+        return found
+
+    def _knots(self, active: Indices, pieces: Indices, last: bool) -> None:
+        m = len(active)
+        zero = np.zeros(len(pieces) * m)
+        parts = [_Parts(np.repeat(pieces, m), np.tile(active, len(pieces)), zero, zero)]
+        if last:
+            parts.append(_Parts(np.full(m, pieces[-1]), active, np.ones(m), np.ones(m)))
+        for one in parts:
+            self._enclose(one)
+
+    def _smallest(self, parts: _Parts, u: Array, upper: Array) -> None:
+        rows = _least(parts.which, upper, self.best)
+        which = parts.which[rows]
+        self.best[which], self.best_piece[which], self.best_u[which] = upper[rows], parts.piece[rows], u[rows]
+
+    def _earliest(self, parts: _Parts, u: Array) -> None:
+        times = self._times(parts.piece, u)
+        rows = _least(parts.which, times, self.first)
+        which = parts.which[rows]
+        self.first[which], self.first_piece[which], self.first_u[which] = times[rows], parts.piece[rows], u[rows]
+
+    def _round(self, parts: _Parts, each: bool) -> _Parts:
+        """Bound parts, settle what can be settled, and return the rest, cut."""
+        found = self._enclose(parts)
+        which, first = parts.which, self.first[parts.which]
+        begin, end = self._times(parts.piece, parts.a), self._times(parts.piece, parts.b)
+        doubtful = ~found.clear & (begin < first)
+        target = self.best[which] if each else np.full(len(parts), min(float(self.best.min()), self.elsewhere))
+        wanted = found.lower < target - self.precision
+        stuck = found.settled & ~found.violated
+        narrow = parts.b - parts.a <= _NARROWEST
+        timed = np.isfinite(first) & (end - begin <= FIRST_CONTACT * self.total / 4.0)
+        split = (doubtful & ~timed | wanted) & ~stuck & ~narrow
+        done = ~split
+        np.minimum.at(self.lower, which[done], found.lower[done])
+        left = done & doubtful
+        if np.any(left):
+            code = np.where(stuck[left], _REASONS.index(Reason.ROUNDING), _REASONS.index(Reason.RESOLUTION))
+            self.open.append((parts.take(left), found.lower[left], code))
+        return parts.take(split).cut()
+
+    def _give_up(self, parts: _Parts, active: Indices, reason: Reason) -> None:
+        """Keep what the budget does not allow to look at: these parts, and every later piece."""
+        self.lower[np.unique(parts.which)] = -np.inf
+        code = np.full(len(parts), _REASONS.index(reason))
+        self.open.append((parts, np.full(len(parts), -np.inf), code))
+        behind = int(parts.piece.max()) + 1
+        if behind < len(self.trajectory.starts):
+            self.lower[active] = -np.inf
+            self.unseen = (float(self.trajectory.starts[behind]) - self.origin, active, reason)
+
+    def results(self) -> tuple[list[Finding], list[OpenPart]]:
+        """Return one finding a constraint, and the open parts before its first contact, neighbours merged."""
+        m = len(self.family.names)
+        pending = np.full(m, np.inf)
+        listed: list[OpenPart] = []
+        for parts, lower, code in self.open:
+            begin, end = self._times(parts.piece, parts.a), self._times(parts.piece, parts.b)
+            before = begin < self.first[parts.which]
+            np.minimum.at(pending, parts.which[before], begin[before])
+            for row in np.flatnonzero(before):
+                name, reason = self.family.names[int(parts.which[row])], _REASONS[int(code[row])]
+                span = self.origin + float(begin[row]), self.origin + float(end[row])
+                listed.append(OpenPart(name, *span, float(lower[row]), reason))
+        if self.unseen:
+            begun, active, reason = self.unseen
+            span = self.origin + begun, self.origin + self.total
+            for row in active[self.first[active] > begun]:
+                pending[row] = min(float(pending[row]), begun)
+                listed.append(OpenPart(self.family.names[int(row)], *span, -np.inf, reason))
+        findings: list[Finding] = []
+        at, best_times = self.trajectory.at, self.origin + self._times(self.best_piece, self.best_u)
+        best_q = at(self.best_piece, self.best_u)
+        hit = np.isfinite(self.first)
+        contact_q = at(self.first_piece, self.first_u)
+        for row, name in enumerate(self.family.names):
+            contact = None
+            verdict = Verdict.UNDECIDED if np.isfinite(pending[row]) else Verdict.CERTIFIED
+            if hit[row]:
+                verdict = Verdict.VIOLATED
+                before = self.origin + float(min(pending[row], self.first[row]))
+                after = self.origin + float(self.first[row])
+                contact = Contact(before, after, contact_q[row], self.family.clearance(row, contact_q[row]))
+            lower = float(min(self.lower[row], self.best[row]))
+            one = Finding(name, verdict, lower, float(self.best[row]), float(best_times[row]), best_q[row], contact)
+            findings.append(one)
+        kept = [part for part in listed if not hit[self.family.names.index(part.name)]]
+        return findings, _merged(kept)
+
+
+def _expanded(trajectory: Trajectory, parts: _Parts) -> tuple[Expansion, Indices]:
+    """Return the distinct parts expanded, neighbours only compared, and the row of each part among them."""
+    new = np.ones(len(parts), dtype=np.bool_)
+    new[1:] = (np.diff(parts.piece) != 0) | (np.diff(parts.a) != 0.0) | (np.diff(parts.b) != 0.0)
+    once = parts.take(new)
+    return trajectory.expand(once.piece, once.a, once.b), np.cumsum(new) - 1
+
+
+def _least(which: Indices, values: Array, known: Array) -> Indices:
+    """Return, for each constraint whose least value is below the known one, a row that has it."""
+    least = known.copy()
+    np.minimum.at(least, which, values)
+    return np.flatnonzero((values == least[which]) & (values < known[which]))
+
+
+def _joined(parts: list[_Parts]) -> _Parts:
+    return _Parts(
+        np.concatenate([part.piece for part in parts]),
+        np.concatenate([part.which for part in parts]),
+        np.concatenate([part.a for part in parts]),
+        np.concatenate([part.b for part in parts]),
+    )
+
+
+def _merged(parts: list[OpenPart]) -> list[OpenPart]:
+    """Join open parts of one constraint and reason that touch."""
+    merged: list[OpenPart] = []
+    for part in sorted(parts, key=lambda part: (part.name, part.reason.value, part.start)):
+        last = merged[-1] if merged else None
+        if last and (last.name, last.reason) == (part.name, part.reason) and part.start <= last.end:
+            end, lower = max(last.end, part.end), min(last.lower, part.lower)
+            merged[-1] = OpenPart(last.name, last.start, end, lower, last.reason)
+        else:
+            merged.append(part)
+    return sorted(merged, key=lambda part: (part.start, part.name))

@@ -1,0 +1,183 @@
+"""`pinbound check`: certify a motion from a file."""
+
+from __future__ import annotations
+
+from math import degrees, floor, isfinite
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pinbound.certificates import Budget, Certificate, Finding, Verdict, certify
+from pinbound.cli.shared import (
+    Annotations,
+    AsJson,
+    PackageDirs,
+    RobotName,
+    XacroArgs,
+    console,
+    emit_json,
+    load_robot,
+    millimetres,
+    print_table,
+)
+from pinbound.exceptions import PinboundError
+from pinbound.motion import Motion, history, read_motion
+from pinbound.region import Region, feasible_region
+from pinbound.robot import Robot
+
+__all__ = ["check"]
+
+_DEFAULT = Budget()
+
+MotionFile = Annotated[Path, typer.Argument(help="Columns by joint name, optional time: .csv, .npz or .parquet.")]
+Degrees = Annotated[bool, typer.Option("--deg", help="Angles in the file are in degrees (else radians).")]
+NoLimits = Annotated[bool, typer.Option("--no-limits", help="Leave joint limits out.")]
+Each = Annotated[bool, typer.Option("--each", help="Tight bounds for every boundary, not only the tightest.")]
+Only = Annotated[list[str] | None, typer.Option("--boundary", help="Check this boundary only; may be repeated.")]
+Plot = Annotated[Path | None, typer.Option(help="Draw clearances over time into this file (.png, .svg, .pdf).")]
+Boxes = Annotated[int, typer.Option(min=1, help="Budget: parts of the motion times boundaries.")]
+Seconds = Annotated[float, typer.Option(min=0.0, help="Budget: wall time [s].")]
+
+
+def check(
+    robot: RobotName,
+    motion: MotionFile,
+    deg: Degrees = False,
+    boundary: Only = None,
+    no_limits: NoLimits = False,
+    each: Each = False,
+    max_boxes: Boxes = _DEFAULT.boxes,
+    max_seconds: Seconds = _DEFAULT.seconds,
+    plot: Plot = None,
+    annotations: Annotations = None,
+    package_dir: PackageDirs = None,
+    xacro_arg: XacroArgs = None,
+    as_json: AsJson = False,
+) -> None:
+    """Prove a motion clear at every moment, straight in q between its rows, or show where it is not.
+
+    Exit code 0: certified. 1: violated, or undecided within the budget. 2: bad input.
+    """
+    loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    read = read_motion(loaded, motion, deg)
+    budget = Budget(max_boxes, max_seconds)
+    found = certify(loaded, read.waypoints, read.times, boundary, budget, limits=not no_limits, each=each)
+    if plot is not None:
+        _draw(loaded, read, found, plot)
+    if as_json:
+        emit_json(_record(loaded, read, found))
+    else:
+        _report(loaded, read, found)
+        if plot is not None:
+            console().print(f"figure: {plot}", markup=False)
+    if found.verdict is not Verdict.CERTIFIED:
+        raise typer.Exit(1)
+
+
+def _draw(robot: Robot, motion: Motion, found: Certificate, path: Path) -> None:
+    from pinbound.motion_figure import draw_motion
+
+    seen = history(robot, motion.waypoints, motion.times, _plane(robot))
+    figure = draw_motion(seen, found, "waypoint" if motion.times is None else "time")
+    try:
+        figure.savefig(path, dpi=160)
+    except ValueError as error:  # matplotlib's word for an unknown suffix
+        raise typer.BadParameter(str(error), param_hint="--plot") from error
+
+
+def _plane(robot: Robot) -> Region | None:
+    """Return the region of the two coordinates that the boundaries use, if there is such a plane."""
+    try:
+        return feasible_region(robot)
+    except PinboundError:
+        return None
+
+
+def _report(robot: Robot, motion: Motion, found: Certificate) -> None:
+    out = console()
+    unit = "waypoint" if motion.times is None else "time"
+    count = len(motion.waypoints)
+    spent = f"{found.boxes:,} boxes, {1e3 * found.seconds:.1f} ms"
+    colour = {"certified": "green", "violated": "red"}.get(found.verdict.value, "yellow")
+    out.print(
+        f"[bold {colour}]{found.verdict.value.upper()}[/bold {colour}]: {count} waypoints, "
+        f"{unit} {found.start:.9g} to {found.end:.9g}; {len(found.boundaries)} boundaries, "
+        f"{len(found.limits)} ends of joint limits; {spent}"
+    )
+    if found.boundaries:
+        title = "Boundaries, the tightest first"
+        columns = ("boundary", "verdict", "smallest clearance [mm]", "proven at least [mm]", f"at {unit}", "q")
+        ordered = sorted(found.boundaries, key=lambda finding: finding.upper)
+        print_table(title, columns, [_row(robot, finding) for finding in ordered])
+    if found.violations:
+        columns = ("violated", f"not before {unit}", f"but at {unit}", "q there")
+        rows = [
+            (f.name, f"{f.contact.before:.12g}", f"{f.contact.after:.12g}", _place(robot, f.contact.q))
+            for f in found.violations
+            if f.contact
+        ]
+        print_table("First contacts", columns, rows)
+    if found.open_parts:
+        columns = ("undecided", f"from {unit}", f"to {unit}", "why")
+        rows = [(p.name, f"{p.start:.9g}", f"{p.end:.9g}", p.reason.value) for p in found.open_parts[:20]]
+        print_table(f"Undecided ({len(found.open_parts)} parts)", columns, rows)
+    for note in found.notes:
+        out.print(f"note: {note}", markup=False)
+
+
+def _row(robot: Robot, finding: Finding) -> tuple[str, ...]:
+    proven = f"{floor(1e9 * finding.lower) / 1e6:.6f}" if isfinite(finding.lower) else "nothing"  # never rounded up
+    clearances = (millimetres(finding.upper, 6), proven)
+    return finding.name, finding.verdict.value, *clearances, f"{finding.time:.9g}", _place(robot, finding.q)
+
+
+def _place(robot: Robot, q: Any) -> str:
+    words = [
+        f"{name} {degrees(value):.4f} deg" if robot.turns(name) else f"{name} {1e3 * value:.3f} mm"
+        for name, value in zip(robot.coordinates, q.tolist(), strict=True)
+    ]
+    return ", ".join(words)
+
+
+def _finding(robot: Robot, finding: Finding) -> dict[str, Any]:
+    contact = finding.contact
+    return {
+        "name": finding.name,
+        "verdict": finding.verdict.value,
+        "lower": finding.lower,
+        "upper": finding.upper,
+        "time": finding.time,
+        "q": dict(zip(robot.coordinates, finding.q.tolist(), strict=True)),
+        "first_contact": contact
+        and {
+            "not_before": contact.before,
+            "at": contact.after,
+            "clearance": contact.clearance,
+            "q": dict(zip(robot.coordinates, contact.q.tolist(), strict=True)),
+        },
+    }
+
+
+def _record(robot: Robot, motion: Motion, found: Certificate) -> dict[str, Any]:
+    first = found.first_contact
+    return {
+        "verdict": found.verdict.value,
+        "waypoints": len(motion.waypoints),
+        "start": found.start,
+        "end": found.end,
+        "lower": found.lower,
+        "upper": found.upper,
+        "tightest": found.tightest and found.tightest.name,
+        "first_contact": first
+        and {"not_before": first.before, "at": first.after, "violated": found.violations[0].name},
+        "boundaries": [_finding(robot, finding) for finding in found.boundaries],
+        "limits": [_finding(robot, finding) for finding in found.limits],
+        "undecided": [
+            {"name": p.name, "start": p.start, "end": p.end, "lower": p.lower, "reason": p.reason.value}
+            for p in found.open_parts
+        ],
+        "notes": found.notes,
+        "boxes": found.boxes,
+        "seconds": found.seconds,
+    }

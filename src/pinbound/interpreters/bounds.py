@@ -1,0 +1,371 @@
+"""Certified bounds of a chain's norm along a motion and over a box, for many chains at once.
+
+With effective angles `phi_i = c_i . q`, every point beyond rotation i is at most its lever arm `rho_i` away from the
+axis, so `|dr/dphi_i| <= rho_i` and, for i <= j, `|d^2 r / dphi_i dphi_j| <= rho_j`. From the middle of a motion (or
+the centre of a box) with half-widths `h_i` of the angles this gives
+
+    |r| >= |r_0| - sum_i rho_i h_i                                      (first order)
+    |r| >= min |r_0 + tau r'_0| - sum_j rho_j (c_j^2 - c_(j-1)^2) / 2   (second order), c_j = h_1 + ... + h_j.
+
+`docs/certificates.md` proves both, with slides, and derives the bound of every rounding error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.path import Chain
+from pinbound.tolerances import EVALUATION, FOLDING, INFLATION, REDUCTION_ROUNDOFFS, UNIT_ROUNDOFF
+
+__all__ = [
+    "Bundle",
+    "Expansion",
+    "OneAngle",
+    "along_motion",
+    "bundle",
+    "lever_arms",
+    "one_angle",
+    "over_box",
+    "rounding_bound",
+]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """m chains, padded with rotations by zero to one number k of rotations.
+
+    Attributes:
+        offsets: (m, k + 1, 3) [m].
+        slides: (m, k + 1, 3, n), or None if nothing slides.
+        axes: (m, k, 3) unit vectors.
+        coefficients: (m, k, n).
+        scale: (m,) [m], the length of each path before reduction.
+    """
+
+    offsets: Array
+    slides: Array | None
+    axes: Array
+    coefficients: Array
+    scale: Array
+
+    @property
+    def rotations(self) -> int:
+        """The number k of rotations."""
+        return self.axes.shape[1]
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """What is known of `q(u)`, u in [0, 1], on each of N short pieces of a motion.
+
+    Derivatives are by u, so that a piece that is half as long has half the slope. What is said by points holds for
+    their convex hull: `q'(u)` lies in the hull of `slopes`, widened by `slope_radius`.
+
+    Attributes:
+        middle: (N, n), q(1/2) [rad or m], as known.
+        middle_radius: (N, n) or (n,), how far q(1/2) may be from it.
+        slope: (N, n), q'(1/2).
+        values: (N, p, n), whose hull, widened by `value_radius`, holds q(u).
+        value_radius: (N, n) or (n,).
+        slopes: (N, p, n).
+        slope_radius: (N, n) or (n,).
+        bends: (N, p, n), the same of q''; None if nothing is known of it.
+        bend_radius: (N, n) or (n,).
+    """
+
+    middle: Array
+    middle_radius: Array
+    slope: Array
+    values: Array
+    value_radius: Array
+    slopes: Array
+    slope_radius: Array
+    bends: Array | None
+    bend_radius: Array
+
+    def take(self, rows: Indices) -> Expansion:
+        """Return the rows of some pieces, in that order, repeated where asked for."""
+
+        def radius(one: Array) -> Array:
+            return one[rows] if one.ndim > 1 else one
+
+        return Expansion(
+            middle=self.middle[rows],
+            middle_radius=radius(self.middle_radius),
+            slope=self.slope[rows],
+            values=self.values[rows],
+            value_radius=radius(self.value_radius),
+            slopes=self.slopes[rows],
+            slope_radius=radius(self.slope_radius),
+            bends=None if self.bends is None else self.bends[rows],
+            bend_radius=radius(self.bend_radius),
+        )
+
+
+@dataclass(frozen=True)
+class OneAngle:
+    """m chains of one rotation and no slide: `norm^2 = smallest^2 + 4 |p||s| sin^2((phi - angle) / 2)`.
+
+    Attributes:
+        coefficients: (m, n), of `phi = c . q`.
+        angle: (m,) phi* [rad], where the norm is smallest.
+        smallest: (m,) [m].
+        reach: (m,) `4 |p| |s|` [m^2].
+        arm: (m,) `min(|p|, |s|)` [m], across the axis.
+    """
+
+    coefficients: Array
+    angle: Array
+    smallest: Array
+    reach: Array
+    arm: Array
+
+    def norm(self, which: Indices, phi: Array) -> Array:
+        """Return the norms (N,) of chains `which` at the angles phi (N,) [m]."""
+        sine = np.sin((phi - self.angle[which]) / 2.0)
+        return np.sqrt(self.smallest[which] ** 2 + self.reach[which] * sine * sine)
+
+    def extremes(self, which: Indices, lower: Array, upper: Array) -> tuple[Array, Array]:
+        """Return the smallest and the largest norm while phi runs over [lower, upper], (N,) each [m]."""
+        ends = self.norm(which, lower), self.norm(which, upper)
+        near, far = np.minimum(*ends), np.maximum(*ends)
+        turn, start = 2.0 * np.pi, lower - self.angle[which]
+        width = upper - lower
+        meets = np.ceil(start / turn) * turn - start <= width
+        passes = np.ceil((start - np.pi) / turn) * turn - (start - np.pi) <= width
+        top = np.sqrt(self.smallest**2 + self.reach)[which]
+        return np.where(meets, self.smallest[which], near), np.where(passes, top, far)
+
+
+def bundle(chains: Sequence[Chain], n: int) -> Bundle:
+    """Return chains over n coordinates side by side."""
+    m, k = len(chains), max((chain.rotations for chain in chains), default=0)
+    offsets, slides = np.zeros((m, k + 1, 3)), np.zeros((m, k + 1, 3, n))
+    axes, coefficients = np.tile(np.array([0.0, 0.0, 1.0]), (m, k, 1)), np.zeros((m, k, n))
+    for row, chain in enumerate(chains):
+        own = chain.rotations
+        offsets[row, : own + 1], slides[row, : own + 1] = chain.offsets, chain.slides
+        axes[row, :own], coefficients[row, :own] = chain.axes, chain.coefficients
+    scale = np.array([chain.scale for chain in chains])
+    return Bundle(offsets, slides if np.any(slides) else None, axes, coefficients, scale)
+
+
+def one_angle(chains: Sequence[Chain], n: int) -> OneAngle:
+    """Return chains of one rotation and no slide in closed form; every chain must be of that sort."""
+    rows: list[tuple[float, float, float, float]] = []
+    for chain in chains:
+        axis, (p, s) = chain.axes[0], chain.offsets
+        p_across, s_across = p - axis * (axis @ p), s - axis * (axis @ s)
+        lengths = float(np.linalg.norm(p_across)), float(np.linalg.norm(s_across))
+        angle = np.arctan2(axis @ np.cross(s_across, -p_across), -s_across @ p_across)
+        smallest = np.hypot(axis @ (p + s), lengths[0] - lengths[1])
+        rows.append((float(angle), float(smallest), 4.0 * lengths[0] * lengths[1], min(lengths)))
+    table = np.array(rows).reshape(-1, 4)
+    coefficients = np.array([chain.coefficients[0] for chain in chains]).reshape(-1, n)
+    return OneAngle(coefficients, table[:, 0], table[:, 1], table[:, 2], table[:, 3])
+
+
+def _slide_lengths(chains: Bundle, lower: Array, upper: Array) -> Array:
+    """Return how far each block can slide away from its offset while q stays in [lower, upper], (m, k + 1) [m]."""
+    if chains.slides is None:
+        return np.zeros(chains.offsets.shape[:2])
+    farthest = np.maximum(np.abs(lower), np.abs(upper))
+    return np.linalg.norm(chains.slides, axis=2) @ farthest
+
+
+def lever_arms(chains: Bundle, lower: Array, upper: Array) -> Array:
+    """Return the lever arm of every rotation while q stays in a box, (m, k) [m].
+
+    From the tail, with `a_i` and `rho_i` bounds of what lies beyond rotation i along and across its axis:
+    `rho_i = |across b_i| + min(|x|, |sin| a_(i+1) + rho_(i+1))`, the sine being that between the two axes.
+
+    Args:
+        chains: The chains.
+        lower: (n,) lower corner of the box; only coordinates that slide matter.
+        upper: (n,) upper corner.
+    """
+    m, k = chains.axes.shape[:2]
+    slid = _slide_lengths(chains, lower, upper)
+    arms = np.zeros((m, k))
+    along_next, across_next = np.zeros(m), np.zeros(m)
+    for i in reversed(range(k)):
+        axis, block = chains.axes[:, i], chains.offsets[:, i + 1]
+        along = np.abs(np.einsum("mi,mi->m", axis, block)) + slid[:, i + 1]
+        across = np.linalg.norm(np.cross(axis, block), axis=1) + slid[:, i + 1]
+        if i + 1 < k:
+            following = chains.axes[:, i + 1]
+            sine = np.linalg.norm(np.cross(axis, following), axis=1)
+            cosine = np.abs(np.einsum("mi,mi->m", axis, following))
+            length = np.hypot(along_next, across_next)
+            across = across + np.minimum(length, sine * along_next + across_next)
+            along = along + np.minimum(length, cosine * along_next + sine * across_next)
+        arms[:, i] = across
+        along_next, across_next = along, across
+    return arms * INFLATION
+
+
+def rounding_bound(chains: Bundle, joints: Array, lower: Array, upper: Array, degree: int = 1) -> Array:
+    """Return a bound of every rounding error in a norm while q stays in a box, (m,) [m].
+
+    It covers the derivation of the chain (constants folded in float64, what the reduction took for zero), the
+    evaluation of a motion of that degree and of the chain. Derived in `docs/certificates.md`.
+
+    Args:
+        chains: The chains.
+        joints: (m,) number of joints, fixed ones too, on each path in the tree.
+        lower: (n,) lower corner of the box.
+        upper: (n,) upper corner.
+        degree: Degree of the motion's pieces.
+    """
+    _, k, n = chains.coefficients.shape
+    farthest = np.maximum(np.abs(lower), np.abs(upper))
+    size = np.linalg.norm(chains.offsets, axis=2).sum(axis=1)
+    reach = np.maximum(chains.scale, size) + _slide_lengths(chains, lower, upper).sum(axis=1)
+    turned = (np.abs(chains.coefficients) @ farthest).max(axis=1, initial=0.0)
+    kappa = 1.0 + np.maximum(turned, farthest.sum())
+    constants = FOLDING * (joints + 1.0) ** 2 + EVALUATION * (k + 1)
+    growing = (k + 1) * (n + 4 + 8 * degree) + REDUCTION_ROUNDOFFS * (joints + 1.0)
+    return UNIT_ROUNDOFF * reach * (constants + growing * kappa)
+
+
+def along_motion(chains: Bundle, arms: Array, which: Indices, piece: Expansion, error: Array) -> tuple[Array, Array]:
+    """Return, for N pieces, the norm in the middle and a lower bound of the norm on the piece.
+
+    Args:
+        chains: The chains.
+        arms: (m, k) lever arms.
+        which: (N,) the chain that each piece is asked about.
+        piece: What is known of the motion.
+        error: (N,) rounding bound of a norm [m].
+
+    Returns:
+        Norm in the middle (N,), as computed, and the lower bound (N,), rounding of the bound itself taken off (but
+        not `error` of the norm).
+    """
+    C = chains.coefficients[which]
+    rates = np.einsum("nki,ni->kn", C, piece.slope)
+    most = _hull(np.einsum("nki,npi->npk", C, piece.slopes)) + _spread(np.abs(C), piece.slope_radius)
+    r, v = _value_and_rate(chains, which, piece.middle, piece.slope, np.einsum("nki,ni->kn", C, piece.middle), rates)
+    slides = chains.slides[which] if chains.slides is not None else None
+    slid = _slid(slides, piece.slopes, piece.slope_radius)
+    rho = arms[which]
+    norm = np.sqrt(_dot(r, r))
+    moved = 0.5 * (np.einsum("nk,nk->n", rho, most) + slid.sum(axis=1))
+    lower = norm - moved * INFLATION
+    if piece.bends is not None:
+        bend = _hull(np.einsum("nki,npi->npk", C, piece.bends)) + _spread(np.abs(C), piece.bend_radius)
+        second = _second(rho, most, slid) + np.einsum("nk,nk->n", rho, bend)
+        second = second + _slid(slides, piece.bends, piece.bend_radius).sum(axis=1)
+        lower = np.maximum(lower, _nearest(r, v) - second / 8.0 * INFLATION)
+    wide = np.einsum("nki,ni->nk", np.abs(C), np.abs(piece.slope)).max(axis=1, initial=0.0)
+    aside = np.einsum("nk,nk->n", rho, _spread(np.abs(C), piece.middle_radius))
+    aside = aside + _slid(slides, np.zeros_like(piece.slopes[:, :1]), piece.middle_radius).sum(axis=1)
+    return norm, lower - aside * INFLATION - error * wide
+
+
+def over_box(
+    chains: Bundle, arms: Array, which: Indices, centre: Array, half: Array, error: Array
+) -> tuple[Array, Array]:
+    """Return, for N boxes `centre +- half` (N, n) each, the norm at the centre and a lower bound over the box.
+
+    First order: lever arms. Second order: `|r| >= r_0/|r_0| . r`, linear part exact, rest bounded. The rounding of the
+    bound itself is taken off, but not `error` (N,) of the norm.
+    """
+    C = chains.coefficients[which]
+    phi = np.einsum("nki,ni->kn", C, centre)
+    wide = np.einsum("nki,ni->nk", np.abs(C), half)
+    slides = chains.slides[which] if chains.slides is not None else None
+    slid = _slid(slides, np.zeros((len(which), 1, half.shape[1])), half)
+    rho = arms[which]
+    first = np.einsum("nk,nk->n", rho, wide) + slid.sum(axis=1)
+    linear = np.zeros(len(which))
+    unit, norm = np.zeros((3, len(which))), np.zeros(len(which))
+    for j in range(half.shape[1]):
+        step = np.zeros_like(half)
+        step[:, j] = half[:, j]
+        r, v = _value_and_rate(chains, which, centre, step, phi, np.einsum("nki,ni->kn", C, step))
+        if j == 0:
+            norm = np.sqrt(_dot(r, r))
+            unit = np.divide(r, norm, out=np.zeros_like(r), where=norm > 0.0)
+        linear = linear + np.abs(_dot(unit, v))
+    second = linear + 0.5 * _second(rho, wide, slid)
+    return norm, norm - np.minimum(first, second) * INFLATION - error * wide.sum(axis=1)
+
+
+def _hull(points: Array) -> Array:
+    return np.abs(points).max(axis=1)
+
+
+def _spread(coefficients: Array, radius: Array) -> Array:
+    if not np.any(radius):
+        return np.zeros(coefficients.shape[:2])
+    return np.einsum("nki,ni->nk", coefficients, np.broadcast_to(radius, (len(coefficients), radius.shape[-1])))
+
+
+def _slid(slides: Array | None, points: Array, radius: Array) -> Array:
+    """Return how fast each block slides at most, (N, k + 1)."""
+    if slides is None:
+        return np.zeros((len(points), 1))
+    vectors = np.einsum("nkci,npi->npkc", slides, points)
+    lengths = np.linalg.norm(vectors, axis=3).max(axis=1)
+    return lengths + _spread(np.linalg.norm(slides, axis=2), radius)
+
+
+def _second(rho: Array, most: Array, slid: Array) -> Array:
+    """Return the bound of `|r''|` by rates alone: rotations with rotations, rotations with slides beyond them."""
+    total = np.cumsum(most, axis=1)
+    square = total * total
+    second = np.einsum("nk,nk->n", rho, np.diff(square, axis=1, prepend=0.0))
+    if slid.shape[1] > 1:
+        second = second + 2.0 * np.einsum("nk,nk->n", total, slid[:, 1:])
+    return second
+
+
+def _value_and_rate(chains: Bundle, which: Indices, q: Array, slope: Array, phi: Array, rates: Array) -> Any:
+    """Return r and r' (3, N) of each chain at its q, from the tail (the loop of `numeric`, one chain a row)."""
+    k, slides = chains.rotations, chains.slides
+    x = chains.offsets[which, k].T.copy()
+    v = np.zeros_like(x)
+    if slides is not None:
+        x += np.einsum("nci,ni->cn", slides[which, k], q)
+        v += np.einsum("nci,ni->cn", slides[which, k], slope)
+    for i in reversed(range(k)):
+        axis = chains.axes[which, i].T
+        cos, sin = np.cos(phi[i]), np.sin(phi[i])
+        x, v = _rotate(axis, cos, sin, x), _rotate(axis, cos, sin, v)
+        v += _cross(axis, x) * rates[i]
+        x += chains.offsets[which, i].T
+        if slides is not None:
+            x += np.einsum("nci,ni->cn", slides[which, i], q)
+            v += np.einsum("nci,ni->cn", slides[which, i], slope)
+    return x, v
+
+
+def _nearest(r: Array, v: Array) -> Array:
+    """Return `min |r + tau v|` over tau in [-1/2, 1/2]; any tau near the best one would do for |v| rounded."""
+    speed = _dot(v, v)
+    tau = np.divide(-_dot(r, v), speed, out=np.zeros_like(speed), where=speed > 0.0)
+    nearest = r + v * np.clip(tau, -0.5, 0.5)
+    return np.sqrt(_dot(nearest, nearest))
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(axis: Array, x: Array) -> Array:
+    u, v, w = axis
+    return np.stack((v * x[2] - w * x[1], w * x[0] - u * x[2], u * x[1] - v * x[0]))
+
+
+def _rotate(axis: Array, cos: Array, sin: Array, x: Array) -> Array:
+    along = axis * _dot(axis, x)
+    return along + (x - along) * cos + _cross(axis, x) * sin

@@ -1,0 +1,330 @@
+"""Motions as files and as arrays over time: reading, membership, distance to the region, clearances.
+
+Membership is Eq. (21) with its third line as the paper's text asks for it, negative beyond the upper end:
+`mu = min(q - q_min, q_max - q)`, the ends being those of the region's projection, or the joint limits of coordinates
+outside the region's plane.
+"""
+
+from __future__ import annotations
+
+import csv
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinbound.certificates import signed_clearances
+from pinbound.certificates.trajectory import as_trajectory
+from pinbound.exceptions import Problems, name_hint
+from pinbound.region import Region
+from pinbound.robot import Robot
+from pinbound.tolerances import FOLLOWS, ON_CONTOUR
+
+__all__ = ["Motion", "MotionHistory", "Place", "history", "read_motion"]
+
+Array = NDArray[np.float64]
+
+_TIME = "time"
+_MOST_FAULTS = 8
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Waypoints of one robot, straight in q between them.
+
+    Attributes:
+        waypoints: (N, n) [rad or m].
+        times: (N,) as the file gives them, or None if it has no `time` column.
+    """
+
+    waypoints: Array
+    times: Array | None
+
+
+class Place(IntEnum):
+    """Where a configuration lies with respect to a region; UNKNOWN in another slice than the region's."""
+
+    OUTSIDE = -1
+    ON = 0
+    INSIDE = 1
+    UNKNOWN = 2
+
+
+@dataclass(frozen=True)
+class MotionHistory:
+    """A motion sampled over time, for figures and tables; certificates do not sample.
+
+    Attributes:
+        coordinates: Active coordinates (n).
+        angles: Whether each coordinate is an angle (n); else a length.
+        boundaries: Names of the boundaries (m).
+        times: (N,).
+        Q: (N, n) [rad or m].
+        clearances: (N, m) signed clearances [m], as certificates use them.
+        mu: (N, n) membership of Eq. (21) [rad or m]; None without a region.
+        signed_distance: (N,) to the region's contour [rad], positive inside; None without a region.
+        places: (N,) of `Place`; None without a region.
+    """
+
+    coordinates: tuple[str, ...]
+    angles: tuple[bool, ...]
+    boundaries: tuple[str, ...]
+    times: Array
+    Q: Array
+    clearances: Array
+    mu: Array | None = None
+    signed_distance: Array | None = None
+    places: NDArray[np.int64] | None = None
+
+
+def history(
+    robot: Robot,
+    waypoints: Any,
+    times: ArrayLike | None = None,
+    region: Region | None = None,
+    samples: int = 1000,
+) -> MotionHistory:
+    """Return a motion's clearances, memberships and signed distance over time.
+
+    Args:
+        robot: The robot.
+        waypoints: As in `certify`.
+        times: As in `certify`.
+        region: A region of the robot, for membership; the paper takes the scaled one.
+        samples: About how many samples; every waypoint or knot is one.
+
+    Raises:
+        DimensionError: As in `certify`.
+        UnsupportedError: As in `certify`.
+
+    References:
+        Eq. (21); Figs. 20-22.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> region = pb.feasible_region(robot)
+        >>> seen = history(robot, np.radians([[0, 0, 0], [0, 0, 60]]), region=region, samples=7)
+        >>> [Place(place).name for place in seen.places[[0, -1]]], bool(np.all(seen.mu[-1] > 0))
+        (['INSIDE', 'OUTSIDE'], True)
+    """
+    trajectory = as_trajectory(waypoints, robot.coordinates, times)
+    pieces = len(trajectory.starts)
+    each = max(1, round(samples / pieces))
+    piece = np.repeat(np.arange(pieces), each)
+    u = np.tile(np.arange(each) / each, pieces)
+    if trajectory.durations[-1] > 0.0:
+        piece, u = np.append(piece, pieces - 1), np.append(u, 1.0)
+    Q = trajectory.at(piece, u)
+    clock = trajectory.starts[piece] + u * trajectory.durations[piece]
+    clearances = signed_clearances(robot, Q)
+    angles = tuple(robot.turns(name) for name in robot.coordinates)
+    if region is None:
+        return MotionHistory(robot.coordinates, angles, robot.boundaries.names, clock, Q, clearances)
+    lower, upper = robot.lower.copy(), robot.upper.copy()
+    columns = [robot.coordinates.index(name) for name in region.coordinates]
+    lower[columns], upper[columns] = region.vertices.min(axis=0), region.vertices.max(axis=0)
+    distance = np.asarray(region.signed_distance(Q))
+    place = np.where(distance > ON_CONTOUR, Place.INSIDE, np.where(distance < -ON_CONTOUR, Place.OUTSIDE, Place.ON))
+    return MotionHistory(
+        robot.coordinates,
+        angles,
+        robot.boundaries.names,
+        clock,
+        Q,
+        clearances,
+        np.minimum(Q - lower, upper - Q),
+        distance,
+        np.where(np.isnan(distance), Place.UNKNOWN, place).astype(np.int64),
+    )
+
+
+def read_motion(robot: Robot, path: str | Path, deg: bool = False) -> Motion:
+    r"""Read a motion from `.csv`, `.npz` or `.parquet`: one column a coordinate, by name, and optionally `time`.
+
+    Followers may have columns too, as recordings do; they must follow. An `.npz` holds one array a column.
+
+    Args:
+        robot: The robot.
+        path: The file.
+        deg: Angles are in degrees; slides are in metres always.
+
+    Raises:
+        InputError: If columns are missing or unknown, cells are no finite numbers, times do not increase, a follower
+            does not follow, or the file is empty or of another kind: all faults at once.
+
+    Example:
+        >>> import pinbound as pb, tempfile
+        >>> path = Path(tempfile.mkdtemp()) / "motion.csv"
+        >>> _ = path.write_text("time,q1,q2,q3\n0,0,0,0\n2,90,30,40\n")
+        >>> motion = read_motion(pb.load("minervabot_v3"), path, deg=True)
+        >>> motion.times.tolist(), motion.waypoints[1].round(4).tolist()
+        ([0.0, 2.0], [1.5708, 0.5236, 0.6981])
+    """
+    file = Path(path)
+    problems = Problems(file.name)
+    readers = {".csv": _read_csv, ".npz": _read_npz, ".parquet": _read_parquet}
+    if file.suffix.lower() not in readers:
+        problems.add(
+            f"a motion cannot be read from {file.suffix or 'a file without suffix'!r}", "Give a .csv, .npz or .parquet"
+        )
+        problems.raise_if_any()
+    columns, first_line = readers[file.suffix.lower()](file, problems)
+    problems.raise_if_any()
+    _check_names(robot, columns, problems)
+    problems.raise_if_any()
+    length = {len(column) for column in columns.values()}
+    if length == {0}:
+        problems.add("there is no row", "Give at least one configuration", first_line and first_line - 1)
+    if len(length) > 1:
+        sizes = ", ".join(f"{name}: {len(column)}" for name, column in columns.items())
+        problems.add(f"the columns have different lengths ({sizes})", "Give one value a waypoint")
+    problems.raise_if_any()
+    _check_numbers(columns, first_line, problems)
+    problems.raise_if_any()
+    values = {
+        name: np.radians(column) if deg and name != _TIME and robot.turns(name) else column
+        for name, column in columns.items()
+    }
+    waypoints = np.stack([values[name] for name in robot.coordinates], axis=1)
+    _check_followers(robot, waypoints, values, first_line, problems)
+    problems.raise_if_any()
+    return Motion(waypoints, values.get(_TIME))
+
+
+def _check_names(robot: Robot, columns: Mapping[str, Array], problems: Problems) -> None:
+    valid = [_TIME, *robot.coupling.joints]
+    for name in columns:
+        if name not in valid:
+            problems.add(f"column {name!r} is no joint of {robot.name!r}", name_hint(name, valid).capitalize())
+    missing = [name for name in robot.coordinates if name not in columns]
+    if missing:
+        needed = ", ".join(robot.coordinates)
+        problems.add(f"there is no column for {', '.join(missing)}", f"Give one column a coordinate: {needed}")
+
+
+def _check_numbers(columns: Mapping[str, Array], first_line: int | None, problems: Problems) -> None:
+    for name, column in columns.items():
+        bad = np.flatnonzero(~np.isfinite(column))
+        for row in bad[:_MOST_FAULTS]:
+            message = f"{name} in row {row + 1} is {column[row]}"
+            problems.add(message, "Give finite numbers", _line(first_line, int(row)))
+        if len(bad) > _MOST_FAULTS:
+            problems.add(f"{name} is not finite in {len(bad)} rows", "Give finite numbers")
+    if _TIME in columns and not problems.found:
+        times = columns[_TIME]
+        falling = np.flatnonzero(np.diff(times) <= 0.0)
+        if falling.size:
+            row = int(falling[0]) + 1
+            message = f"time does not increase in row {row + 1}: {times[row]:g} after {times[row - 1]:g}"
+            more = f" (and in {len(falling) - 1} more)" if len(falling) > 1 else ""
+            problems.add(message + more, "Sort the rows, one a moment", _line(first_line, row))
+
+
+def _check_followers(
+    robot: Robot, waypoints: Array, values: Mapping[str, Array], first_line: int | None, problems: Problems
+) -> None:
+    theta = robot.coupling.expand(waypoints)
+    for column, name in enumerate(robot.coupling.joints):
+        if name in values and name not in robot.coordinates:
+            gap = np.abs(values[name] - theta[:, column])
+            row = int(np.argmax(gap))
+            if gap[row] > FOLLOWS:
+                rule = robot.coupling.text(name)
+                message = f"{name!r} does not follow ({rule}) in row {row + 1}: {values[name][row]:.9g}"
+                remedy = f"It should be {theta[row, column]:.9g}; leave the column out, or mend it"
+                problems.add(message, remedy, _line(first_line, row))
+
+
+def _line(first_line: int | None, row: int) -> int | None:
+    return None if first_line is None else first_line + row
+
+
+def _read_csv(file: Path, problems: Problems) -> tuple[dict[str, Array], int | None]:
+    """Return columns by heading, and the line of the first row; blank lines and `#` comments may stand above it."""
+    try:
+        with file.open(encoding="utf-8-sig", newline="") as stream:
+            lines = list(csv.reader(stream, strict=True))
+    except (UnicodeDecodeError, csv.Error) as error:
+        problems.add(f"is no CSV file in UTF-8 ({error})", "Save it as comma-separated text")
+        return {}, None
+    top = next((i for i, cells in enumerate(lines) if cells and not cells[0].lstrip().startswith("#")), None)
+    if top is None:
+        problems.add("the file is empty", "Give a line of column names, then one line a waypoint")
+        return {}, None
+    names = [cell.strip() for cell in lines[top]]
+    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
+        problems.add("the columns are not separated by commas", "Save it as comma-separated text", top + 1)
+        return {}, None
+    for name in {name for name in names if names.count(name) > 1}:
+        problems.add(f"column {name!r} is there twice", "Keep one", top + 1)
+    while lines and not lines[-1]:
+        lines.pop()
+    table = np.full((len(lines) - top - 1, len(names)), np.nan)
+    for row, cells in enumerate(lines[top + 1 :]):
+        if len(problems.found) >= _MOST_FAULTS:
+            break
+        line = top + 2 + row
+        if len(cells) != len(names):
+            problems.add(f"{len(cells)} cells for {len(names)} columns", "Give one cell a column", line)
+            continue
+        for column, cell in enumerate(cells):
+            try:
+                table[row, column] = float(cell)
+            except ValueError:
+                problems.add(f"{names[column]} is {cell!r}", "Give a number", line)
+    return dict(zip(names, table.T, strict=True)), top + 2
+
+
+def _read_npz(file: Path, problems: Problems) -> tuple[dict[str, Array], int | None]:
+    try:
+        archive: Any = np.load(file, allow_pickle=False)
+        if isinstance(archive, np.ndarray):
+            raise ValueError("it holds one array, not named ones")
+        with archive:
+            arrays = {str(name): np.asarray(archive[name]) for name in archive.files}
+    except (ValueError, EOFError, zipfile.BadZipFile) as error:
+        problems.add(f"is no NPZ file of numbers ({error})", "Write it with numpy.savez(file, time=t, q1=..., ...)")
+        return {}, None
+    return _columns(arrays, problems), None
+
+
+def _read_parquet(file: Path, problems: Problems) -> tuple[dict[str, Array], int | None]:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        problems.add("reading Parquet needs pyarrow", "Install pyarrow, or give a .csv or .npz")
+        return {}, None
+    arrow, reader = cast(Any, pyarrow), cast(Any, parquet)
+    try:
+        table = reader.read_table(file)
+        arrays = {str(name): np.asarray(table.column(name).to_numpy()) for name in table.column_names}
+    except arrow.ArrowException as error:
+        problems.add(f"is no Parquet file ({str(error).splitlines()[0]})", "Check that it is complete")
+        return {}, None
+    return _columns(arrays, problems), None
+
+
+def _columns(arrays: Mapping[str, NDArray[Any]], problems: Problems) -> dict[str, Array]:
+    columns: dict[str, Array] = {}
+    for name, array in arrays.items():
+        if array.ndim != 1 or not (np.issubdtype(array.dtype, np.floating) or np.issubdtype(array.dtype, np.integer)):
+            what = f"of shape {array.shape} and type {array.dtype}"
+            problems.add(f"{name!r} is {what}", "Give one array of numbers (N,) a column")
+            continue
+        columns[name] = array.astype(np.float64)
+    if not arrays:
+        problems.add("there is no column", "Give one column a coordinate")
+    return columns
+
+
+def tightest(names: Sequence[str], clearances: Array, most: int) -> list[int]:
+    """Return the columns of the smallest clearances, the smallest first."""
+    order = np.argsort(clearances.min(axis=0), kind="stable")
+    return [int(column) for column in order[: min(most, len(names))]]
