@@ -2,7 +2,19 @@
 
 from typing import Final
 
-__all__ = ["CLOSURE", "CONTACT", "IMPLIED", "REDUCTION", "SYMBOLIC_DIGITS", "VERTEX"]
+__all__ = [
+    "CHORD",
+    "CLOSURE",
+    "CONTACT",
+    "IMPLIED",
+    "MESH_CHORD",
+    "ON_CONTOUR",
+    "QUADRATURE",
+    "REACHED",
+    "REDUCTION",
+    "SYMBOLIC_DIGITS",
+    "VERTEX",
+]
 
 CONTACT: Final = 2e-5
 """Metres. Default `contact_tolerance`: two arms that should have equal lengths may differ by the rounding of
@@ -24,3 +36,20 @@ VERTEX: Final = 1e-12
 
 SYMBOLIC_DIGITS: Final = 15
 """Decimal digits that symbolic output keeps of a float64, so that 0.06827 - 0.1 prints as -0.03173."""
+
+CHORD: Final = 1e-6
+"""Metres. Default distance between a curved edge of the workspace and the polyline that stands for it: far below any
+machine's accuracy, and still only some hundred points an edge."""
+
+MESH_CHORD: Final = 1e-4
+"""Metres. Default distance between a swept body and its mesh: 0.1 mm keeps files small."""
+
+QUADRATURE: Final = 1e-13
+"""Relative. Edges are halved until doubling the quadrature nodes changes an integral by less: near rounding."""
+
+ON_CONTOUR: Final = 1e-9
+"""Radians. A configuration this near to the contour of a region is on it: far above the rounding of a converged
+inverse kinematics (1e-12), far below any encoder's step."""
+
+REACHED: Final = 1e-10
+"""Metres. Inverse kinematics has converged when the frame is this near to its target."""
