@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -272,7 +272,11 @@ class BoundarySet(Sequence[Boundary]):
         """Iterate over them in order."""
         return iter(self._boundaries)
 
-    def __getitem__(self, key: Any) -> Any:
+    @overload
+    def __getitem__(self, key: int | str) -> Boundary: ...
+    @overload
+    def __getitem__(self, key: slice) -> Sequence[Boundary]: ...
+    def __getitem__(self, key: int | str | slice) -> Boundary | Sequence[Boundary]:
         """Return one boundary by name or position.
 
         Raises:

@@ -121,8 +121,8 @@ def rotation_matrix(axis: Array, angle: float) -> Array:
 
 def are_parallel(u: Array, v: Array) -> bool:
     """Return whether two unit vectors span one line, up to the rounding of folded constants."""
-    cross = (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
-    return max(map(abs, cross)) <= REDUCTION
+    (a, b, c), (x, y, z) = u.tolist(), v.tolist()
+    return max(abs(b * z - c * y), abs(c * x - a * z), abs(a * y - b * x)) <= REDUCTION
 
 
 def relative_path(tree: Tree, coupling: Coupling, a: Point, b: Point) -> RelativePath:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -168,7 +168,8 @@ class Robot:
         import pinocchio
 
         theta = self.coupling.expand(Q)
-        full = np.broadcast_to(pinocchio.neutral(model), (*theta.shape[:-1], model.nq)).copy()
+        neutral: Array = cast(Any, pinocchio).neutral(model)
+        full = np.broadcast_to(neutral, (*theta.shape[:-1], len(neutral))).copy()
         for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
             nq, nv = int(joint.nq), int(joint.nv)
             if nv != 1 or "Mimic" in joint.shortname():

@@ -307,7 +307,7 @@ class _Reader:
         if self.links and len(roots) != 1:
             found = ", ".join(map(repr, roots)) or "none: the joints form a cycle"
             message = f"the robot needs one root link, and has {len(roots)} ({found})"
-            self.problems.add(message, "Connect all links by joints into one tree", self.links and 1)
+            self.problems.add(message, "Connect all links by joints into one tree", 1)
             return
         for link in self.links.values():
             seen, name = {link.name}, link.name

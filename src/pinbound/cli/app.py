@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import typer
 
-from pinbound.cli import inspect
+from pinbound.cli import inspect, report
 from pinbound.cli.shared import guarded
 
 __all__ = ["app", "main"]
@@ -17,8 +19,16 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-for command in (inspect.info, inspect.derive, inspect.limits, inspect.region):
+
+def _register(command: Callable[..., None]) -> None:
     app.command(command.__name__)(guarded(command))
+
+
+_register(inspect.info)
+_register(inspect.derive)
+_register(inspect.limits)
+_register(inspect.region)
+_register(report.report)
 
 
 def main() -> None:

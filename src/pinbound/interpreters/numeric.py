@@ -71,7 +71,7 @@ def _derivatives(chain: Chain, Q: Array, order: int) -> tuple[Array, Array, Arra
             J[:] = chain.slides[-1]
         for index in reversed(range(chain.rotations)):
             axis, c = chain.axes[index], chain.coefficients[index]
-            angle = Q[:, np.flatnonzero(c)] @ c[np.flatnonzero(c)]
+            angle = _combination(c, Q)
             cos, sin = np.cos(angle), np.sin(angle)
             x = _rotate(axis, cos, sin, x)
             if order:
@@ -88,8 +88,17 @@ def _derivatives(chain: Chain, Q: Array, order: int) -> tuple[Array, Array, Arra
 
 def _offset(chain: Chain, index: int, Q: Array) -> Array:
     slide = chain.slides[index]
-    used = np.flatnonzero(np.any(slide, axis=0))
-    return chain.offsets[index] + Q[:, used] @ slide[:, used].T if used.size else chain.offsets[index]
+    if not np.any(slide):
+        return chain.offsets[index]
+    return chain.offsets[index] + np.stack([_combination(row, Q) for row in slide], axis=1)
+
+
+def _combination(c: Array, Q: Array) -> Array:
+    """Return `c . q` for each row; no BLAS, so that a row's bits do not depend on how many rows there are."""
+    total = np.zeros(len(Q))
+    for index in np.flatnonzero(c):
+        total = total + c[index] * Q[:, index]
+    return total
 
 
 def _cross(axis: Array, x: Array) -> Array:
@@ -101,6 +110,7 @@ def _cross(axis: Array, x: Array) -> Array:
 def _rotate(axis: Array, cos: Array, sin: Array, x: Array) -> Array:
     """Return `R(axis, angle) x` along axis 1 of x (N, 3, ...), by Rodrigues: x_along + x_across cos + axis x x sin."""
     shape = (-1,) + (1,) * (x.ndim - 1)
-    along = np.tensordot(x, np.outer(axis, axis), axes=(1, 1))
-    along = np.moveaxis(along, -1, 1)
+    u, v, w = axis
+    height = u * x[:, 0] + v * x[:, 1] + w * x[:, 2]
+    along = np.stack((u * height, v * height, w * height), axis=1)
     return along + (x - along) * cos.reshape(shape) + _cross(axis, x) * sin.reshape(shape)

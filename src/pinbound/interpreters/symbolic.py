@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pinbound.path import Chain, RelativePath, are_parallel
 from pinbound.tolerances import SYMBOLIC_DIGITS
 
-__all__ = ["ancestor_vector", "latex", "lines", "minimal_vector", "symbols"]
+__all__ = ["ancestor_vector", "latex", "lines", "mathml", "minimal_vector", "symbols"]
 
 Array = NDArray[np.float64]
 sp = cast(Any, sympy)  # SymPy carries only part of its types
@@ -55,6 +55,19 @@ def lines(vector: Any, digits: int = 6) -> tuple[str, ...]:
     metres = [sp.expand(1000 * component) for component in vector]
     texts = [str(component.evalf(digits)) for component in metres]
     return tuple("0" if component == 0 else text for component, text in zip(metres, texts, strict=True))
+
+
+def mathml(vector: Any, digits: int = 6) -> tuple[str, ...]:
+    """Return the components `r_x = ...`, `r_y = ...`, `r_z = ...` as MathML, lengths in millimetres."""
+    from sympy.printing.mathml import mathml as to_mathml
+
+    metres = (1000 * vector).expand()
+    decimals = {number: sp.Float(number, digits) for number in metres.atoms(sp.Rational) if not number.is_Integer}
+    names = sp.symbols("r_x r_y r_z")
+    equations = [sp.Eq(name, side, evaluate=False) for name, side in zip(names, metres.xreplace(decimals), strict=True)]
+    bodies = [str(cast(Any, to_mathml)(equation, printer="presentation")) for equation in equations]
+    bodies = [body.replace("<mo>&InvisibleTimes;</mo>", '<mspace width="0.17em"/>') for body in bodies]
+    return tuple(f'<math xmlns="http://www.w3.org/1998/Math/MathML">{body}</math>' for body in bodies)
 
 
 def _vector(chain: Chain, position: int, q: Sequence[Any]) -> Any:

@@ -81,7 +81,7 @@ def intersect(planes: Sequence[HalfPlane]) -> tuple[Array, tuple[HalfPlane, ...]
 
 
 def _meet(a: HalfPlane, b: HalfPlane) -> Array:
-    return np.linalg.solve(np.array([a.normal, b.normal]), np.array([a.bound, b.bound]))
+    return np.asarray(np.linalg.solve(np.array([a.normal, b.normal]), np.array([a.bound, b.bound])), dtype=np.float64)
 
 
 def _clip(vertices: list[Array], edges: list[HalfPlane], plane: HalfPlane) -> tuple[list[Array], list[HalfPlane]]:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import shapely
@@ -188,8 +188,8 @@ class Region:
             A, b = self.halfspaces()
             depth = np.min(b - points[finite] @ A.T, axis=1)
             outside = depth < 0.0
-            far = shapely.distance(shapely.points(points[finite][outside]), self.polygon.exterior)
-            depth[outside] = -np.asarray(far)
+            far = cast(Any, shapely).distance(shapely.points(points[finite][outside]), self.polygon.exterior)
+            depth[outside] = -far
             distance[finite] = depth
         return distance if np.ndim(Q) > 1 else float(distance[0])
 

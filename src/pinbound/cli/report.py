@@ -1,0 +1,46 @@
+"""`pinbound report`: the HTML page, its figures, and a summary on the terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pinbound.cli.shared import (
+    Annotations,
+    PackageDirs,
+    RobotName,
+    XacroArgs,
+    console,
+    load_robot,
+    print_table,
+)
+from pinbound.report import write_report
+
+__all__ = ["report"]
+
+
+def report(
+    robot: RobotName,
+    out: Annotated[Path, typer.Option(help="Folder for the page and its figures.")] = Path("report"),
+    frame: Annotated[
+        str | None, typer.Option(help="Link whose origin is the tool point; the deepest by default.")
+    ] = None,
+    annotations: Annotations = None,
+    package_dir: PackageDirs = None,
+    xacro_arg: XacroArgs = None,
+) -> None:
+    """Write an HTML page with the tree, the boundaries, the region, its workspace image and the assumptions."""
+    loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    page, rows = write_report(loaded, out, frame)
+    table = [
+        (row.boundary.name, row.boundary.kind.value, row.boundary.ancestor, row.contact, _status(row.status, row.by))
+        for row in rows
+    ]
+    print_table(loaded.name, ("boundary", "kind", "ancestor", "contact", "in the region"), table)
+    console().print(f"Wrote {page} and its figures.", markup=False, soft_wrap=True)
+
+
+def _status(status: str, by: tuple[str, ...]) -> str:
+    return f"implied by {' and '.join(by)}" if by else status

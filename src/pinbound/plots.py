@@ -1,0 +1,242 @@
+"""Figures: the robot seen from the side, a region with named edges, its image in the workspace.
+
+Matplotlib loads when the first figure is drawn. Colours are Okabe and Ito's, which colour-blind readers tell apart;
+every edge also carries its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.region import Edge, Region
+from pinbound.robot import Robot
+
+__all__ = ["PALETTE", "draw_region", "draw_robot", "draw_workspace", "save", "section_axes"]
+
+Array = NDArray[np.float64]
+
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F6000", "#000000")
+_GREY = "#8A8A8A"
+_FILL = "#DCEBF5"
+_EDGE_SAMPLES = 200
+
+
+def _figure(width: float, height: float) -> tuple[Any, Any]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = cast(Any, figure).add_subplot()
+    axes.grid(True, color="#E4E4E4", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def save(figure: Any, path: Path) -> list[Path]:
+    """Write a figure as SVG and as PNG, the same bytes on every run; return the two paths."""
+    import matplotlib as mpl
+
+    files = [path.with_suffix(".svg"), path.with_suffix(".png")]
+    with mpl.rc_context({"svg.hashsalt": "pinbound"}):
+        figure.savefig(files[0], metadata={"Date": None})
+        figure.savefig(files[1], dpi=160)
+    return files
+
+
+def _colours(edges: Sequence[Edge]) -> dict[str, str]:
+    names = sorted({edge.name for edge in edges}, key=lambda name: (len(name), name))
+    return {name: PALETTE[index % len(PALETTE)] for index, name in enumerate(names)}
+
+
+def draw_region(region: Region, home: Array, contacts: Sequence[tuple[str, Array, float]] = ()) -> Any:
+    """Draw a region with every edge in its colour and with its name, and implied contact lines in grey.
+
+    Args:
+        region: The region; its two coordinates are angles [rad], drawn in degrees.
+        home: (2,) the start point [rad].
+        contacts: Lines `c @ x = value` [rad] that are no edges: name, c (2,), value.
+    """
+    figure, axes = _figure(8.2, 7.2)
+    vertices = np.degrees(region.vertices)
+    axes.fill(*vertices.T, color=_FILL, zorder=1)
+    low, high = _frame(vertices, contacts)
+    for name, normal, value in contacts:
+        _draw_line(axes, name, normal, float(np.degrees(value)), low, high)
+    colours = _colours(region.edges)
+    for edge in region.edges:
+        start, end = np.degrees(edge.start), np.degrees(edge.end)
+        axes.plot(
+            *np.column_stack((start, end)), color=colours[edge.name], linewidth=3, solid_capstyle="butt", zorder=3
+        )
+        _name_edge(axes, edge.name, start, end, np.degrees(region.centroid), colours[edge.name])
+    axes.plot(*vertices.T, "o", color="#333333", markersize=4, zorder=4)
+    axes.plot(*np.degrees(home), "s", color="#333333", markersize=7, label="home", zorder=5)
+    axes.plot(*np.degrees(region.centroid), "+", color="#333333", markersize=11, label="centroid", zorder=5)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.set_xlabel(f"{region.coordinates[0]} [deg]")
+    axes.set_ylabel(f"{region.coordinates[1]} [deg]")
+    axes.set_title(f"Feasible region of ({', '.join(region.coordinates)}): {region.area:.4f} rad²", loc="left")
+    handles = [axes.plot([], [], color=_GREY, linestyle=(0, (4, 3)), label="contact, implied by an edge")[0]]
+    axes.legend(handles=[*handles, *axes.lines[-3:-1]] if contacts else axes.lines[-2:], loc="upper left", framealpha=1)
+    return figure
+
+
+def _frame(vertices: Array, contacts: Sequence[tuple[str, Array, float]]) -> tuple[Array, Array]:
+    """Return the lower and upper corner [deg] of a frame that also shows the implied lines nearby."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    span = float(np.max(high - low))
+    points = [*vertices]
+    for _, normal, value in contacts:
+        length = float(np.linalg.norm(normal))
+        nearest = vertices[np.argmax(vertices @ normal)]
+        gap = (float(np.degrees(value)) - float(nearest @ normal)) / length
+        if gap < 0.3 * span:
+            points.append(nearest + gap * normal / length)
+    pad = 0.1 * span
+    return np.min(points, axis=0) - pad, np.max(points, axis=0) + pad
+
+
+def _name_edge(axes: Any, name: str, start: Array, end: Array, inside: Array, colour: str) -> None:
+    """Write an edge's name along it, on the side on which the point `inside` lies."""
+    along = end - start
+    normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
+    inwards = normal * np.sign(normal @ (inside - start))
+    angle = float(np.degrees(np.arctan2(along[1], along[0])))
+    upright = angle - 180.0 if angle > 91 else angle + 180.0 if angle < -89 else angle
+    axes.annotate(
+        name,
+        (start + end) / 2,
+        xytext=11 * inwards,
+        textcoords="offset points",
+        rotation=upright,
+        rotation_mode="anchor",
+        ha="center",
+        va="center",
+        color=colour,
+        weight="bold",
+        zorder=6,
+    )
+
+
+def _draw_line(axes: Any, name: str, normal: Array, value: float, low: Array, high: Array) -> None:
+    """Draw `normal @ x = value` inside the frame, dashed, with its name at one end."""
+    along = np.array([-normal[1], normal[0]])
+    foot = normal * value / float(normal @ normal)
+    with np.errstate(divide="ignore"):
+        ends = np.sort(np.stack([(low - foot) / along, (high - foot) / along]), axis=0)
+    enter, leave = float(np.max(ends[0])), float(np.min(ends[1]))
+    if not enter < leave:
+        return
+    points = np.array([foot + enter * along, foot + leave * along])
+    axes.plot(*points.T, color=_GREY, linewidth=1.1, linestyle=(0, (4, 3)), zorder=2)
+    first, last = points[np.argsort(points @ np.array([1.0, 0.5]))]
+    axes.text(
+        *(last + 0.07 * (first - last)),
+        name,
+        ha="center",
+        va="center",
+        color="#5A5A5A",
+        fontsize=9,
+        zorder=6,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
+    )
+
+
+def section_axes(points: Array) -> tuple[int, int]:
+    """Return the two world axes in which points (N, 3) spread most, in x, y, z order: the plane to draw.
+
+    Example:
+        >>> section_axes(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 2.0]]))
+        (0, 2)
+    """
+    flattest = int(np.argmin(np.ptp(points, axis=0)))
+    kept = [axis for axis in range(3) if axis != flattest]
+    return kept[0], kept[1]
+
+
+def _skeleton(robot: Robot, q: Array) -> list[tuple[str, Array]]:
+    """Return one polyline (k, 3) a link: from its origin to each joint, and to each pin of a closure, on it."""
+    ends: dict[str, list[Array]] = {name: [] for name in robot.tree.links}
+    for joint in robot.tree.kinematics.joints:
+        ends[joint.parent].append(robot.positions(joint.child, q))
+    for closure in robot.closures:
+        for link, xyz in ((closure.mark.link_a, closure.mark.xyz_a), (closure.mark.link_b, closure.mark.xyz_b)):
+            ends[link].append(robot.positions(link, q, xyz))
+    lines: list[tuple[str, Array]] = []
+    for link, points in ends.items():
+        origin = robot.positions(link, q)
+        lines += [(link, np.array([origin, point])) for point in points if np.linalg.norm(point - origin) > 0.0]
+    return lines
+
+
+def _draw_skeleton(axes: Any, robot: Robot, q: Array, plane: tuple[int, int], colour: str) -> None:
+    for _, line in _skeleton(robot, q):
+        axes.plot(*(1e3 * line[:, list(plane)]).T, color=colour, linewidth=2.2, solid_capstyle="round", zorder=2)
+        axes.plot(*(1e3 * line[:, list(plane)]).T, "o", color=colour, markersize=4.5, markerfacecolor="white", zorder=3)
+
+
+def draw_robot(robot: Robot, q: Array) -> Any:
+    """Draw joints, pins and marked points of a robot at one configuration, seen along its flattest axis."""
+    figure, axes = _figure(8.2, 6.6)
+    marked = {p.name: robot.positions(p.link, q, p.xyz) for p in robot.annotations.points.values()}
+    origins = [robot.positions(link, q) for link in robot.tree.links]
+    plane = section_axes(np.array([*origins, *marked.values()]))
+    _draw_skeleton(axes, robot, q, plane, "#9AA5B1")
+    for index, boundary in enumerate(robot.boundaries):
+        colour = PALETTE[index % len(PALETTE)]
+        ends = 1e3 * np.array([marked[boundary.point_a.name], marked[boundary.point_b.name]])[:, list(plane)]
+        style = "-" if index < len(PALETTE) else "--"
+        axes.plot(*ends.T, style, marker="o", markersize=5, linewidth=1.1, color=colour, label=boundary.name, zorder=4)
+        for point, place in zip((boundary.point_a, boundary.point_b), ends, strict=True):
+            axes.annotate(
+                point.name, place, xytext=(4, 4), textcoords="offset points", color=colour, fontsize=8, zorder=5
+            )
+    labels = "xyz"
+    axes.set_xlabel(f"{labels[plane[0]]} [mm]")
+    axes.set_ylabel(f"{labels[plane[1]]} [mm]")
+    axes.set(aspect="equal", title="")
+    axes.set_title(f"{robot.name} at home, with the pairs of marked points", loc="left")
+    if len(robot.boundaries):
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    return figure
+
+
+def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:
+    """Draw the image of a region's contour under forward kinematics of a link's origin, edges named."""
+    figure, axes = _figure(8.2, 6.6)
+    contour = [_image(robot, region, edge, frame) for edge in region.edges]
+    home = robot.positions(frame, region.at)
+    outline = np.concatenate(contour)
+    plane = section_axes(outline)
+    keep = list(plane)
+    axes.fill(*(1e3 * outline[:, keep]).T, color=_FILL, zorder=1)
+    _draw_skeleton(axes, robot, region.at, plane, "#9AA5B1")
+    colours = _colours(region.edges)
+    centre = 1e3 * np.mean(outline[:, keep], axis=0)
+    for edge, curve in zip(region.edges, contour, strict=True):
+        flat = 1e3 * curve[:, keep]
+        axes.plot(*flat.T, color=colours[edge.name], linewidth=3, solid_capstyle="butt", zorder=4)
+        middle = len(flat) // 2
+        _name_edge(axes, edge.name, flat[middle - 1], flat[middle + 1], centre, colours[edge.name])
+    axes.plot(*(1e3 * home[keep]), "s", color="#333333", markersize=7, label=f"{frame} at home", zorder=5)
+    labels = "xyz"
+    axes.set_xlabel(f"{labels[plane[0]]} [mm]")
+    axes.set_ylabel(f"{labels[plane[1]]} [mm]")
+    axes.set_aspect("equal")
+    axes.set_title(f"Where {frame} may be: image of the region's contour", loc="left")
+    axes.legend(loc="upper right", framealpha=1)
+    return figure
+
+
+def _image(robot: Robot, region: Region, edge: Edge, frame: str) -> Array:
+    """Return where a link's origin is along one edge, (k, 3) [m]."""
+    share = np.linspace(0.0, 1.0, _EDGE_SAMPLES)[:, None]
+    Q = np.repeat(region.at[None], _EDGE_SAMPLES, axis=0)
+    columns = [region.robot_coordinates.index(name) for name in region.coordinates]
+    Q[:, columns] = edge.start + share * (edge.end - edge.start)
+    return robot.positions(frame, Q)
