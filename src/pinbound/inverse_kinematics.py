@@ -234,9 +234,9 @@ class _Solver:
         held = list[int]()
         while True:
             free = _null_space(self.A[held])
-            reduced = J @ free
-            normal = reduced.T @ reduced + damping * np.eye(free.shape[1])
-            step = free @ np.linalg.solve(normal, reduced.T @ error) if free.shape[1] else np.zeros(len(q))
+            stacked = np.vstack((J @ free, np.sqrt(damping) * np.eye(free.shape[1])))
+            wanted = np.concatenate((error, np.zeros(free.shape[1])))
+            step = free @ np.linalg.lstsq(stacked, wanted, rcond=None)[0]  # least norm: no column needs to matter
             rate = self.A @ step
             rate[held] = 0.0
             broken = [k for k in np.flatnonzero((slack <= _SLACK) & (rate > 1e-15)) if k not in held]

@@ -8,7 +8,7 @@ reported as undecided, and counts as a fold.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import shapely
@@ -48,7 +48,7 @@ def triangulate(polygon: Any) -> Array:
         >>> triangulate(shapely.box(0.0, 0.0, 1.0, 1.0)).shape
         (2, 3, 2)
     """
-    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    parts = shapely.get_parts(cast(Any, shapely).constrained_delaunay_triangles(polygon))
     return np.array([shapely.get_coordinates(part)[:3] for part in parts]).reshape(-1, 3, 2)
 
 

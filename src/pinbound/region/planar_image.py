@@ -141,7 +141,7 @@ class PlanarImage:
         return second[0] * first[1] + first[0] * second[1]
 
 
-def planar_image(chain: Chain, upright: Array, foot: Array, most: Array) -> PlanarImage:
+def planar_image(chain: Chain, upright: Array, foot: Array, most: Array, middle: Array) -> PlanarImage:
     """Return the planar map of a chain over two coordinates.
 
     Args:
@@ -149,6 +149,7 @@ def planar_image(chain: Chain, upright: Array, foot: Array, most: Array) -> Plan
         upright: (3,) direction that the plane's second axis v should have, if it lies in the plane.
         foot: (3,) origin of the plane's own frame.
         most: (2,) see `PlanarImage`.
+        middle: (2,) a point whose image gets u >= 0.
 
     Raises:
         UnsupportedError: If the frame does not move in a plane, or does not move at all.
@@ -167,5 +168,5 @@ def planar_image(chain: Chain, upright: Array, foot: Array, most: Array) -> Plan
         across = across - normal * float(normal @ across)
     v = across / np.linalg.norm(across)
     u = np.cross(v, normal)
-    reach = float(u @ (numeric.positions(chain, np.zeros((1, _PLANE)))[0] - foot))
+    reach = float(u @ (numeric.positions(chain, middle[None])[0] - foot))
     return PlanarImage(chain, foot, -u if reach < 0.0 else u, v, most)

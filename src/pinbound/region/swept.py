@@ -130,7 +130,7 @@ class SweptBody:
         steps = max(3, math.ceil(self.angle / widest))
         stations = self.start + np.arange(steps if is_closed else steps + 1) * self.angle / steps
         vertices, faces = _sweep(polygon, len(stations), is_closed)
-        body = trimesh.Trimesh(self._placed(vertices, stations), faces, process=False)
+        body: Any = trimesh.Trimesh(self._placed(vertices, stations), faces, process=False)
         if body.volume < 0.0:
             body.invert()
         return body

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -36,6 +36,7 @@ from pinbound.tolerances import CHORD, QUADRATURE, REDUCTION
 __all__ = ["Measure", "Section", "workspace_section"]
 
 Array = NDArray[np.float64]
+Integrand = Callable[[Array, Array], Array]
 sh = cast(Any, shapely)  # newer functions than the stubs know
 
 _NODES = 20
@@ -66,7 +67,7 @@ class Turn:
     Attributes:
         coordinate: Its name.
         index: Its place in q.
-        point: (3,) a point of the axis [m], in the root link's frame.
+        point: (3,) the point of the axis that is nearest to the root link's origin [m], in its frame.
         axis: (3,) unit vector.
         coefficient: Angle turned, per unit of the coordinate.
     """
@@ -156,15 +157,15 @@ class Section:
             13787.57
         """
         if self.is_one_to_one:
-            return self._boundary_integral(lambda p, d: (p[:, 0] * d[:, 1] - p[:, 1] * d[:, 0]) / 2)
-        return self.refined(lambda polygon: float(polygon.area))
+            return self._boundary_integral(_half_cross)
+        return self.refined(_area)
 
     @cached_property
     def moment(self) -> Measure:
         """The integral of u over the section [m^3]; only for sections on one side of the axis, u >= 0."""
-        return self._boundary_integral(lambda p, d: p[:, 0] ** 2 * d[:, 1] / 2)
+        return self._boundary_integral(_half_square)
 
-    def refined(self, quantity: Any) -> Measure:
+    def refined(self, quantity: Callable[[Any], float]) -> Measure:
         """Return a quantity of the union of mapped triangles, with its change from a mesh twice as coarse."""
         coarse, fine = (float(quantity(self._union(count))) for count in (_TRIANGLES // 4, _TRIANGLES))
         return Measure(fine, abs(fine - coarse), "union of mapped triangles")
@@ -195,7 +196,7 @@ class Section:
         corners = self.image(triangles.reshape(-1, 2)).reshape(-1, 3, 2)
         return shapely.union_all(shapely.polygons(corners))
 
-    def _boundary_integral(self, integrand: Any) -> Measure:
+    def _boundary_integral(self, integrand: Integrand) -> Measure:
         """Integrate along the image of the contour; the error is what doubling the nodes changes, and rounding."""
         rings, scale = self._rings(), 0.0
         starts, ends = np.vstack([r[:-1] for r in rings]), np.vstack([r[1:] for r in rings])
@@ -211,7 +212,7 @@ class Section:
         rounding = 8.0 * np.finfo(float).eps * self.map.chain.rotations * scale
         return Measure(abs(value), float(error + rounding), "boundary integral")
 
-    def _gauss(self, integrand: Any, starts: Array, ends: Array, count: int) -> tuple[float, float]:
+    def _gauss(self, integrand: Integrand, starts: Array, ends: Array, count: int) -> tuple[float, float]:
         """Return the integral over all segments, and the integral of the absolute value."""
         nodes, weights = np.polynomial.legendre.leggauss(count)
         s = (nodes + 1.0) / 2
@@ -266,7 +267,7 @@ def workspace_section(
     turning = None if turn is None else _turn(robot, chain, indices, region, turn)
     upright, foot = (np.array([0.0, 0.0, 1.0]), np.zeros(3)) if turning is None else (turning.axis, turning.point)
     most = np.max(np.abs(region.vertices), axis=0)
-    image = planar_image(restrict(chain, indices, region.at), upright, foot, most)
+    image = planar_image(restrict(chain, indices, region.at), upright, foot, most, region.centroid)
     if turning is not None and not are_parallel(image.v, turning.axis):
         raise UnsupportedError(
             f"the axis of {turn!r} does not lie along the plane in which {link!r} moves: no volume is swept"
@@ -290,7 +291,21 @@ def _turn(robot: Robot, chain: Chain, indices: Sequence[int], region: Region, na
             f"{' and '.join(region.coordinates)} do"
         )
     alone = restrict(chain, [index], region.at)
-    return Turn(name, index, alone.offsets[0].copy(), alone.axes[0].copy(), float(alone.coefficients[0, 0]))
+    axis, point = alone.axes[0], alone.offsets[0]
+    foot = point - axis * float(axis @ point)
+    return Turn(name, index, foot, axis.copy(), float(alone.coefficients[0, 0]))
+
+
+def _half_cross(p: Array, d: Array) -> Array:
+    return (p[:, 0] * d[:, 1] - p[:, 1] * d[:, 0]) / 2
+
+
+def _half_square(p: Array, d: Array) -> Array:
+    return p[:, 0] ** 2 * d[:, 1] / 2
+
+
+def _area(polygon: Any) -> float:
+    return float(polygon.area)
 
 
 def _positive(what: str, value: float) -> None:
