@@ -12,6 +12,7 @@ __all__ = [
     "QUADRATURE",
     "REACHED",
     "REDUCTION",
+    "SOLVES",
     "SYMBOLIC_DIGITS",
     "VERTEX",
 ]
@@ -53,3 +54,7 @@ inverse kinematics (1e-12), far below any encoder's step."""
 
 REACHED: Final = 1e-10
 """Metres. Inverse kinematics has converged when the frame is this near to its target."""
+
+SOLVES: Final = 1e-12
+"""Metres. A printed limit solves its component equation if it leaves less: rounding in arms of 0.1 m leaves 1e-16, a
+wrong quadrant millimetres."""
