@@ -231,8 +231,8 @@ def _convexity(study: Study) -> Erratum:
         "Fig. 8",
         "The region is convex",
         "the text calls it non-convex and nonlinear",
-        f"all {len(turns)} edges are straight, the contour turns left by {turns.min():.1f} to {turns.max():.1f} degrees "
-        f"at every vertex, and the convex hull adds {abs(missing):.1e} rad^2",
+        f"all {len(turns)} edges are straight, the contour turns left by {turns.min():.1f} to {turns.max():.1f} "
+        f"degrees at every vertex, and the convex hull adds {abs(missing):.1e} rad^2",
         "Six half-planes describe it; its image in the workspace is what is curved",
         {"convex hull less region [rad^2]": missing, "smallest turn [deg]": float(turns.min())},
         holds=bool(np.all(turns > 0)) and missing < 1e-12,

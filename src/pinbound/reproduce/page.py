@@ -128,8 +128,7 @@ def reproduce(robot: Robot, out: Path, progress: Callable[[str], None] | None = 
     for number, (draw, _) in FIGURES.items():
         say(f"figure {number}")
         figure = draw(study)
-        for _ in range(2):  # the layout of a frame of equal scales settles in the second pass
-            figure.draw_without_rendering()
+        figure.draw_without_rendering()  # the layout of a frame of equal scales settles in the second pass
         files += plots.save(figure, out / f"figure_{number:02d}")
     say("meshes and polygons")
     files += [study.body.export(out / f"swept_body{suffix}") for suffix in (".ply", ".stl")]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import shapely
@@ -30,7 +30,6 @@ Array = NDArray[np.float64]
 
 _CHORD = 1e-5
 _INSIDE, _OUTSIDE = "#1FB5AD", "#8E5BA6"  # turquoise and purple, as in the paper
-_GRID = 221
 
 
 def figure_8(study: Study) -> Any:
@@ -185,24 +184,11 @@ def figure_12(study: Study) -> Any:
     return figure
 
 
-def _summed(study: Study) -> tuple[Array, Array, Array, Array]:
-    """Return a grid of q2, q3 [rad], the interpolated sum of normalised norms, and what lies in the region."""
-    from scipy import interpolate
-
-    X, norms, _ = study.samples
-    total = np.sum(norms / norms.max(axis=0), axis=1)
-    ticks = np.linspace(-2 * np.pi, 2 * np.pi, _GRID)
-    q2, q3 = np.meshgrid(ticks, ticks)
-    height: Array = cast(Any, interpolate).LinearNDInterpolator(X, total)(q2, q3)
-    nearest = cast(Any, study.region).contains(study.configurations(np.column_stack((q2.ravel(), q3.ravel()))))
-    return q2, q3, height, np.asarray(nearest).reshape(q2.shape)
-
-
 def figure_16(study: Study) -> Any:
     """The summed norms as a surface, coloured by membership."""
     figure, axes = spatial(9.0, 6.8)
     axes.set_box_aspect((1, 1, 0.5), zoom=0.95)
-    q2, q3, height, inside = _summed(study)
+    q2, q3, height, inside = study.summed_norms
     colours = np.where(inside[..., None], _rgba(_INSIDE, 1.0), _rgba(_OUTSIDE, 0.8))
     surface = axes.plot_surface(
         np.degrees(q2), np.degrees(q3), height, facecolors=colours, rstride=2, cstride=2, linewidth=0, antialiased=False
@@ -228,7 +214,7 @@ def _rgba(colour: str, alpha: float) -> Array:
 def figure_17(study: Study) -> Any:
     """The same from above, with the contour of the region."""
     figure, (axes,) = frames(8.6, 7.0)
-    q2, q3, height, _ = _summed(study)
+    q2, q3, height, _ = study.summed_norms
     shown = axes.pcolormesh(np.degrees(q2), np.degrees(q3), height, cmap="cividis", shading="nearest", rasterized=True)
     figure.colorbar(shown, ax=axes, label="sum of normalised norms [-]")
     axes.fill(*np.degrees(study.region.vertices).T, facecolor="none", edgecolor="white", linewidth=4.5)

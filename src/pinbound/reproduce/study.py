@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ FACTOR = 0.9  # the paper scales about the centroid, by a factor that it does no
 SEED, SAMPLES = 404, 90_000
 _BEYOND = np.radians(12.0)  # how far outside an edge the tool path goes on purpose
 _LEG = 60
+_GRID = 221
 
 
 @dataclass(frozen=True)
@@ -153,6 +155,19 @@ class Study:
         X = np.random.default_rng(SEED).uniform(-2 * np.pi, 2 * np.pi, (SAMPLES, 2))
         Q = self.configurations(X)
         return X, self.robot.boundaries.norms(Q), np.asarray(self.region.contains(Q))
+
+    @cached_property
+    def summed_norms(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """A grid of q2, q3 [rad], the sum of normalised norms interpolated on it, and what of it lies in the region."""
+        from scipy import interpolate
+
+        X, norms, _ = self.samples
+        total = np.sum(norms / norms.max(axis=0), axis=1)
+        ticks = np.linspace(-2 * np.pi, 2 * np.pi, _GRID)
+        q2, q3 = np.meshgrid(ticks, ticks)
+        height: Array = cast(Any, interpolate).LinearNDInterpolator(X, total)(q2, q3)
+        inside = self.region.contains(self.configurations(np.column_stack((q2.ravel(), q3.ravel()))))
+        return q2, q3, height, np.asarray(inside).reshape(q2.shape)
 
     @cached_property
     def path(self) -> ToolPath:

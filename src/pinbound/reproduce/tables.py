@@ -222,7 +222,8 @@ def workspace_table(study: Study) -> Table:
         low, high = region.vertices.min(axis=0), region.vertices.max(axis=0)
         X = np.random.default_rng(SEED).uniform(low, high, (_MONTE_CARLO, 2))
         inside: NDArray[np.bool_] = np.asarray(region.contains(study.configurations(X)))
-        weight = float(np.prod(high - low)) * np.abs(section.map.determinant(X)) * inside
+        size = float((high[0] - low[0]) * (high[1] - low[1]))
+        weight = size * np.abs(section.map.determinant(X)) * inside
         for what, unit, scale, exact, draws in (
             ("section", "mm^2", 1e6, section.area, weight),
             ("swept volume", "mm^3", 1e9, body.volume, body.angle * weight * section.image(X)[:, 0]),
