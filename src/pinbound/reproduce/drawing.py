@@ -76,6 +76,7 @@ def mixed(width: float, height: float, spatial_first: bool) -> tuple[Any, Any, A
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
+    cast(Any, figure.get_layout_engine()).set(wspace=0.12)
     space = _spatial_frame(figure, 121 if spatial_first else 122)
     plane = cast(Any, figure).add_subplot(122 if spatial_first else 121)
     plane.grid(True, color="#E4E4E4", linewidth=0.6)

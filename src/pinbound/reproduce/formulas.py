@@ -17,8 +17,9 @@ __all__ = ["limit_formula", "membership_formulas", "typeset"]
 sp = cast(Any, sympy)
 
 
-_SUBSCRIPTS = re.compile(r"\b(beta|mu|tan|[rRxzoq])_((?:max|min)|\d+(?:,\d+)?|[0nkyz](?:,\w)?)\b")
-_GREEK = {"beta": "\u03b2", "mu": "\u03bc"}
+_SUBSCRIPTS = re.compile(r"\b(beta|mu|tan|[rRxzoq])_((?:max|min)|\d+(?:,\w+)?|[nkyz])\b")
+_GREEK = {"beta": "\u03b2", "mu": "\u03bc", "pi": "\u03c0"}
+_ALONE = re.compile(r"\b(?:beta|mu|pi)\b")
 
 
 def typeset(text: str) -> str:
@@ -32,9 +33,10 @@ def typeset(text: str) -> str:
 
     safe = html.escape(text, quote=False)
     safe = _SUBSCRIPTS.sub(lambda found: f"{_GREEK.get(found[1], found[1])}<sub>{found[2]}</sub>", safe)
+    safe = _ALONE.sub(lambda found: _GREEK[found[0]], safe)
     safe = safe.replace("^2", "\u00b2").replace("^3", "\u00b3").replace("^-1", "\u207b\u00b9")
     safe = re.sub(r"\+-", "\u00b1", safe)
-    return Markup(re.sub(r"(?<![\w)\]])-(?=[\d|q ])|(?<= )-(?= )", "\u2212", safe))
+    return Markup(re.sub(r"(?<![\w)\]])-(?=[\d|q ])|(?<= )-(?= )|^-$", "\u2212", safe))
 
 
 def _mathml(equation: Any) -> str:

@@ -187,19 +187,23 @@ def figure_12(study: Study) -> Any:
 def figure_16(study: Study) -> Any:
     """The summed norms as a surface, coloured by membership."""
     figure, axes = spatial(9.0, 6.8)
-    axes.set_box_aspect((1, 1, 0.5), zoom=0.95)
+    axes.set_box_aspect((1, 1, 0.42), zoom=1.0)
     q2, q3, height, inside = study.summed_norms
     colours = np.where(inside[..., None], _rgba(_INSIDE, 1.0), _rgba(_OUTSIDE, 0.8))
     surface = axes.plot_surface(
         np.degrees(q2), np.degrees(q3), height, facecolors=colours, rstride=2, cstride=2, linewidth=0, antialiased=False
     )
     surface.set_rasterized(True)
+    axes.computed_zorder = False  # or the surface would hide the contour drawn on it
+    _, X, _ = study.contour(study.region)
+    lifted = np.sum(study.robot.boundaries.norms(study.configurations(X)) / study.samples[1].max(axis=0), axis=1)
+    axes.plot(*np.degrees(X).T, lifted, color="black", linewidth=1.2, zorder=10)
     axes.set_xlabel("q2 [deg]", labelpad=8)
     axes.set_ylabel("q3 [deg]", labelpad=8)
     axes.set_zlabel("sum of normalised norms [-]")
     axes.plot([], [], "s", color=_INSIDE, label="in the feasible region")
     axes.plot([], [], "s", color=_OUTSIDE, alpha=0.55, label="outside")
-    axes.view_init(56, -75)
+    axes.view_init(66, -118)
     axes.legend(loc="upper right")
     axes.set_title(f"{SAMPLES:,} random configurations, seed {SEED}; each norm over its largest value", loc="left")
     return figure
