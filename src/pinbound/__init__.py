@@ -1,5 +1,6 @@
 """pinbound: coupled joint limits and self-collision boundaries in closed form, from a URDF, beside Pinocchio."""
 
+from pinbound.annotations import Annotations, BoundaryMark, ClosureMark, FollowerMark, LimitMark, Point
 from pinbound.boundary import Boundary, BoundarySet, ContactAngle, CoordinateLimits
 from pinbound.document import packaged_robots
 from pinbound.exceptions import (
@@ -18,15 +19,21 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AllowedArcs",
+    "Annotations",
     "Boundary",
+    "BoundaryMark",
     "BoundarySet",
+    "ClosureMark",
     "ContactAngle",
     "CoordinateLimits",
     "DimensionError",
     "Edge",
+    "FollowerMark",
     "InputError",
     "Kind",
+    "LimitMark",
     "PinboundError",
+    "Point",
     "Region",
     "Robot",
     "UnknownNameError",

@@ -69,6 +69,7 @@ class CoordinateLimits:
         lower_stop: Boundary or joint limit at the lower end; None if there is none.
         upper_stop: Boundary or joint limit at the upper end; None if there is none.
         blocked_by: Boundaries and limits that forbid the value itself.
+        beyond: Boundaries whose contact lies between home and this configuration, which makes it unreachable.
     """
 
     coordinate: str
@@ -78,6 +79,7 @@ class CoordinateLimits:
     lower_stop: str | None
     upper_stop: str | None
     blocked_by: tuple[str, ...] = ()
+    beyond: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -170,6 +172,14 @@ class Boundary:
         Q = as_configurations(q, self.robot_coordinates)
         return ask(Q) if Q.ndim > 1 else ask(Q[None])[0]
 
+    def parts(self, start: Array, end: Array) -> bool:
+        """Return whether a contact of this boundary's one effective angle lies between two configurations (n,)."""
+        contact = self.contact
+        if contact is None or contact.half_width is None:
+            return False
+        lower, upper = contact.gap(float(contact.coefficients @ start))
+        return not lower < float(contact.coefficients @ end) < upper
+
     def expression(self, frame: Literal["minimal", "ancestor"] = "minimal") -> Any:
         """Return r as a SymPy (3, 1) matrix, metres, in one real symbol a coordinate.
 
@@ -251,13 +261,18 @@ class BoundarySet(Sequence[Boundary]):
     """
 
     def __init__(
-        self, boundaries: Sequence[Boundary], coordinates: Sequence[str], limits: Sequence[LinearLimit]
+        self,
+        boundaries: Sequence[Boundary],
+        coordinates: Sequence[str],
+        limits: Sequence[LinearLimit] = (),
+        home: ArrayLike | None = None,
     ) -> None:
-        """Hold boundaries of one robot, with its joint limits for `limits`."""
+        """Hold boundaries of one robot, with its joint limits and home for `limits`."""
         self._boundaries = tuple(boundaries)
         self._index = {boundary.name: boundary for boundary in boundaries}
         self._coordinates = tuple(coordinates)
         self._limits = tuple(limits)
+        self._home = np.zeros(len(coordinates)) if home is None else as_configurations(home, coordinates)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -318,6 +333,19 @@ class BoundarySet(Sequence[Boundary]):
             return np.empty((*array.shape[:-1], 0, *shape))
         return np.stack([ask(boundary, array) for boundary in self], axis=array.ndim - 1)
 
+    def beyond(self, q: ArrayLike) -> tuple[str, ...]:
+        """Return the boundaries of one effective angle whose contact lies between home and q.
+
+        At such a q the marked points may be apart, but q cannot be reached: the way there leads through a contact.
+
+        Example:
+            >>> import pinbound as pb
+            >>> pb.load("minervabot_v3").boundaries.beyond([0.0, -0.5, 0.0])
+            ('beta_10',)
+        """
+        point = one_configuration(q, self._coordinates)
+        return tuple(boundary.name for boundary in self if boundary.parts(self._home, point))
+
     def limits(self, coordinate: str, q: ArrayLike) -> CoordinateLimits:
         """Return how far one coordinate can move from q, the others standing still, and what stops it.
 
@@ -342,8 +370,9 @@ class BoundarySet(Sequence[Boundary]):
         spans = [(boundary.name, boundary.limits(coordinate, point).around(value)) for boundary in self]
         spans += [(limit.joint, _linear_span(limit, index, point)) for limit in self._limits]
         blocked = tuple(name for name, span in spans if span is None)
+        beyond = self.beyond(point)
         if blocked:
-            return CoordinateLimits(coordinate, value, math.nan, math.nan, None, None, blocked)
+            return CoordinateLimits(coordinate, value, math.nan, math.nan, None, None, blocked, beyond)
         lower, lower_stop = max(((span[0], name) for name, span in spans if span), default=(-math.inf, ""))
         upper, upper_stop = min(((span[1], name) for name, span in spans if span), default=(math.inf, ""))
         return CoordinateLimits(
@@ -353,6 +382,7 @@ class BoundarySet(Sequence[Boundary]):
             upper,
             lower_stop if math.isfinite(lower) else None,
             upper_stop if math.isfinite(upper) else None,
+            beyond=beyond,
         )
 
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
-from xml.parsers.expat import ExpatError
+from xml.parsers.expat import ExpatError, ParserCreate
 
 from lxml import etree
 
@@ -16,6 +16,7 @@ __all__ = [
     "Document",
     "local_name",
     "packaged_robots",
+    "parse_file",
     "parse_floats",
     "read_document",
     "refusal",
@@ -71,7 +72,7 @@ def read_document(robot: str | Path, xacro_args: dict[str, str] | None = None) -
         InputError: If there is no such file, or if it is not well-formed XML, or if xacro refuses it.
     """
     path = _locate(robot)
-    root = _parse_file(path)
+    root = parse_file(path)
     if path.suffix == ".xacro":
         text = _expand(path, dict(xacro_args or {}))
         label = f"{path.name} (as printed by xacro)"
@@ -102,7 +103,12 @@ def _parser() -> etree.XMLParser:
     return etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True)
 
 
-def _parse_file(path: Path) -> etree._Element:
+def parse_file(path: Path) -> etree._Element:
+    """Return the root of an XML file, entities refused.
+
+    Raises:
+        InputError: If it cannot be read, is not well-formed, or has a DOCTYPE.
+    """
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -111,6 +117,7 @@ def _parse_file(path: Path) -> etree._Element:
 
 
 def _parse_text(data: bytes, label: str) -> etree._Element:
+    _refuse_doctype(data, label)
     try:
         root = etree.fromstring(data, _parser())
     except etree.XMLSyntaxError as error:
@@ -121,10 +128,28 @@ def _parse_text(data: bytes, label: str) -> etree._Element:
         ) from error
     except ValueError as error:
         raise refusal(label, f"cannot be read as XML: {error}", "Save it as UTF-8") from error
-    if root.getroottree().docinfo.doctype:
-        remedy = "Remove it: pinbound resolves no entities, neither internal nor external ones"
-        raise refusal(label, "has a DOCTYPE", remedy, 1)
     return root
+
+
+class _DoctypeError(Exception):
+    """A document type declaration was met."""
+
+
+def _refuse_doctype(data: bytes, label: str) -> None:
+    """Refuse a DOCTYPE before any reader could expand an entity that it declares."""
+
+    def found(*_: object) -> None:
+        raise _DoctypeError
+
+    parser = ParserCreate()
+    parser.StartDoctypeDeclHandler = found
+    try:
+        parser.Parse(data, True)
+    except _DoctypeError:
+        remedy = "Remove it: pinbound resolves no entities, neither internal nor external ones"
+        raise refusal(label, "has a DOCTYPE", remedy, parser.CurrentLineNumber) from None
+    except ExpatError:
+        return  # lxml says what is wrong
 
 
 def _expand(path: Path, xacro_args: dict[str, str]) -> str:
@@ -134,7 +159,7 @@ def _expand(path: Path, xacro_args: dict[str, str]) -> str:
     unknown = sorted(set(xacro_args) - declared)
     if unknown:
         hint = name_hint(unknown[0], sorted(declared))
-        raise refusal(path.name, f"has no xacro argument {', '.join(map(repr, unknown))}", hint.capitalize())
+        raise refusal(path.name, f"has no xacro argument {', '.join(map(repr, unknown))}", hint)
     try:
         expanded = cast(Any, xacro).process_file(str(path), mappings={k: str(v) for k, v in xacro_args.items()})
     except (xacro.XacroException, ExpatError, RecursionError) as error:
@@ -149,7 +174,7 @@ def _declared_arguments(path: Path, seen: set[Path]) -> set[str]:
         return set()
     seen.add(path)
     names: set[str] = set()
-    for element in _parse_file(path).iter("{*}arg", "{*}include"):
+    for element in parse_file(path).iter("{*}arg", "{*}include"):
         if local_name(element) == "arg":
             names.add(str(element.get("name")))
         else:

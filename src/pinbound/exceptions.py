@@ -71,7 +71,7 @@ class UnknownNameError(PinboundError, KeyError):
     def __init__(self, kind: str, name: object, valid: Iterable[str]) -> None:
         """Say which name is unknown and which ones exist."""
         self.kind, self.name, self.valid = kind, name, tuple(valid)
-        super().__init__(f"there is no {kind} {name!r}; {name_hint(str(name), self.valid)}")
+        super().__init__(f"there is no {kind} {name!r}. {name_hint(str(name), self.valid)}")
 
     def __str__(self) -> str:
         """Return the message itself; KeyError alone would print its repr."""
@@ -121,13 +121,13 @@ def name_hint(name: str, valid: Iterable[str], most: int = 12) -> str:
 
     Example:
         >>> name_hint("link_22", ["link_1", "link_2", "link_21"])
-        "did you mean 'link_2'? valid: link_1, link_2, link_21"
+        "Did you mean 'link_2'? Valid: link_1, link_2, link_21"
         >>> name_hint("x", [])
-        'there is none'
+        'There is none'
     """
     names = list(valid)
     if not names:
-        return "there is none"
+        return "There is none"
     listed = ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
     close = difflib.get_close_matches(name, names, n=1)
-    return (f"did you mean {close[0]!r}? " if close else "") + f"valid: {listed}"
+    return (f"Did you mean {close[0]!r}? " if close else "") + f"Valid: {listed}"

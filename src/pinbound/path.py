@@ -255,8 +255,9 @@ class _Builder:
             offsets, slides, scale = -offsets, -slides, scale + float(np.linalg.norm(head))
             offsets[0] += head
         n = slides.shape[2]
-        axes = np.array(self.axes).reshape(-1, 3)
-        return Chain(offsets, slides, axes, np.array(self.coefficients).reshape(-1, n), scale)
+        k = len(self.axes)
+        axes, coefficients = np.array(self.axes).reshape(k, 3), np.array(self.coefficients).reshape(k, n)
+        return Chain(offsets, slides, axes, coefficients, scale)
 
 
 def _reduce(chain: Chain) -> Chain:
@@ -300,7 +301,8 @@ def _collect_runs(chain: Chain) -> Chain:
         start = stop
     stacked = np.array(out_blocks)
     n = chain.coefficients.shape[1]
-    axes, coefficients = np.array(out_axes).reshape(-1, 3), np.array(out_coefficients).reshape(-1, n)
+    k = len(out_axes)
+    axes, coefficients = np.array(out_axes).reshape(k, 3), np.array(out_coefficients).reshape(k, n)
     return Chain(stacked[:, :, 0].copy(), stacked[:, :, 1:].copy(), axes, coefficients, chain.scale)
 
 

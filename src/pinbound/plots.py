@@ -39,7 +39,9 @@ def _figure(width: float, height: float) -> tuple[Any, Any]:
 
 def save(figure: Any, path: Path) -> list[Path]:
     """Write a figure as SVG and as PNG, the same bytes on every run; return the two paths."""
-    import matplotlib as mpl
+    import matplotlib as mpl_untyped
+
+    mpl = cast(Any, mpl_untyped)
 
     files = [path.with_suffix(".svg"), path.with_suffix(".png")]
     with mpl.rc_context({"svg.hashsalt": "pinbound"}):
@@ -199,7 +201,7 @@ def draw_robot(robot: Robot, q: Array) -> Any:
     labels = "xyz"
     axes.set_xlabel(f"{labels[plane[0]]} [mm]")
     axes.set_ylabel(f"{labels[plane[1]]} [mm]")
-    axes.set(aspect="equal", title="")
+    axes.set_aspect("equal", adjustable="datalim")
     axes.set_title(f"{robot.name} at home, with the pairs of marked points", loc="left")
     if len(robot.boundaries):
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)

@@ -112,11 +112,15 @@ def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Pat
         residuals=dict(
             zip((c.name for c in robot.closures), robot.closure_residuals(samples).max(axis=0), strict=True)
         ),
-        degrees=lambda angle, digits=9: f"{np.degrees(angle):.{digits}f}",
+        degrees=_degrees,
     )
     target = out / "index.html"
     target.write_text(page, encoding="utf-8")
     return target, rows
+
+
+def _degrees(angle: float, digits: int = 9) -> str:
+    return f"{np.degrees(angle):.{digits}f}"
 
 
 def _region(robot: Robot) -> tuple[Region | None, str]:

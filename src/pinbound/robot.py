@@ -11,9 +11,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.annotations import Annotations, Point, RawItem, read_inline, read_sidecar, validate
+from pinbound.annotations import Annotations, Point, RawItem, raw_items, read_inline, read_sidecar, read_srdf, validate
 from pinbound.boundary import Boundary, BoundarySet
-from pinbound.closures import Closure, close
+from pinbound.closures import Closure
 from pinbound.coupling import Coupling, LinearLimit, as_configurations, couple, linear_limits
 from pinbound.document import Document, read_document
 from pinbound.exceptions import (
@@ -25,15 +25,15 @@ from pinbound.exceptions import (
     name_hint,
 )
 from pinbound.interpreters import numeric
+from pinbound.parallelograms import settle
 from pinbound.path import absolute_chain, relative_path
+from pinbound.tolerances import HOME
 from pinbound.tree import Tree
-from pinbound.urdf import build_model, read_kinematics
+from pinbound.urdf import Mimic, build_model, read_kinematics
 
 __all__ = ["Robot", "load"]
 
 Array = NDArray[np.float64]
-
-_RESIDUAL_SAMPLES = 2000
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class Robot:
             True
         """
         array = as_configurations(Q, self.coordinates)
-        rows = array.reshape(-1, len(self.coordinates))
+        rows = array if array.ndim > 1 else array[None]
         residuals = np.array([closure.residuals(rows) for closure in self.closures]).reshape(-1, len(rows)).T
         return residuals if array.ndim > 1 else residuals[0]
 
@@ -146,8 +146,7 @@ class Robot:
         x, y, z = (float(value) for value in xyz)
         chain = absolute_chain(self.tree, self.coupling, Point("", link, (x, y, z)))
         array = as_configurations(Q, self.coordinates)
-        found = numeric.positions(chain, array.reshape(-1, len(self.coordinates)))
-        return found if array.ndim > 1 else found[0]
+        return numeric.positions(chain, array) if array.ndim > 1 else numeric.positions(chain, array[None])[0]
 
     def to_pinocchio(self, model: Any, Q: ArrayLike) -> Array:
         """Return q of a model that the user built from this URDF, matched by joint name.
@@ -176,7 +175,7 @@ class Robot:
                 continue
             if name not in self.coupling.joints:
                 hint = name_hint(name, self.coupling.joints)
-                raise DimensionError(f"the model's joint {name!r} is none of {self.name!r}; {hint}")
+                raise DimensionError(f"the model's joint {name!r} is none of {self.name!r}. {hint}")
             value = theta[..., self.coupling.joints.index(name)]
             columns = (value,) if nq == 1 else (np.cos(value), np.sin(value))
             for step, column in enumerate(columns):
@@ -186,7 +185,7 @@ class Robot:
 
 def load(
     robot: str | Path,
-    annotations: str | Path | None = None,
+    annotations: str | Path | Annotations | None = None,
     package_dirs: Sequence[str | Path] = (),
     xacro_args: Mapping[str, Any] | None = None,
 ) -> Robot:
@@ -194,7 +193,8 @@ def load(
 
     Args:
         robot: Name of a packaged robot (e.g. ``"minervabot_v3"``), or a path to a `.urdf` or `.xacro`.
-        annotations: Path of a YAML sidecar; by default `NAME.pinbound.yaml` beside the file, where it exists.
+        annotations: Path of a YAML sidecar or of an .srdf with spheres, or `Annotations`; they add to what is inline.
+            By default `NAME.pinbound.yaml` beside the file, where it exists.
         package_dirs: Folders in which `package://` is looked up when geometry is read.
         xacro_args: Arguments of a xacro file.
 
@@ -213,17 +213,22 @@ def load(
     """
     document = read_document(robot, {key: str(value) for key, value in (xacro_args or {}).items()})
     problems = Problems(document.label)
-    kinematics = read_kinematics(document, problems)
-    is_sound = not problems.found
-    items = [*read_inline(document.root, problems), *_sidecar_items(document, annotations, problems)]
-    marks = validate(items, [link.name for link in kinematics.links], problems)
-    if not is_sound:
+    items = [*read_inline(document.root, problems), *_given_items(document, annotations, problems)]
+    links, joints = ([str(e.get("name")) for e in document.root.findall(tag)] for tag in ("link", "joint"))
+    marks = validate(items, problems, links, joints)
+    faults = len(problems.found)
+    kinematics = read_kinematics(
+        document,
+        problems,
+        limits={mark.joint: (mark.lower, mark.upper) for mark in marks.limits},
+        followers={mark.joint: Mimic(mark.primary, mark.multiplier, mark.offset) for mark in marks.followers},
+    )
+    if len(problems.found) > faults:
         problems.raise_if_any()
     tree = Tree(kinematics, {point.link for point in marks.points.values()})
-    coupling = couple(tree.moving_joints)
+    coupling, closures, coupled = settle(tree, couple(tree.moving_joints), marks, problems)
     limits = linear_limits(tree.moving_joints, coupling)
     home, notes = _home(tree, coupling, marks, limits, problems)
-    closures = _closures(tree, coupling, marks, problems)
     boundaries = _boundaries(tree, coupling, marks, home, problems)
     problems.raise_if_any()
     return Robot(
@@ -232,18 +237,22 @@ def load(
         annotations=marks,
         coupling=coupling,
         linear_limits=limits,
-        closures=tuple(closures),
-        boundaries=BoundarySet(boundaries, coupling.coordinates, limits),
+        closures=closures,
+        boundaries=BoundarySet(boundaries, coupling.coordinates, limits, home),
         home=home,
-        notes=(*kinematics.notes, *notes),
+        notes=(*kinematics.notes, *coupled, *notes),
         package_dirs=tuple(map(str, package_dirs)),
     )
 
 
-def _sidecar_items(document: Document, given: str | Path | None, problems: Problems) -> list[RawItem]:
+def _given_items(document: Document, given: str | Path | Annotations | None, problems: Problems) -> list[RawItem]:
+    if isinstance(given, Annotations):
+        return raw_items(given, "annotations")
     stem = document.path.name.removesuffix(".xacro").removesuffix(".urdf")
     path = document.path.with_name(f"{stem}.pinbound.yaml") if given is None else Path(given)
-    return read_sidecar(path, problems) if given is not None or path.is_file() else []
+    if given is None and not path.is_file():
+        return []
+    return read_srdf(path, problems) if path.suffix == ".srdf" else read_sidecar(path, problems)
 
 
 def _home(
@@ -253,9 +262,9 @@ def _home(
     names, joints = coupling.coordinates, {joint.name: joint for joint in tree.moving_joints}
     home, notes = np.zeros(len(names)), list[str]()
     for name in marks.home:
-        if name not in names:
+        if name not in names and (name not in joints or joints[name].mimic is not None):
             what = "follows another joint" if name in joints else "does not exist"
-            problems.add(f"home names {name!r}, which {what}", name_hint(name, names).capitalize(), marks.home_line)
+            problems.add(f"home names {name!r}, which {what}", name_hint(name, names), marks.home_line)
     for index, name in enumerate(names):
         lower, upper = joints[name].lower, joints[name].upper
         if name in marks.home:
@@ -263,6 +272,14 @@ def _home(
         elif not lower <= 0.0 <= upper:
             home[index] = (lower + upper) / 2
             notes.append(f"home of {name!r} is the middle of its limits, {home[index]:.6g}: zero is outside them")
+    for name, value in marks.home.items():
+        if name in names or name not in joints or joints[name].mimic is not None:
+            continue
+        coefficients, offset = coupling.row(name)
+        expected = float(coefficients @ home) + offset
+        if abs(value - expected) > HOME:
+            message = f"home has {name!r} at {value:.9g}, but the closed loops put it at {expected:.9g}"
+            problems.add(message, "Leave it out, or give the assembled pose exactly", marks.home_line)
     for limit in limits:
         theta = float(limit.coefficients @ home) + limit.offset
         if marks.home and not limit.lower <= theta <= limit.upper:
@@ -271,35 +288,6 @@ def _home(
             problems.add(message, "Choose a home inside all limits", marks.home_line)
     home.flags.writeable = False
     return home, notes
-
-
-def _closures(tree: Tree, coupling: Coupling, marks: Annotations, problems: Problems) -> list[Closure]:
-    """Return the closures that are proven to close; the others are faults, with their largest residual."""
-    closures: list[Closure] = []
-    for mark in marks.closures:
-        try:
-            closure = close(tree, coupling, mark)
-        except UnsupportedError as error:
-            problems.add(f"closure {mark.name!r}: {error}", "Close the loop over single joints", mark.line)
-            continue
-        closures.append(closure)
-        if not closure.closes:
-            residual, q = _worst_residual(closure, tree, coupling)
-            place = ", ".join(f"{name} = {value:.4g}" for name, value in zip(coupling.coordinates, q, strict=True))
-            message = f"closure {mark.name!r} does not close: its ends are {1e3 * residual:.6g} mm apart at {place}"
-            remedy = "Mend the pins, the lengths or the <mimic> of the joints around the loop"
-            problems.add(message, remedy, mark.line)
-    return closures
-
-
-def _worst_residual(closure: Closure, tree: Tree, coupling: Coupling) -> tuple[float, Array]:
-    joints = {joint.name: joint for joint in tree.moving_joints}
-    ends = np.array([(joints[name].lower, joints[name].upper) for name in coupling.coordinates]).reshape(-1, 2)
-    ends = np.clip(ends, -np.pi, np.pi)
-    Q = np.random.default_rng(0).uniform(ends[:, 0], ends[:, 1], (_RESIDUAL_SAMPLES, len(ends)))
-    residuals = closure.residuals(Q)
-    worst = int(np.argmax(residuals))
-    return float(residuals[worst]), Q[worst]
 
 
 def _boundaries(tree: Tree, coupling: Coupling, marks: Annotations, home: Array, problems: Problems) -> list[Boundary]:

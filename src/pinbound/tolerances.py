@@ -6,6 +6,7 @@ __all__ = [
     "CHORD",
     "CLOSURE",
     "CONTACT",
+    "HOME",
     "IMPLIED",
     "MESH_CHORD",
     "ON_CONTOUR",
@@ -24,6 +25,9 @@ data given to 0.01 mm, two points of two coordinates each: 2 * sqrt(2) * 0.005 m
 CLOSURE: Final = 1e-6
 """Metres. A loop closes if its proven residual is below this: far above rounding (1e-16), far below any
 play of a real pin (1e-5)."""
+
+HOME: Final = 1e-6
+"""Radians or metres. A passive joint that home names must be where the closed loops put it: six decimals of it."""
 
 REDUCTION: Final = 1e-14
 """Relative to the length of a path, and absolute for unit vectors: two axes are parallel, or an offset is

@@ -7,6 +7,7 @@ default namespace. pinbound accepts what has one meaning, lists what it normalis
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, Literal, cast
@@ -103,20 +104,36 @@ class Kinematics:
     notes: tuple[str, ...]
 
 
-def read_kinematics(document: Document, problems: Problems) -> Kinematics:
+def read_kinematics(
+    document: Document,
+    problems: Problems,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    followers: Mapping[str, Mimic] | None = None,
+) -> Kinematics:
     """Read links and joints; every fault goes to `problems`, with its line.
 
-    What comes back is complete only if no fault was added.
+    Args:
+        document: The robot's XML.
+        problems: Where faults go; what comes back is complete only if none was added.
+        limits: Limits by joint that replace the URDF's own.
+        followers: Followers by joint that replace the URDF's own `<mimic>`.
     """
-    reader = _Reader(document, problems)
+    reader = _Reader(document, problems, limits or {}, followers or {})
     return reader.read()
 
 
 class _Reader:
     """One pass over a `<robot>` element, collecting faults and notes."""
 
-    def __init__(self, document: Document, problems: Problems) -> None:
+    def __init__(
+        self,
+        document: Document,
+        problems: Problems,
+        given_limits: Mapping[str, tuple[float, float]],
+        given_followers: Mapping[str, Mimic],
+    ) -> None:
         self.root, self.problems = document.root, problems
+        self.given_limits, self.given_followers = given_limits, given_followers
         self.notes: list[str] = list(document.notes)
         self.links: dict[str, Link] = {}
         self.joints: dict[str, Joint] = {}
@@ -129,11 +146,16 @@ class _Reader:
             self._link(element)
         for element in self.root.findall("joint"):
             self._joint(element)
+        for given, thing in ((self.given_limits, "limits"), (self.given_followers, "<mimic>")):
+            self.notes.extend(f"the annotations replace the {thing} of joint {name!r}" for name in given)
         if not self.links:
             self.problems.add("the robot has no links", "Check that the file is the robot's URDF, and complete", 1)
         self._check_mimics()
         self._check_tree()
-        name = self.root.get("name", "robot")
+        name = self.root.get("name", "")
+        if not name:
+            name = "robot"
+            self.notes.append("the robot has no name; it is called 'robot'")
         return Kinematics(name, tuple(self.links.values()), tuple(self.joints.values()), tuple(self.notes))
 
     def _name(self, element: etree._Element, known: dict[str, Any]) -> str | None:
@@ -167,11 +189,14 @@ class _Reader:
         if kind not in JOINT_TYPES:
             self.problems.add(f"{what} has the type {kind!r}", f"Valid types: {', '.join(JOINT_TYPES)}", line)
             kind = "fixed"
+        if kind in _FREE_TYPES:
+            self.notes.append(f"{kind} {what} is held at its origin in robot.model; no boundary may lie across it")
         ends = [self._end(element, tag, what) for tag in ("parent", "child")]
         origin = element.find("origin")
         xyz = self._vector(origin, "xyz", f"the origin of {what}", (0.0, 0.0, 0.0))
         rpy = self._vector(origin, "rpy", f"the origin of {what}", (0.0, 0.0, 0.0))
-        lower, upper = self._limits(element, kind, what)
+        lower, upper = self._limits(element, kind, what) if name not in self.given_limits else self.given_limits[name]
+        mimic = self._mimic(element, what) if name not in self.given_followers else self.given_followers[name]
         if ends[0] is None or ends[1] is None:
             return
         self.joints[name] = Joint(
@@ -184,7 +209,7 @@ class _Reader:
             axis=self._axis(element, kind, what),
             lower=lower,
             upper=upper,
-            mimic=self._mimic(element, what),
+            mimic=mimic,
             line=line,
         )
 
@@ -203,7 +228,7 @@ class _Reader:
 
     @staticmethod
     def _hint(name: str, known: dict[str, Any]) -> str:
-        return name_hint(name, known).capitalize()
+        return name_hint(name, known)
 
     def _number(self, element: etree._Element | None, key: str, what: str, default: float) -> float:
         return self._numbers(element, key, what, (default,))[0]
@@ -275,8 +300,10 @@ class _Reader:
                 continue
             if name not in moving:
                 self.notes.append(f"{joint.type} joint {name!r} has a <mimic>, which does nothing")
+                continue
             primary = joint.mimic.primary
             if primary in moving:
+                self._note_follower(joint, moving[primary])
                 continue
             kind = f"a {self.joints[primary].type} joint" if primary in self.joints else "no joint of this robot"
             message = f"joint {name!r} follows {primary!r}, which is {kind}"
@@ -285,6 +312,15 @@ class _Reader:
             if name in self._followed(joint):
                 message = f"joint {name!r} follows itself, through other followers"
                 self.problems.add(message, "Let one joint of the cycle be free", joint.line)
+
+    def _note_follower(self, joint: Joint, primary: Joint) -> None:
+        """Say what stock readers refuse or get wrong about a follower, and pinbound does not."""
+        if primary.mimic is not None:
+            self.notes.append(
+                f"joint {joint.name!r} follows {primary.name!r}, itself a follower: the chain is flattened"
+            )
+        if (joint.type == "continuous") != (primary.type == "continuous"):
+            self.notes.append(f"{joint.type} joint {joint.name!r} follows {primary.type} joint {primary.name!r}")
 
     def _followed(self, joint: Joint) -> set[str]:
         """Return every joint that this one follows, directly or not."""
@@ -348,6 +384,7 @@ def build_model(document: Document, kinematics: Kinematics) -> Any:
 
     pin = cast(Any, pinocchio)
     root = deepcopy(document.root)
+    root.set("name", kinematics.name)
     for element in list(root):
         if not isinstance(element.tag, str) or element.tag not in ("link", "joint"):
             root.remove(element)

@@ -201,7 +201,9 @@ def limits(
             columns,
             [_row(loaded, x) for x in found],
         )
-    if any(one.blocked_by for one in found):
+    if found and found[0].beyond and not as_json:
+        console().print(f"Not reachable from home: a contact of {', '.join(found[0].beyond)} lies between.")
+    if any(one.blocked_by or one.beyond for one in found):
         raise typer.Exit(1)
 
 

@@ -249,7 +249,8 @@ def feasible_region(
     Args:
         robot: The robot.
         coordinates: The two coordinates of the plane; None: those that the boundaries use.
-        at: (n,) where the other coordinates are held, and the start point; home by default.
+        at: (n,) where the other coordinates are held, home by default. It must be in the region itself: between it
+            and home there may be no contact.
         window: Ends [rad] within which to look, by coordinate; needed for coordinates without limits.
 
     Returns:
@@ -284,7 +285,7 @@ def feasible_region(
         rest = limit.offset + float(limit.coefficients @ start) - float(c @ start[indices])
         planes += _slab(limit.joint, c, limit.lower - rest, limit.upper - rest)
     for boundary in robot.boundaries:
-        planes += _contact_planes(boundary, indices, start)
+        planes += _contact_planes(boundary, indices, start, robot.home)
     for plane in planes:
         if float(plane.normal @ start[indices]) >= plane.bound:
             raise DimensionError(f"the start point is not free: {plane.name!r} forbids {start[indices].tolist()}")
@@ -334,8 +335,8 @@ def _slab(source: str, normal: Array, lower: float, upper: float, is_contact: bo
     return [HalfPlane(source, name, n, bound, is_contact) for name, n, bound in sides if math.isfinite(bound)]
 
 
-def _contact_planes(boundary: Boundary, indices: Sequence[int], start: Array) -> list[HalfPlane]:
-    """Return the two sides of the gap around the start; none if the boundary does not depend on the plane."""
+def _contact_planes(boundary: Boundary, indices: Sequence[int], start: Array, home: Array) -> list[HalfPlane]:
+    """Return the two sides of the gap around home; none if the boundary does not depend on the plane."""
     contact = boundary.contact
     if contact is None:
         if not boundary.coordinates or not set(indices) & set(boundary.path.minimal.coordinates):
@@ -346,10 +347,10 @@ def _contact_planes(boundary: Boundary, indices: Sequence[int], start: Array) ->
             f"boundary {boundary.name!r} has more than one effective angle (it depends on "
             f"{', '.join(boundary.coordinates)}); planar regions are exact for one effective angle only"
         )
+    if boundary.parts(home, start):
+        raise DimensionError(f"the start point is not free: a contact of {boundary.name!r} lies between it and home")
     phi = float(contact.coefficients @ start)
     lower, upper = contact.gap(phi)
-    if math.isnan(lower):
-        raise DimensionError(f"the start point is not free: {boundary.name!r} is in contact")
     c = contact.coefficients[list(indices)]
     if not np.any(c):
         return []

@@ -1,0 +1,1 @@
+"""Long campaigns and timings; their results go into docs/ with the command that makes them."""

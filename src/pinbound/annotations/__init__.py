@@ -1,0 +1,37 @@
+"""What a user marks on a robot: points, boundaries, closures, home; inline in the URDF, in a YAML sidecar, in an SRDF.
+
+All spellings become the same raw items, and one validator reads those, so that they cannot drift apart. Unknown
+elements and attributes are faults: a misspelt `min_distance` must not pass.
+"""
+
+from pinbound.annotations.inline import read_inline
+from pinbound.annotations.records import (
+    NAMESPACE,
+    Annotations,
+    BoundaryMark,
+    ClosureMark,
+    FollowerMark,
+    LimitMark,
+    Point,
+    RawItem,
+    raw_items,
+)
+from pinbound.annotations.sidecar import read_sidecar
+from pinbound.annotations.srdf import read_srdf
+from pinbound.annotations.validation import validate
+
+__all__ = [
+    "NAMESPACE",
+    "Annotations",
+    "BoundaryMark",
+    "ClosureMark",
+    "FollowerMark",
+    "LimitMark",
+    "Point",
+    "RawItem",
+    "raw_items",
+    "read_inline",
+    "read_sidecar",
+    "read_srdf",
+    "validate",
+]

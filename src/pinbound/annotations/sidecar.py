@@ -1,0 +1,132 @@
+"""Annotations beside the URDF: a YAML file, read with its lines, and written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pinbound.annotations.records import RawItem
+from pinbound.exceptions import Problems, name_hint
+
+__all__ = ["read_sidecar", "sidecar_text"]
+
+_LISTS = {
+    "points": "point",
+    "boundaries": "boundary",
+    "closures": "closure",
+    "followers": "follower",
+    "limits": "limit",
+    "assumptions": "assumption",
+}
+
+
+def read_sidecar(path: Path, problems: Problems) -> list[RawItem]:
+    """Return the raw items of a YAML sidecar; anchors, duplicate keys and unknown keys are faults."""
+    source = path.name
+    try:
+        text = path.read_text(encoding="utf-8")
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=yaml.SafeLoader)):
+            problems.add("uses a YAML alias (*name)", "Write the values out", source=source)
+            return []
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+    except OSError as error:
+        problems.add(f"cannot be read ({error.strerror})", "Check the path and its permissions", source=str(path))
+        return []
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        reason = getattr(error, "problem", None) or str(error) or type(error).__name__
+        line = mark.line + 1 if mark else None
+        problems.add(f"is not YAML: {reason}", "Mend the YAML", line, source)
+        return []
+    if node is None:
+        return []
+    return _Sidecar(source, problems).items(node)
+
+
+class _Sidecar:
+    """Walk the YAML nodes, which know their lines, into raw items."""
+
+    def __init__(self, source: str, problems: Problems) -> None:
+        self.source, self.problems = source, problems
+
+    def items(self, node: yaml.Node) -> list[RawItem]:
+        items: list[RawItem] = []
+        valid = ["contact_tolerance", "home", *_LISTS]
+        for key, value in self._mapping(node, "the sidecar").items():
+            line = _node_line(value)
+            if key == "contact_tolerance":
+                items.append(RawItem("settings", {key: self._plain(value)}, self.source, line))
+            elif key == "home":
+                fields = {name: self._plain(angle) for name, angle in self._mapping(value, "home").items()}
+                items.append(RawItem("home", fields, self.source, line))
+            elif key in _LISTS:
+                items += self._list(key, value)
+            else:
+                hint = name_hint(key, valid)
+                self.problems.add(f"{key!r} is no key of a sidecar", hint, line, self.source)
+        return items
+
+    def _list(self, key: str, node: yaml.Node) -> list[RawItem]:
+        if not isinstance(node, yaml.SequenceNode):
+            self.problems.add(f"{key!r} is not a list", "Write [ ... ]", _node_line(node), self.source)
+            return []
+        items: list[RawItem] = []
+        for entry in node.value:
+            if key == "assumptions":
+                fields: dict[str, Any] = {"text": self._plain(entry)}
+            else:
+                fields = {name: self._plain(value) for name, value in self._mapping(entry, key).items()}
+            items.append(RawItem(_LISTS[key], fields, self.source, _node_line(entry)))
+        return items
+
+    def _mapping(self, node: yaml.Node, what: str) -> dict[str, yaml.Node]:
+        if not isinstance(node, yaml.MappingNode):
+            self.problems.add(f"an entry of {what} is no mapping", "Write {key: value}", _node_line(node), self.source)
+            return {}
+        found: dict[str, yaml.Node] = {}
+        for key, value in node.value:
+            name = str(key.value)
+            if name in found:
+                self.problems.add(f"{name!r} is given twice in {what}", "Keep one", _node_line(key), self.source)
+            found[name] = value
+        return found
+
+    @staticmethod
+    def _plain(node: yaml.Node) -> str:
+        """Return the node as an attribute would say it: scalars as text, lists of them joined by spaces."""
+        if isinstance(node, yaml.SequenceNode):
+            return " ".join(str(entry.value) for entry in node.value)
+        return str(node.value)
+
+
+def _node_line(node: yaml.Node) -> int:
+    return node.start_mark.line + 1
+
+
+def sidecar_text(items: Iterable[RawItem]) -> str:
+    """Return the YAML of a sidecar that says the items."""
+    data: dict[str, Any] = {}
+    lists = {kind: key for key, kind in _LISTS.items()}
+    for item in items:
+        fields = {key: _value(key, text) for key, text in item.fields.items()}
+        if item.kind == "settings":
+            data |= fields
+        elif item.kind == "home":
+            data["home"] = {name: float(text) for name, text in item.fields.items()}
+        else:
+            data.setdefault(lists[item.kind], []).append(item.fields["text"] if item.kind == "assumption" else fields)
+    return yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=150, allow_unicode=True)
+
+
+def _value(key: str, text: str) -> Any:
+    if key.startswith("xyz"):
+        return [float(word) for word in text.split()]
+    if key == "passive":
+        return text.split()
+    return float(text) if key in _NUMBERS else text
+
+
+_NUMBERS = ("contact_tolerance", "radius", "min_distance", "multiplier", "offset", "lower", "upper")

@@ -1,0 +1,229 @@
+"""One validator for both spellings: raw items become records, and every fault is reported with its line."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from pinbound.annotations.records import (
+    FIELDS,
+    Annotations,
+    BoundaryMark,
+    ClosureMark,
+    FollowerMark,
+    LimitMark,
+    Point,
+    RawItem,
+)
+from pinbound.document import parse_floats
+from pinbound.exceptions import Problems, name_hint
+from pinbound.tolerances import CONTACT
+
+__all__ = ["validate"]
+
+Vector = tuple[float, float, float]
+
+
+def validate(
+    items: Collection[RawItem],
+    problems: Problems,
+    links: Collection[str] | None = None,
+    joints: Collection[str] | None = None,
+) -> Annotations:
+    """Return the annotations that are sound; every fault of the others goes to `problems`.
+
+    Args:
+        items: Raw items, inline ones and a sidecar's together.
+        problems: Where faults go.
+        links: The robot's links; None: do not check the names.
+        joints: The robot's joints; None: do not check the names.
+    """
+    return _Validator(problems, links, joints).validate(items)
+
+
+class _Validator:
+    """Turn raw items into annotations, one kind at a time, so that references can be checked."""
+
+    def __init__(self, problems: Problems, links: Collection[str] | None, joints: Collection[str] | None) -> None:
+        self.problems, self.names = problems, {"link": links, "joint": joints}
+        self.item = RawItem("", {}, problems.source, None)
+
+    def validate(self, items: Collection[RawItem]) -> Annotations:
+        by_kind: dict[str, list[RawItem]] = {}
+        for item in items:
+            by_kind.setdefault(item.kind, []).append(item)
+        settings = self._once([*by_kind.get("settings", [])], "contact_tolerance")
+        homes = by_kind.get("home", [])
+        for extra in homes[1:]:
+            self.item = extra
+            self._fault("home is given twice", f"Keep one (the first is on line {homes[0].line})")
+        points = {p.name: p for p in map(self._point, self._unique(by_kind.get("point", []))) if p}
+        marked = {str(item.fields.get("name")) for item in by_kind.get("point", [])}
+        boundaries = [self._boundary(i, points, marked) for i in self._unique(by_kind.get("boundary", []))]
+        closures = [self._closure(item) for item in self._unique(by_kind.get("closure", []))]
+        followers = [self._follower(item) for item in self._unique(by_kind.get("follower", []))]
+        limits = [self._limit(item) for item in self._unique(by_kind.get("limit", []))]
+        return Annotations(
+            contact_tolerance=settings,
+            home=self._home(homes[0]) if homes else {},
+            points=points,
+            boundaries=tuple(boundary for boundary in boundaries if boundary),
+            closures=tuple(closure for closure in closures if closure),
+            followers=tuple(follower for follower in followers if follower),
+            limits=tuple(limit for limit in limits if limit),
+            assumptions=tuple(
+                str(item.fields["text"]) for item in by_kind.get("assumption", []) if self._complete(item)
+            ),
+            home_line=homes[0].line if homes else None,
+        )
+
+    def _fault(self, message: str, remedy: str) -> None:
+        self.problems.add(message, remedy, self.item.line, self.item.source)
+
+    def _once(self, settings: list[RawItem], key: str) -> float:
+        given = [item for item in settings if self._complete(item) and key in item.fields]
+        for extra in given[1:]:
+            self.item = extra
+            self._fault(f"{key} is given twice", f"Keep one (the first is on line {given[0].line})")
+        if not given:
+            return CONTACT
+        self.item = given[0]
+        return self._length(key, CONTACT)
+
+    def _unique(self, items: list[RawItem]) -> list[RawItem]:
+        first: dict[str, RawItem] = {}
+        kept: list[RawItem] = []
+        for item in items:
+            self.item = item
+            if not self._complete(item):
+                continue
+            name = self._name(item)
+            if name in first:
+                message = f"{item.kind} {name!r} is declared twice (first on line {first[name].line})"
+                self._fault(message, "Rename one, or remove it")
+                continue
+            first[name] = item
+            kept.append(item)
+        return kept
+
+    def _complete(self, item: RawItem) -> bool:
+        """Report missing and unknown fields; say whether the required ones are there."""
+        self.item = item
+        required, optional = FIELDS[item.kind]
+        what = f"{item.kind} {self._name(item)!r}" if self._name(item) else f"a {item.kind}"
+        for key in item.fields:
+            if key not in required + optional:
+                hint = name_hint(key, required + optional)
+                self._fault(f"{what} has the unknown attribute {key!r}", hint)
+        missing = [key for key in required if not str(item.fields.get(key, "")).strip()]
+        if missing:
+            self._fault(f"{what} has no {', no '.join(missing)}", f"It needs {', '.join(required)}")
+        return not missing
+
+    def _numbers(self, key: str, count: int) -> tuple[float, ...] | None:
+        numbers = parse_floats(str(self.item.fields[key]), count)
+        if isinstance(numbers, str):
+            name = self._name(self.item)
+            what = f"{self.item.kind} {name!r}" if name else self.item.kind
+            self._fault(f"{key} of {what}: {numbers}", "Write finite numbers, metres or radians")
+            return None
+        return numbers
+
+    def _vector(self, key: str) -> Vector | None:
+        numbers = self._numbers(key, 3)
+        return None if numbers is None else (numbers[0], numbers[1], numbers[2])
+
+    def _length(self, key: str, default: float) -> float:
+        """Return a length that may be left out, and must not be negative."""
+        if key not in self.item.fields:
+            return default
+        numbers = self._numbers(key, 1)
+        if numbers is None:
+            return default
+        if numbers[0] < 0.0:
+            self._fault(f"{key} = {numbers[0]:g} is negative", "Give a length in metres, zero or more")
+        return numbers[0]
+
+    @staticmethod
+    def _name(item: RawItem) -> str:
+        """Return what an item is known by: its name, or the joint that it is about."""
+        return str(item.fields.get("name") or item.fields.get("joint") or "")
+
+    def _known(self, thing: str, name: str) -> str | None:
+        """Return the name of a link or joint, if the robot has it."""
+        valid = self.names[thing]
+        if valid is None or name in valid:
+            return name
+        what = f"{self.item.kind} {self._name(self.item)!r}"
+        self._fault(f"{what} names the {thing} {name!r}, which does not exist", name_hint(name, valid))
+        return None
+
+    def _link(self, key: str) -> str | None:
+        return self._known("link", str(self.item.fields[key]))
+
+    def _joint(self, key: str) -> str | None:
+        return self._known("joint", str(self.item.fields[key]))
+
+    def _point(self, item: RawItem) -> Point | None:
+        self.item = item
+        link, xyz, radius = self._link("link"), self._vector("xyz"), self._length("radius", 0.0)
+        if link is None or xyz is None:
+            return None
+        return Point(str(item.fields["name"]), link, xyz, radius, item.line)
+
+    def _boundary(self, item: RawItem, points: dict[str, Point], marked: set[str]) -> BoundaryMark | None:
+        self.item = item
+        name, a, b = (str(item.fields[key]) for key in ("name", "a", "b"))
+        for point in (a, b):
+            if point not in marked:
+                hint = name_hint(point, points)
+                self._fault(f"boundary {name!r} names the point {point!r}, which is not marked", hint)
+        distance = self._length("min_distance", 0.0)
+        if a not in points or b not in points:
+            return None
+        if points[a].link == points[b].link:
+            self._fault(
+                f"boundary {name!r}: both points are on link {points[a].link!r}, so their distance never changes",
+                "Take points of two links",
+            )
+            return None
+        return BoundaryMark(name, a, b, distance, item.line)
+
+    def _closure(self, item: RawItem) -> ClosureMark | None:
+        self.item = item
+        link_a, link_b = self._link("link_a"), self._link("link_b")
+        xyz_a, xyz_b = self._vector("xyz_a"), self._vector("xyz_b")
+        if link_a is None or link_b is None or xyz_a is None or xyz_b is None:
+            return None
+        if link_a == link_b:
+            self._fault(f"closure {item.fields['name']!r} joins link {link_a!r} to itself", "Name two links")
+            return None
+        passive = tuple(filter(None, (self._known("joint", n) for n in str(item.fields.get("passive", "")).split())))
+        return ClosureMark(str(item.fields["name"]), link_a, xyz_a, link_b, xyz_b, passive, item.line)
+
+    def _follower(self, item: RawItem) -> FollowerMark | None:
+        self.item = item
+        joint, primary = self._joint("joint"), self._joint("primary")
+        multiplier = self._numbers("multiplier", 1) if "multiplier" in item.fields else (1.0,)
+        offset = self._numbers("offset", 1) if "offset" in item.fields else (0.0,)
+        if joint is None or primary is None or multiplier is None or offset is None:
+            return None
+        return FollowerMark(joint, primary, multiplier[0], offset[0], item.line)
+
+    def _limit(self, item: RawItem) -> LimitMark | None:
+        self.item = item
+        joint, lower, upper = self._joint("joint"), self._numbers("lower", 1), self._numbers("upper", 1)
+        if joint is None or lower is None or upper is None:
+            return None
+        if lower[0] > upper[0]:
+            self._fault(f"limit of {joint!r} has lower {lower[0]:g} above upper {upper[0]:g}", "Swap them")
+            return None
+        return LimitMark(joint, lower[0], upper[0], item.line)
+
+    def _home(self, item: RawItem) -> dict[str, float]:
+        self.item = item
+        home: dict[str, float] = {}
+        for name in item.fields:
+            numbers = self._numbers(name, 1)
+            if numbers is not None:
+                home[name] = numbers[0]
+        return home

@@ -1,0 +1,112 @@
+"""The command line: tables for people, JSON for programs, exit codes."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import pinbound as pb
+from pinbound.cli import app
+
+
+def run(*arguments: str, code: int = 0) -> str:
+    result = CliRunner().invoke(app, list(arguments))
+    assert result.exit_code == code, result.output
+    return result.stdout if code != 2 else result.stderr
+
+
+def test_info_shows_coupling_closures_and_assumptions() -> None:
+    text = run("info", "minervabot_v3")
+    for part in ("q2_level", "- q2", "orientation", "r_1,27", "R_2,16"):
+        assert part in text
+    record = json.loads(run("info", "minervabot_v3", "--json"))
+    assert record["coordinates"] == ["q1", "q2", "q3"]
+    assert len(record["S"]) == len(record["joints"]) == 11
+    assert max(closure["residual_bound"] for closure in record["closures"]) < 1e-12
+
+
+def test_derive_shows_both_forms_where_they_differ() -> None:
+    text = run("derive", "minervabot_v3")
+    assert "coincident branched; ancestor link_2; depends on q3" in text
+    assert "contact at q3 - q2 = 32.429119975 deg, every turn" in text
+    blocks = text.split("\nbeta_")
+    assert [("minimal frame" in block) for block in blocks] == [i in (3, 4, 5) for i in range(10)]
+    record = {entry["name"]: entry for entry in json.loads(run("derive", "minervabot_v3", "--json"))}
+    assert record["beta_5"]["coordinates"] == ["q3"]
+    assert record["beta_5"]["expression"] != record["beta_5"]["expression_ancestor"]
+    assert r"\sin" in run("derive", "minervabot_v3", "--latex")
+
+
+def test_limits_at_home_and_in_contact() -> None:
+    found = {entry["coordinate"]: entry for entry in json.loads(run("limits", "minervabot_v3", "--json"))}
+    assert (found["q2"]["lower_stop"], found["q2"]["upper_stop"]) == ("beta_10", "beta_8")
+    assert (found["q1"]["lower_stop"], found["q3"]["upper_stop"]) == ("q1", "beta_4")
+    turned = json.loads(run("limits", "minervabot_v3", "--at", "q2=30,q3=20", "--deg", "--json"))
+    assert turned[1]["value"] == pytest.approx(0.5235987755982988)
+    assert "a contact of beta_10 lies between" in run("limits", "minervabot_v3", "--at", "q2=-0.3", code=1)
+    assert json.loads(run("limits", "minervabot_v3", "--at", "q2=-0.3", "--json", code=1))[1]["beyond"] == ["beta_10"]
+    assert "not allowed here" in run("limits", "minervabot_v3", "--at", "q1=3", code=1)
+
+
+def test_region_names_its_edges() -> None:
+    text = run("region", "minervabot_v3")
+    assert "1.5434743997" in text
+    assert "implied by" in text
+    record = json.loads(run("region", "minervabot_v3", "--json", "--coordinates", "q2,q3"))
+    assert [edge["name"] for edge in record["edges"]] == ["beta_7", "beta_3", "beta_4", "beta_10", "beta_9", "beta_8"]
+    assert record["implied"]["beta_1"]["by"] == ["beta_4"]
+    assert len(record["vertices"]) == 6
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("info", "nothing.urdf"), "neither a file nor a packaged robot"),
+        (("limits", "minervabot_v3", "--at", "q9=1"), "q1, q2, q3"),
+        (("limits", "minervabot_v3", "--at", "q2=nan"), "finite"),
+        (("region", "minervabot_v3", "--coordinates", "q2"), "two coordinates"),
+        (("region", "minervabot_v3", "--at", "q2=-0.5"), "beta_10"),
+        (("info", "minervabot_v3", "--xacro-arg", "bridge"), "NAME=VALUE"),
+        (("info", "minervabot_v3", "--annotations", "none.yaml"), "none.yaml"),
+        (("report", "minervabot_v3", "--frame", "link_9"), "link_6"),
+    ],
+)
+def test_bad_input_is_one_message_and_exit_code_2(arguments: tuple[str, ...], message: str, tmp_path: Path) -> None:
+    extra = ("--out", str(tmp_path)) if arguments[0] == "report" else ()
+    text = run(*arguments, *extra, code=2)
+    assert message in text
+    assert text.startswith("pinbound: ")
+    assert "Traceback" not in text
+
+
+def test_report_writes_a_page_with_its_figures(tmp_path: Path) -> None:
+    text = run("report", "minervabot_v3", "--out", str(tmp_path / "deep" / "report"))
+    assert "implied by beta_4" in text
+    folder = tmp_path / "deep" / "report"
+    assert {path.name for path in folder.iterdir()} == {
+        "index.html",
+        *(f"{name}.{kind}" for name in ("region", "workspace", "robot") for kind in ("svg", "png")),
+    }
+    page = (folder / "index.html").read_text(encoding="utf-8")
+    for robot_fact in (*pb.load("minervabot_v3").boundaries.names, "1.5434743997", "r_1,27", "orientation", "<math"):
+        assert robot_fact in page
+    for name in ("region", "workspace", "robot"):
+        assert f'src="{name}.svg"' in page
+        assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_report_is_the_same_on_every_run(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        run("report", "minervabot_v3", "--out", str(tmp_path / name))
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes(), path.name
+
+
+def test_a_robot_without_boundaries_still_has_a_report(tmp_path: Path) -> None:
+    path = tmp_path / "bare.urdf"
+    path.write_text('<robot name="bare &lt;b&gt;"><link name="only"/></robot>')
+    run("report", str(path), "--out", str(tmp_path / "out"))
+    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    assert "No planar region" in page
+    assert "<b>" not in page.split("<h2>")[0].replace("<li><b>", "").replace("bare &lt;b&gt;", "")

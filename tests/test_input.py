@@ -1,0 +1,221 @@
+"""Bad input: every fault is reported at once, with its line, what is valid, and the remedy; never a traceback."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import pinbound as pb
+
+Load = Callable[..., pb.Robot]
+
+GOOD = """<robot name="arm" xmlns:pinbound="urn:pinbound:1">
+  <link name="base"/>
+  <link name="arm"><visual><geometry><box size="1 1 1"/></geometry></visual></link>
+  <link name="rod"><visual><geometry><box size="1 1 1"/></geometry></visual></link>
+  <joint name="q1" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+  <joint name="q1_rod" type="revolute"><parent link="arm"/><child link="rod"/><origin xyz="0 0 1"/><axis xyz="0 1 0"/>
+    <limit lower="-4" upper="4" effort="1" velocity="1"/><mimic joint="q1" multiplier="-1"/></joint>
+  <pinbound:annotations>
+    <pinbound:home q1="0"/>
+    <pinbound:point name="p" link="base" xyz="1 0 0"/>
+    <pinbound:point name="s" link="arm" xyz="0 0 1"/>
+    <pinbound:boundary name="stop" a="p" b="s"/>
+    <pinbound:closure name="loop" link_a="rod" xyz_a="0 0 0" link_b="arm" xyz_b="0 0 1"/>
+  </pinbound:annotations>
+</robot>
+"""
+
+FAULTS = {
+    "missing link": ('link="base" xyz="1 0 0"', 'link="bsae" xyz="1 0 0"', 11, "'bsae'.*Did you mean 'base'"),
+    "duplicated boundary": (
+        '    <pinbound:closure name="loop"',
+        '    <pinbound:boundary name="stop" a="s" b="p"/>\n    <pinbound:closure name="loop"',
+        14,
+        "'stop' is declared twice .first on line 13.",
+    ),
+    "NaN coordinates": ('xyz="1 0 0"', 'xyz="1 nan 0"', 11, "not finite"),
+    "words for numbers": ('xyz="1 0 0"', 'xyz="1 zero 0"', 11, "is not 3 numbers"),
+    "other scripts' digits": ('xyz="1 0 0"', 'xyz="1 0 ٣"', 11, "is not 3 numbers"),
+    "two numbers": ('xyz="1 0 0"', 'xyz="1 0"', 11, "holds 2 numbers"),
+    "a closure that does not close": ('xyz_b="0 0 1"', 'xyz_b="0 0.002 1"', 14, "does not close.*2 mm"),
+    "home outside the region": ('q1="0"', 'q1="1.5707963267948966"', 10, "outside the feasible region.*'stop'"),
+    "home outside the limits": ('q1="0"', 'q1="2.5"', 10, "outside the limits of 'q1'"),
+    "home of a follower": ('q1="0"', 'q1="0" q1_rod="0"', 10, "follows another joint.*Valid: q1"),
+    "unknown attribute": ('b="s"/>', 'b="s" min_distanse="0.1"/>', 13, "Did you mean 'min_distance'"),
+    "unknown element": ("<pinbound:home q1", "<pinbound:hmoe q1", 10, "is no annotation.*Did you mean 'home'"),
+    "negative distance": ('b="s"/>', 'b="s" min_distance="-1"/>', 13, "is negative"),
+    "one link twice": ('link="arm" xyz="0 0 1"', 'link="base" xyz="0 0 1"', 13, "distance never changes"),
+    "point not marked": ('a="p" b="s"', 'a="p" b="x"', 13, "'x', which is not marked"),
+    "annotation outside its block": (
+        '<link name="base"/>',
+        '<link name="base"><pinbound:point name="z"/></link>',
+        2,
+        "stands outside",
+    ),
+    "no name": ('<pinbound:point name="p"', "<pinbound:point", 11, "has no name"),
+    "text in an element": ('xyz="1 0 0"/>', 'xyz="1 0 0">x</pinbound:point>', 11, "Use attributes"),
+    "joint type": ('type="revolute"><parent link="base"', 'type="hinge"><parent link="base"', 5, "Valid types"),
+    "no limit": ('<limit lower="-2" upper="2" effort="1" velocity="1"/>', "", 5, "has no <limit>"),
+    "lower above upper": ('lower="-2" upper="2"', 'lower="2" upper="-2"', 6, "above upper"),
+    "zero axis": ('<child link="arm"/><axis xyz="0 1 0"/>', '<child link="arm"/><axis xyz="0 0 0"/>', 5, "zero axis"),
+    "NaN axis": ('<child link="arm"/><axis xyz="0 1 0"/>', '<child link="arm"/><axis xyz="0 nan 0"/>', 5, "not finite"),
+    "follower of nothing": ('<mimic joint="q1"', '<mimic joint="q7"', 7, "'q7', which is no joint"),
+    "follower of itself": ('<mimic joint="q1"', '<mimic joint="q1_rod"', 7, "follows itself"),
+    "two parents": ('<child link="rod"/>', '<child link="arm"/>', 7, "child of two joints"),
+    "link twice": ('<link name="rod">', '<link name="arm">', 4, "declared twice"),
+    "missing parent": ('<parent link="arm"/>', '<parent link="amr"/>', 7, "'amr', which is no link"),
+}
+
+
+def swap(old: str, new: str, text: str = GOOD) -> str:
+    assert old in text, "the test's own replacement must apply"
+    return text.replace(old, new, 1)
+
+
+def test_the_good_robot_loads(load_text: Load) -> None:
+    robot = load_text(GOOD)
+    assert robot.boundaries["stop"].contact is not None
+    assert robot.closure_residuals([0.3]).max() < 1e-15
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_one_fault_gives_one_message_with_its_line(load_text: Load, fault: str) -> None:
+    old, new, line, message = FAULTS[fault]
+    with pytest.raises(pb.InputError) as caught:
+        load_text(swap(old, new))
+    problem = next((p for p in caught.value.problems if p.line == line), None)
+    assert problem is not None, str(caught.value)
+    assert re.search(message, str(problem)), str(problem)
+    assert problem.remedy
+
+
+def test_all_faults_of_a_file_are_reported_at_once(load_text: Load) -> None:
+    text = GOOD
+    for fault in ("missing link", "unknown attribute", "a closure that does not close", "duplicated boundary"):
+        old, new, _, _ = FAULTS[fault]
+        text = swap(old, new, text)
+    text = swap('q1="0"', 'q1="2.5"', text)
+    with pytest.raises(pb.InputError) as caught:
+        load_text(text)
+    said = str(caught.value)
+    for part in ("bsae", "min_distanse", "does not close", "declared twice", "outside the limits"):
+        assert part in said
+    assert [p.line for p in caught.value.problems] == sorted(p.line or 0 for p in caught.value.problems)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("this is no XML", "not well-formed"),
+        ("", "not well-formed"),
+        ("<robot name='r'><link name='a'></robot>", "not well-formed"),
+        ("<robot name='r'/>", "no links"),
+        ("<mujoco/>", "starts with <robot>"),
+        ('<!DOCTYPE r [<!ENTITY a "b">]><robot name="&a;"><link name="a"/></robot>', "DOCTYPE"),
+        ('<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><robot name="&x;"/>', "DOCTYPE"),
+        ('<robot name="r" xmlns:pinbound="urn:pinbound:9"><pinbound:annotations/></robot>', "urn:pinbound:1"),
+        ("<robot name='r'><link name='a'/><link name='b'/></robot>", "one root link"),
+        ('<robot name="r"><pinbound:annotations/></robot>', "not well-formed"),
+    ],
+)
+def test_files_that_are_no_robot(load_text: Load, text: str, message: str) -> None:
+    with pytest.raises(pb.InputError, match=message):
+        load_text(text)
+
+
+def test_an_entity_bomb_is_refused_without_being_expanded(load_text: Load) -> None:
+    entities = "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 12))
+    bomb = f'<!DOCTYPE r [<!ENTITY a0 "boom">{entities}]><robot name="&a11;"><link name="a"/></robot>'
+    with pytest.raises(pb.InputError, match="DOCTYPE"):
+        load_text(bomb)
+
+
+def test_a_xacro_with_a_doctype_is_refused_before_xacro_sees_it(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.urdf.xacro"
+    path.write_text('<!DOCTYPE r [<!ENTITY a "b">]><robot name="&a;"><link name="a"/></robot>')
+    with pytest.raises(pb.InputError, match="DOCTYPE"):
+        pb.load(path)
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [({"pivot": "1"}, "Did you mean"), ({"bridge": "steep"}, "bridge"), ({"pivot_x": "nan"}, "not finite|pivot")],
+)
+def test_wrong_xacro_arguments(args: dict[str, str], message: str) -> None:
+    with pytest.raises(pb.InputError, match=message):
+        pb.load("minervabot_v3", xacro_args=args)
+
+
+def test_a_path_that_is_not_there_names_the_packaged_robots() -> None:
+    with pytest.raises(pb.InputError, match="minervabot_v3"):
+        pb.load("no/such/robot.urdf")
+
+
+def test_a_default_namespace_is_dropped_and_noted(load_text: Load) -> None:
+    robot = load_text(GOOD.replace("<robot ", '<robot xmlns="http://www.ros.org" '))
+    assert robot.coordinates == ("q1",)
+    assert "default namespace" in robot.notes[0]
+    assert robot.model.nq == 2
+
+
+SIDECAR = """contact_tolerance: 2.0e-5
+home: {q1: 0.0}
+points:
+  - {name: p, link: base, xyz: [1, 0, 0]}
+  - {name: s, link: arm, xyz: [0, 0, 1], radius: 0.0}
+boundaries: [{name: stop, a: p, b: s, min_distance: 0.0}]
+closures: [{name: loop, link_a: rod, xyz_a: [0, 0, 0], link_b: arm, xyz_b: [0, 0, 1]}]
+assumptions: [the rod is rigid]
+"""
+BARE = re.sub(r"  <pinbound:annotations>.*</pinbound:annotations>\n", "", GOOD, flags=re.DOTALL)
+
+
+def test_a_sidecar_says_the_same_as_inline_annotations(load_text: Load) -> None:
+    inline, sidecar = load_text(GOOD), load_text(BARE, SIDECAR)
+    assert sidecar.boundaries.norms([0.4]) == inline.boundaries.norms([0.4])
+    assert sidecar.annotations.assumptions == ("the rod is rigid",)
+    assert [c.name for c in sidecar.closures] == ["loop"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message"),
+    [
+        ("link: base", "link: bsae", 4, "Did you mean 'base'"),
+        ("min_distance", "mindistance", 6, "Did you mean 'min_distance'"),
+        ("points:", "poinst:", 4, "Did you mean 'points'"),
+        ("[1, 0, 0]", "[1, .nan, 0]", 4, "is not 3 numbers|not finite"),
+        ("{q1: 0.0}", "{q1: 0.0, q1: 1.0}", 2, "given twice"),
+        ("{q1: 0.0}", "[0.0]", 2, "no mapping"),
+        ("home: {q1: 0.0}", "home: {q1: 0.0", 3, "not YAML"),
+        ("xyz: [0, 0, 1], radius", "xyz: [0, 0], radius", 5, "holds 2 numbers"),
+    ],
+)
+def test_faults_of_a_sidecar_carry_its_lines(load_text: Load, old: str, new: str, line: int, message: str) -> None:
+    with pytest.raises(pb.InputError) as caught:
+        load_text(BARE, swap(old, new, SIDECAR))
+    problem = next(p for p in caught.value.problems if p.source == "robot.pinbound.yaml" and p.line == line)
+    assert re.search(message, str(problem))
+
+
+def test_yaml_aliases_are_refused(load_text: Load) -> None:
+    with pytest.raises(pb.InputError, match="alias"):
+        load_text(BARE, "home: &h {q1: 0}\nassumptions: [*h]\n")
+
+
+@pytest.mark.parametrize("fault", ["missing link", "a closure that does not close", "home outside the region"])
+def test_the_command_line_says_it_once_and_exits_with_2(tmp_path: Path, fault: str) -> None:
+    old, new, line, _ = FAULTS[fault]
+    path = tmp_path / "arm.urdf"
+    path.write_text(swap(old, new))
+    done = subprocess.run(
+        [sys.executable, "-m", "pinbound", "info", str(path)], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert f"arm.urdf, line {line}" in done.stderr
+    assert "Traceback" not in done.stderr

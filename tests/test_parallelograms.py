@@ -1,0 +1,160 @@
+"""Loops of open trees: parallelograms are recognised by geometry and proven, all others refused with their sides."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import pinbound as pb
+from robots import joint, random_q, robot_xml
+
+Load = Callable[..., pb.Robot]
+
+
+def closure(a: tuple[str, str], b: tuple[str, str], **extra: str) -> str:
+    more = "".join(f' {key}="{value}"' for key, value in extra.items())
+    return f'<pinbound:closure name="loop" link_a="{a[0]}" xyz_a="{a[1]}" link_b="{b[0]}" xyz_b="{b[1]}"{more}/>'
+
+
+def four_bar(width: float = 0.3, height: float = 0.5, far: float = 0.5, tilt: float = 0.0, extra: str = "") -> str:
+    """Return an open four-bar: base - left - coupler, base - right, and the pin between coupler and right."""
+    joints = [
+        joint("left", "revolute", "base", "a", rpy=f"0 {tilt} 0"),
+        joint("middle", "revolute", "a", "b", xyz=f"0 0 {height}", rpy=f"0 {-tilt} 0"),
+        joint("right", "revolute", "base", "c", xyz=f"{width} 0 0", rpy=f"0 {tilt} 0"),
+    ]
+    return robot_xml(joints, {}, [], closure(("b", f"{width} 0 0"), ("c", f"0 0 {far}")) + extra)
+
+
+def gap_by_pinocchio(robot: pb.Robot, Q: np.ndarray) -> float:
+    model, mark = robot.model, robot.closures[0].mark
+    data, worst = model.createData(), 0.0
+    for theta in robot.coupling.expand(Q):
+        pin.framesForwardKinematics(model, data, theta)
+        ends = [
+            data.oMf[model.getFrameId(link)] * np.array(xyz)
+            for link, xyz in ((mark.link_a, mark.xyz_a), (mark.link_b, mark.xyz_b))
+        ]
+        worst = max(worst, float(np.linalg.norm(ends[0] - ends[1])))
+    return worst
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.4])
+def test_a_four_bar_becomes_one_coordinate(load_text: Load, tilt: float) -> None:
+    robot = load_text(four_bar(tilt=tilt))
+    assert robot.coordinates == ("left",)
+    assert {name: robot.coupling.text(name) for name in robot.coupling.joints} == {
+        "left": "left",
+        "middle": "- left",
+        "right": "left",
+    }
+    assert gap_by_pinocchio(robot, random_q(robot, 200, seed=0)) < 1e-14
+    assert robot.closures[0].bound < 1e-12
+    assert any("'middle' follows - left" in note for note in robot.notes)
+
+
+def test_passive_joints_can_be_named(load_text: Load) -> None:
+    text = four_bar().replace('name="loop"', 'name="loop" passive="left middle"')
+    assert load_text(text).coordinates == ("right",)
+    with pytest.raises(pb.InputError, match="'elbow', which does not exist"):
+        load_text(four_bar().replace('name="loop"', 'name="loop" passive="elbow"'))
+
+
+def palletizer(rod: float = 0.4, tail: str = "-0.1 0 0.05") -> str:
+    joints = [
+        joint("arm", "revolute", "base", "a", axis="0 1 0"),
+        joint("elbow", "revolute", "a", "b", axis="0 -1 0", xyz="0 0 0.4"),
+        joint("crank", "revolute", "base", "c", axis="0 1 0", xyz="0 0.02 0"),
+        joint("rod", "continuous", "c", "d", axis="0 1 0", xyz="-0.1 -0.02 0.05"),
+    ]
+    points = {"p": ("a", "0.05 0 0.3"), "s": ("b", "0.1 0 0.05"), "t": ("d", "0 0 0.2")}
+    return robot_xml(joints, points, [("p", "s"), ("p", "t")], closure(("d", f"0 0 {rod}"), ("b", tail)))
+
+
+def test_an_open_palletizer_keeps_arm_and_crank(load_text: Load) -> None:
+    robot = load_text(palletizer())
+    assert robot.coordinates == ("arm", "crank")
+    assert robot.coupling.text("elbow") == "arm - crank"
+    assert robot.coupling.text("rod") == "arm - crank"
+    assert gap_by_pinocchio(robot, random_q(robot, 200, seed=1)) < 1e-14
+    assert robot.boundaries["p_s"].contact is not None
+    assert robot.boundaries["p_s"].contact.text == "crank - arm"
+
+
+def test_limits_of_joints_that_became_passive_bind_the_active_ones(load_text: Load) -> None:
+    robot = load_text(palletizer().replace('name="elbow"', 'name="elbow"').replace('lower="-3"', 'lower="-0.7"', 2))
+    limit = next(limit for limit in robot.linear_limits if limit.joint == "elbow")
+    assert limit.coefficients.tolist() == [1.0, -1.0]
+    assert (limit.lower, limit.upper) == (-0.7, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (four_bar(far=0.45), r"sides of .* mm are not equal in two pairs"),
+        (four_bar(width=0.5), "_"),
+        (palletizer(rod=0.39), r"sides of .* mm are not equal in two pairs"),
+        (palletizer(tail="-0.1 0.01 0.05"), "10 mm apart along the axis"),
+        (palletizer(tail="-0.1 0 -0.05"), r"open by 100 mm in the pose that home gives"),
+    ],
+)
+def test_what_is_no_parallelogram_is_refused_with_its_sides(load_text: Load, text: str, message: str) -> None:
+    if message == "_":  # a rhombus has equal sides in every pairing; the pose tells the opposite ones
+        assert load_text(text).coordinates == ("left",)
+        return
+    with pytest.raises(pb.InputError, match=message) as caught:
+        load_text(text)
+    assert "ends are" in str(caught.value)
+
+
+def test_an_anti_parallelogram_is_told_apart(load_text: Load) -> None:
+    """Sides 0.6 and 0.2 with the coupler folded back: the same lengths, the other assembly."""
+    a, b = 0.6, 0.2
+    for left in (0.5, 1.0):
+        end = np.array([a * np.sin(left), a * np.cos(left)])
+        to_right = np.array([b, 0.0]) - end
+        distance = np.linalg.norm(to_right)
+        # the coupler end is at distance b from `end` and a from the right pivot: take the crossed solution
+        x = (b**2 - a**2 + distance**2) / (2 * distance)
+        h = np.sqrt(b**2 - x**2)
+        along, across = to_right / distance, np.array([-to_right[1], to_right[0]]) / distance
+        candidates = [end + x * along + s * h * across for s in (1, -1)]
+        crossed = max(candidates, key=lambda p: float(np.linalg.norm(p - (end + np.array([b, 0.0])))))
+        coupler = crossed - end
+        middle = float(np.arctan2(-coupler[1], coupler[0])) - left
+        rod = crossed - np.array([b, 0.0])
+        right = float(np.arctan2(rod[0], rod[1]))
+        pose = f'<pinbound:home left="{left}" middle="{middle}" right="{right}"/>'
+        with pytest.raises(pb.InputError, match="anti-parallelogram"):
+            load_text(four_bar(width=b, height=a, far=a, extra=pose))
+
+
+def test_a_flat_pose_does_not_tell_the_assembly(load_text: Load) -> None:
+    quarter = np.pi / 2
+    flat = f'<pinbound:home left="{quarter}" middle="{-quarter}" right="{quarter}"/>'
+    with pytest.raises(pb.InputError, match="flat in the pose"):
+        load_text(four_bar(width=0.5, extra=flat))
+    clear = '<pinbound:home left="0.3" middle="-0.3" right="0.3"/>'
+    assert load_text(four_bar(extra=clear)).home.tolist() == [0.3]
+
+
+def test_home_of_a_passive_joint_must_be_where_the_loop_puts_it(load_text: Load) -> None:
+    text = palletizer().replace(
+        "<pinbound:closure", '<pinbound:home arm="0.2" crank="0.2" elbow="0.0"/><pinbound:closure'
+    )
+    assert load_text(text).home.tolist() == [0.2, 0.2]
+
+
+def test_two_loops_that_share_links_are_coupled_one_after_the_other(load_text: Load) -> None:
+    joints = [
+        joint("j1", "revolute", "base", "a"),
+        joint("j2", "revolute", "a", "b", xyz="0 0 0.5"),
+        joint("j3", "revolute", "base", "c", xyz="0.3 0 0"),
+        joint("j4", "revolute", "c", "d", xyz="0 0 0.5"),
+        joint("j5", "revolute", "base", "e", xyz="0.8 0 0"),
+    ]
+    second = closure(("d", "0.5 0 0"), ("e", "0 0 0.5")).replace('"loop"', '"second"')
+    robot = load_text(robot_xml(joints, {}, [], second + closure(("b", "0.3 0 0"), ("c", "0 0 0.5"))))
+    assert robot.coordinates == ("j1",)
+    assert robot.closure_residuals(random_q(robot, 50, seed=2)).max() < 1e-14

@@ -1,0 +1,82 @@
+"""The house: a room imports only from floors below it; heavy libraries load when first needed."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import pinbound
+
+PACKAGE = Path(pinbound.__file__).parent
+FLOORS = [
+    ("exceptions", "tolerances"),
+    ("document",),
+    ("urdf", "annotations"),
+    ("tree", "coupling"),
+    ("path",),
+    ("interpreters",),
+    ("closures",),
+    ("parallelograms",),
+    ("boundary",),
+    ("robot",),
+    ("region",),
+    ("inverse_kinematics", "plots"),
+    ("report", "reproduce"),
+    ("cli",),
+    ("__init__", "__main__"),
+]
+LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
+SAME_FLOOR = {("tree", "coupling")}
+ONLY = {
+    "pinocchio": {"urdf.py", "robot.py", "cross_check.py"},
+    "coal": {"cross_check.py"},
+}
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+
+def imports(path: Path) -> list[str]:
+    names: list[str] = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path.name}: import by full name"
+            names += [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return names
+
+
+def room(parts: tuple[str, ...]) -> str:
+    return parts[0].removesuffix(".py")
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_a_room_imports_only_from_floors_below(path: Path) -> None:
+    here = room(path.relative_to(PACKAGE).parts)
+    assert here in LEVEL, f"name the floor of {here!r} in this test and in docs/structure.md"
+    for name in imports(path):
+        if not name.startswith("pinbound.") or name.split(".")[1] not in LEVEL:
+            continue
+        there = name.split(".")[1]
+        inside = there == here and here in ("annotations", "cli", "region", "reproduce")
+        assert inside or LEVEL[there] < LEVEL[here] or (here, there) in SAME_FLOOR, f"{here} imports {there}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_only_some_rooms_talk_to_engines(path: Path) -> None:
+    for library, allowed in ONLY.items():
+        if any(name == library or name.startswith(library + ".") for name in imports(path)):
+            assert path.name in allowed
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_modules_stay_readable(path: Path) -> None:
+    assert len(path.read_text().splitlines()) <= 450
+
+
+def test_import_is_light() -> None:
+    heavy = ("coal", "matplotlib", "numba", "pinocchio", "scipy", "sympy", "trimesh", "yourdfpy", "rich", "typer")
+    code = f"import sys, pinbound; print([name for name in {heavy!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
