@@ -130,7 +130,7 @@ class Section:
             True
         """
         _positive("chord", chord)
-        return self._outline(chord) if self.is_one_to_one else self._union(_TRIANGLES)
+        return self._outline(chord) if self.is_one_to_one else self._union(self._levels)
 
     def export(self, path: str | Path, chord: float = CHORD) -> Path:
         """Write the section's polygon: GeoJSON (`.geojson`, `.json`) or well-known text (`.wkt`), in metres.
@@ -167,7 +167,7 @@ class Section:
 
     def refined(self, quantity: Callable[[Any], float]) -> Measure:
         """Return a quantity of the union of mapped triangles, with its change from a mesh twice as coarse."""
-        coarse, fine = (float(quantity(self._union(count))) for count in (_TRIANGLES // 4, _TRIANGLES))
+        coarse, fine = (float(quantity(self._union(levels))) for levels in (self._levels - 1, self._levels))
         return Measure(fine, abs(fine - coarse), "union of mapped triangles")
 
     def _rings(self) -> list[Array]:
@@ -189,9 +189,16 @@ class Section:
         rings = [self.image(self._subdivided(ring, chord)) for ring in self._rings()]
         return shapely.Polygon(rings[0], rings[1:])
 
-    def _union(self, most: int) -> Any:
+    @cached_property
+    def _levels(self) -> int:
+        """How often the triangulation is split, at least once: up to some 20,000 triangles."""
+        count = len(triangulate(self.region.polygon))
+        return max(1, math.floor(math.log(_TRIANGLES / count, 4)))
+
+    def _union(self, levels: int) -> Any:
+        """Return the union of the images of a triangle mesh, split `levels` times."""
         triangles = triangulate(self.region.polygon)
-        while 4 * len(triangles) <= most:
+        for _ in range(levels):
             triangles = split(triangles)
         corners = self.image(triangles.reshape(-1, 2)).reshape(-1, 3, 2)
         return shapely.union_all(shapely.polygons(corners))
