@@ -9,8 +9,8 @@ import pytest
 import pinbound as pb
 from pinbound.annotations import Point
 from pinbound.interpreters import numeric
-from pinbound.inverse_kinematics import Ending, inverse_kinematics
-from pinbound.path import absolute_chain
+from pinbound.inverse_kinematics import Ending, _Solver, inverse_kinematics
+from pinbound.path import Chain, absolute_chain
 from robots import joint, random_q, robot_xml
 
 
@@ -104,6 +104,29 @@ def test_sliding_along_a_limit(minerva: pb.Robot) -> None:
     tool = minerva.positions("link_6", found.q[0])
     assert np.hypot(tool[0], tool[1]) == pytest.approx(inside[0] * np.cos(0.3), abs=1e-6)
     assert tool[2] == pytest.approx(target[2], abs=1e-6)
+
+
+def test_limits_said_of_several_coordinates() -> None:
+    """Rows `q1 + q2 <= 0.4` and `q1 - q2 <= 0.1` at once: every step stays inside, the nearest place is found."""
+    chain = Chain(
+        np.array([[0.0, 0, 0], [0.3, 0, 0], [0.2, 0, 0]]),
+        np.zeros((3, 3, 2)),
+        np.array([[0.0, 0, 1], [0.0, 0, 1]]),
+        np.eye(2),
+        0.5,
+    )
+    A, b = np.array([[1.0, 1.0], [1.0, -1.0]]), np.array([0.4, 0.1])
+    solver = _Solver(chain, A, b, ("sum", "difference"), 200, 1e-10)
+    goal = np.array([0.1, 0.45, 0.0])
+    answer = solver.solve(np.zeros(2), goal)
+    assert np.all(A @ answer.q <= b + 1e-12)
+    grid = np.stack(np.meshgrid(np.linspace(-3, 3, 601), np.linspace(-3, 3, 601)), axis=-1).reshape(-1, 2)
+    allowed = grid[np.all(grid @ A.T <= b, axis=1)]
+    best = np.linalg.norm(numeric.positions(chain, allowed) - goal, axis=1)
+    near = np.abs(allowed - answer.q).max(axis=1) < 0.3
+    assert answer.residual <= best[near].min() + 1e-9
+    assert answer.ending is Ending.HELD_BY_LIMITS
+    assert answer.limits
 
 
 def test_spatial_robot_with_slides_and_followers(any_robot: pb.Robot) -> None:

@@ -1,7 +1,9 @@
 """The workspace image against closed-form kinematics, Monte Carlo and known bodies."""
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -177,6 +179,22 @@ def test_a_fold_is_found_and_its_area_counted_once(load_text: Callable[..., pb.R
     assert section.area.method == "union of mapped triangles"
     assert abs(draws.mean() - section.area.value) < 4 * draws.std() / np.sqrt(count) + section.area.error
     assert section.area.error < 2e-3 * section.area.value
+
+
+def test_a_fold_behind_a_simple_contour_is_not_overlooked(load_text: Callable[..., pb.Robot]) -> None:
+    """The part below the fold lands inside the part above: the contour's image is simple, the map is not."""
+    robot = load_text(two_link(("-2 2", "-1 1")))
+    whole = workspace_section(robot, pb.feasible_region(robot, ("a", "b")), "hand", turn="turn")
+    polygon = shapely.Polygon([(0, 0), (0.5, -0.5), (1, 0), (1.5, 0.8), (-1, 0.8)])
+    section = dataclasses.replace(whole, region=SimpleNamespace(polygon=polygon))
+    assert section._outline(1e-6).is_valid
+    assert section.folds.sign == 0
+    assert not section.is_one_to_one
+    upper = dataclasses.replace(
+        whole, region=SimpleNamespace(polygon=polygon.intersection(shapely.box(-2, 1e-9, 2, 2)))
+    )
+    assert abs(section.area.value - upper.area.value) < 2 * section.area.error
+    assert section.area.error < 0.01 * section.area.value
 
 
 def test_a_map_that_winds_round_is_not_one_to_one(load_text: Callable[..., pb.Robot]) -> None:

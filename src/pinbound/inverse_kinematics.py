@@ -144,7 +144,7 @@ def inverse_kinematics(
         tried.append(count)
         q = best.q if best.ending is Ending.REACHED else q
     return InverseKinematics(
-        q=np.array([one.q for one in answers]).reshape(-1, len(robot.coordinates)),
+        q=np.clip(np.array([one.q for one in answers]).reshape(-1, len(q)), robot.lower, robot.upper),  # of rounding
         residuals=np.array([one.residual for one in answers]),
         reached=np.array([one.ending is Ending.REACHED for one in answers], dtype=np.bool_),
         iterations=np.array([one.iterations for one in answers], dtype=np.int64),
@@ -209,7 +209,7 @@ class _Solver:
             step, held = self._step(q, J, error, damping * residual**2 + 1e-30)
             if float(np.max(np.abs(step), initial=0.0)) <= _CALM:
                 return self._stopped(q, residual, iteration, held)
-            ahead = self._clipped(q + step)
+            ahead = q + step
             error_ahead = goal - numeric.positions(self.chain, ahead[None])[0]
             if float(np.linalg.norm(error_ahead)) < residual:
                 q, error, damping = ahead, error_ahead, max(damping / 4.0, 1e-6)
@@ -246,14 +246,6 @@ class _Solver:
         growing = rate > 0.0
         room = np.min(slack[growing] / rate[growing], initial=1.0)
         return max(float(room), 0.0) * step, held
-
-    def _clipped(self, q: Array) -> Array:
-        """Return q moved back onto limits that rounding may have passed, one row at a time."""
-        for row, bound in zip(self.A, self.b, strict=True):
-            excess = float(row @ q) - float(bound)
-            if excess > 0.0:
-                q = q - row * (excess / float(row @ row))
-        return q
 
 
 def _null_space(A: Array) -> Array:
