@@ -9,7 +9,7 @@ import pytest
 import pinbound as pb
 from pinbound.annotations import Point
 from pinbound.interpreters import numeric
-from pinbound.inverse_kinematics import Ending, _Solver, inverse_kinematics
+from pinbound.inverse_kinematics import Ending, _Solver, solve_ik
 from pinbound.path import Chain, absolute_chain
 from robots import joint, random_q, robot_xml
 
@@ -34,7 +34,7 @@ def test_every_reachable_target_is_reached(minerva: pb.Robot) -> None:
     rng = np.random.default_rng(1)
     Q = rng.uniform([-2.3, -0.3, -0.3], [2.3, 1.3, 1.2], (200, 3))
     targets = minerva.positions("link_6", Q)
-    found = inverse_kinematics(minerva, "link_6", targets)
+    found = solve_ik(minerva, "link_6", targets)
     assert found.reached.all()
     assert np.linalg.norm(minerva.positions("link_6", found.q) - targets, axis=1).max() < 1e-10
     assert np.all(found.q >= minerva.lower - 1e-12)
@@ -45,14 +45,14 @@ def test_every_reachable_target_is_reached(minerva: pb.Robot) -> None:
 def test_a_path_stays_on_its_branch(minerva: pb.Robot) -> None:
     s = np.linspace(0, 1, 100)[:, None]
     Q = (1 - s) * np.array([-1.0, 0.1, 0.1]) + s * np.array([1.0, 1.1, 0.6])
-    found = inverse_kinematics(minerva, "link_6", minerva.positions("link_6", Q), start=Q[0], restarts=0)
+    found = solve_ik(minerva, "link_6", minerva.positions("link_6", Q), start=Q[0], restarts=0)
     assert np.abs(found.q - Q).max() < 1e-8
     assert not found.restarts.any()
 
 
 def test_out_of_reach_ends_at_the_nearest_place(minerva: pb.Robot) -> None:
     """Far away in the plane of the arm the nearest tool point has arm and forearm straight towards the target."""
-    found = inverse_kinematics(minerva, "link_6", [2.0, 0.0, 0.3])
+    found = solve_ik(minerva, "link_6", [2.0, 0.0, 0.3])
     assert found.endings == (Ending.OUT_OF_REACH,)
     assert not found.reached[0]
     wrist = np.array([2.0 - 0.03546, 0.3 + 0.02771 - 0.0385 - 0.072])
@@ -68,7 +68,7 @@ def test_a_limit_that_holds_is_named(load_text: Callable[..., pb.Robot]) -> None
     """One joint; its target lies beyond its limit. The nearest place is the limit."""
     arm = joint("q1", "revolute", "base", "a", axis="0 0 1", limit="-0.5 0.5")
     robot = load_text(robot_xml([arm, joint("x", "fixed", "a", "tip", xyz="1 0 0")], {}, []))
-    found = inverse_kinematics(robot, "tip", [np.cos(0.8), np.sin(0.8), 0.0])
+    found = solve_ik(robot, "tip", [np.cos(0.8), np.sin(0.8), 0.0])
     assert found.endings == (Ending.HELD_BY_LIMITS,)
     assert found.limits == (("q1",),)
     assert found.q[0, 0] == pytest.approx(0.5, abs=1e-12)
@@ -87,7 +87,7 @@ def test_a_followers_limit_binds(load_text: Callable[..., pb.Robot]) -> None:
             [],
         )
     )
-    found = inverse_kinematics(robot, "end", [np.cos(0.8), np.sin(0.8), 0.0])
+    found = solve_ik(robot, "end", [np.cos(0.8), np.sin(0.8), 0.0])
     assert found.limits == (("z_follow",),)
     assert found.q[0, 0] == pytest.approx(0.3, abs=1e-12)
 
@@ -98,7 +98,7 @@ def test_sliding_along_a_limit(minerva: pb.Robot) -> None:
     inside = minerva.positions("link_6", [0.0, 0.6, 0.4])
     target = np.array([inside[0] * np.cos(azimuth), inside[0] * np.sin(azimuth), inside[2]])
     start = np.array([minerva.upper[0], 0.6, 0.4])
-    found = inverse_kinematics(minerva, "link_6", target, start=start, restarts=0)
+    found = solve_ik(minerva, "link_6", target, start=start, restarts=0)
     assert found.endings == (Ending.HELD_BY_LIMITS,)
     assert found.limits == (("q1",),)
     tool = minerva.positions("link_6", found.q[0])
@@ -138,7 +138,7 @@ def test_spatial_robot_with_slides_and_followers(any_robot: pb.Robot) -> None:
     ends = np.array([(one.lower - one.offset, one.upper - one.offset) for one in any_robot.linear_limits])
     Q = Q[np.all((Q @ A.T >= ends[:, 0]) & (Q @ A.T <= ends[:, 1]), axis=1)]
     for link in tips:
-        found = inverse_kinematics(any_robot, link, any_robot.positions(link, Q, (0.05, 0, 0.02)), xyz=(0.05, 0, 0.02))
+        found = solve_ik(any_robot, link, any_robot.positions(link, Q, (0.05, 0, 0.02)), xyz=(0.05, 0, 0.02))
         theta = found.q @ A.T
         assert np.all(theta >= ends[:, 0] - 1e-9)
         assert np.all(theta <= ends[:, 1] + 1e-9)
@@ -147,13 +147,13 @@ def test_spatial_robot_with_slides_and_followers(any_robot: pb.Robot) -> None:
 
 def test_bad_input(minerva: pb.Robot) -> None:
     with pytest.raises(pb.UnknownNameError, match="link_6"):
-        inverse_kinematics(minerva, "link_7", [0, 0, 0])
+        solve_ik(minerva, "link_7", [0, 0, 0])
     with pytest.raises(pb.DimensionError, match="targets have shape"):
-        inverse_kinematics(minerva, "link_6", [[0, 0]])
+        solve_ik(minerva, "link_6", [[0, 0]])
     with pytest.raises(pb.DimensionError, match="within all joint limits"):
-        inverse_kinematics(minerva, "link_6", [0, 0, 0], start=[9.0, 0, 0])
+        solve_ik(minerva, "link_6", [0, 0, 0], start=[9.0, 0, 0])
     with pytest.raises(pb.DimensionError, match="within all joint limits"):
-        inverse_kinematics(minerva, "link_6", [0, 0, 0], start=[np.nan, 0, 0])
-    found = inverse_kinematics(minerva, "link_6", [np.nan, 0, 0])
+        solve_ik(minerva, "link_6", [0, 0, 0], start=[np.nan, 0, 0])
+    found = solve_ik(minerva, "link_6", [np.nan, 0, 0])
     assert found.endings == (Ending.NO_TARGET,)
-    assert inverse_kinematics(minerva, "link_6", np.empty((0, 3))).q.shape == (0, 3)
+    assert solve_ik(minerva, "link_6", np.empty((0, 3))).q.shape == (0, 3)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pinbound as pb
-from pinbound.region.membership import Place, axis_membership, classify, membership, projections
+from pinbound.region.membership import Place, axis_membership, classify, projections, region_membership
 
 
 def printed_piecewise(x: float, low: float, high: float) -> float:
@@ -55,7 +55,7 @@ def test_nan_and_infinite_ends() -> None:
 def test_membership_of_the_robot(minerva: pb.Robot) -> None:
     region = pb.feasible_region(minerva).scale(0.9)
     Q = np.random.default_rng(9).uniform(-2.5, 2.5, (5000, 3))
-    found = membership(minerva, region, Q)
+    found = region_membership(minerva, region, Q)
     assert np.array_equal(found.mu[:, 0], np.minimum(Q[:, 0] - minerva.lower[0], minerva.upper[0] - Q[:, 0]))
     low, high = region.vertices.min(axis=0), region.vertices.max(axis=0)
     assert np.array_equal(found.mu[:, 1:], axis_membership(Q[:, 1:], low, high))
@@ -69,7 +69,7 @@ def test_membership_of_the_robot(minerva: pb.Robot) -> None:
 
 
 def test_the_papers_fault_at_zero_and_sixty_degrees(minerva: pb.Robot) -> None:
-    found = membership(minerva, pb.feasible_region(minerva), np.radians([0.0, 0.0, 60.0]))
+    found = region_membership(minerva, pb.feasible_region(minerva), np.radians([0.0, 0.0, 60.0]))
     assert np.all(found.mu > 0)
     assert np.all(found.mu_printed > 0)
     assert found.signed_distance[0] < 0

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import pinbound as pb
 from pinbound.cli import app
 from pinbound.region.membership import Place
-from pinbound.reproduce import Reproduction, reproduce
+from pinbound.reproduce import Reproduction, reproduce_paper
 from pinbound.reproduce.drawing import solids
 from pinbound.reproduce.equations import check_equations
 from pinbound.reproduce.errata import find_errata
@@ -38,7 +38,7 @@ def judged(study: Study) -> tuple[JudgedLimit, ...]:
 
 @pytest.fixture(scope="module")
 def written(minerva: pb.Robot, tmp_path_factory: pytest.TempPathFactory) -> Reproduction:
-    return reproduce(minerva, tmp_path_factory.mktemp("reproduction"))
+    return reproduce_paper(minerva, tmp_path_factory.mktemp("reproduction"))
 
 
 def test_fifteen_of_sixteen_limits_solve_their_equation_and_nine_fail_with_one_argument(
@@ -205,7 +205,7 @@ def test_command_line(written: Reproduction, monkeypatch: pytest.MonkeyPatch) ->
         asked.append((robot.name, out))
         return written
 
-    monkeypatch.setattr("pinbound.reproduce.reproduce", stand_in)
+    monkeypatch.setattr("pinbound.reproduce.reproduce_paper", stand_in)
     result = CliRunner().invoke(app, ["reproduce", "--out", "somewhere"])
     assert result.exit_code == 0, result.output
     assert asked == [("minervabot_v3", Path("somewhere"))]

@@ -26,7 +26,7 @@ from pinbound.path import Chain, absolute_chain
 from pinbound.robot import Robot
 from pinbound.tolerances import REACHED
 
-__all__ = ["Ending", "InverseKinematics", "inverse_kinematics"]
+__all__ = ["Ending", "InverseKinematics", "solve_ik"]
 
 Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ class InverseKinematics:
         return "\n".join(lines)
 
 
-def inverse_kinematics(
+def solve_ik(
     robot: Robot,
     link: str,
     targets: ArrayLike,
@@ -114,7 +114,7 @@ def inverse_kinematics(
     Example:
         >>> import pinbound as pb
         >>> robot = pb.load("minervabot_v3")
-        >>> found = inverse_kinematics(robot, "link_6", [[0.15, 0.05, 0.12], [0.9, 0.0, 0.1]])
+        >>> found = solve_ik(robot, "link_6", [[0.15, 0.05, 0.12], [0.9, 0.0, 0.1]])
         >>> found.reached.tolist(), found.endings[1].name
         ([True, False], 'OUT_OF_REACH')
         >>> bool(np.linalg.norm(robot.positions("link_6", found.q[0]) - [0.15, 0.05, 0.12]) < 1e-10)

@@ -20,11 +20,11 @@ def reproduce(
     xacro_arg: XacroArgs = None,
 ) -> None:
     """Draw every table and figure of the paper anew from the URDF, with its errata as computations."""
-    from pinbound.reproduce import reproduce as run
+    from pinbound.reproduce import reproduce_paper
 
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     with console(stderr=True).status("") as status:
-        result = run(loaded, out, lambda step: status.update(f"{step} ..."))
+        result = reproduce_paper(loaded, out, lambda step: status.update(f"{step} ..."))
     print_table(
         "Tables and equations",
         ("printed", "what", "verdict"),

@@ -24,7 +24,7 @@ from pinbound.region.region import Region
 from pinbound.robot import Robot
 from pinbound.tolerances import ON_CONTOUR
 
-__all__ = ["Membership", "Place", "axis_membership", "classify", "membership", "projections"]
+__all__ = ["Membership", "Place", "axis_membership", "classify", "projections", "region_membership"]
 
 Array = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ def projections(region: Region) -> tuple[Array, Array]:
     return np.array([west, south]), np.array([east, north])
 
 
-def membership(robot: Robot, region: Region, Q: ArrayLike) -> Membership:
+def region_membership(robot: Robot, region: Region, Q: ArrayLike) -> Membership:
     """Return mu_n of every coordinate, and the signed distance.
 
     Coordinates outside the region's plane are measured against their own joint limits, as the paper does for q1.
@@ -123,7 +123,7 @@ def membership(robot: Robot, region: Region, Q: ArrayLike) -> Membership:
 
         >>> import pinbound as pb
         >>> robot = pb.load("minervabot_v3")
-        >>> found = membership(robot, pb.feasible_region(robot), [0.0, 0.0, np.radians(60)])
+        >>> found = region_membership(robot, pb.feasible_region(robot), [0.0, 0.0, np.radians(60)])
         >>> bool(np.all(found.mu > 0)), bool(found.signed_distance[0] > 0)
         (True, False)
     """

@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pinbound.region import feasible_region
-from pinbound.region.membership import Place, axis_membership, membership
+from pinbound.region.membership import Place, axis_membership, region_membership
 from pinbound.reproduce.findings import Erratum
 from pinbound.reproduce.judged import JudgedLimit
 from pinbound.reproduce.study import PLANE, Study
@@ -161,7 +161,7 @@ def _limits(judged: Sequence[JudgedLimit]) -> Erratum:
 
 def _projection(study: Study) -> Erratum:
     q = study.configurations(np.radians([[0.0, 60.0]]))
-    found = membership(study.robot, study.region, q)
+    found = region_membership(study.robot, study.region, q)
     mu2, mu3 = (float(np.degrees(found.mu_printed[0, study.robot.coordinates.index(name)])) for name in PLANE)
     distance = float(np.degrees(found.signed_distance[0]))
     columns = [study.robot.coordinates.index(name) for name in PLANE]

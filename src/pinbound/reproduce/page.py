@@ -1,4 +1,4 @@
-"""`reproduce`: all figures, tables, errata and meshes in one folder, and the page that shows them."""
+"""`reproduce_paper`: all figures, tables, errata and meshes in one folder, and the page that shows them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pinbound.reproduce.judged import judge_limits
 from pinbound.reproduce.study import FACTOR, SAMPLES, SEED, Study
 from pinbound.robot import Robot
 
-__all__ = ["FIGURES", "Reproduction", "reproduce"]
+__all__ = ["FIGURES", "Reproduction", "reproduce_paper"]
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ FIGURES: dict[int, tuple[Callable[[Study], Any], str]] = {
 """Figure number: how to draw it, and its caption."""
 
 
-def reproduce(robot: Robot, out: Path, progress: Callable[[str], None] | None = None) -> Reproduction:
+def reproduce_paper(robot: Robot, out: Path, progress: Callable[[str], None] | None = None) -> Reproduction:
     """Draw every table and figure of the paper anew and write them, with the errata, into a folder.
 
     Args:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from pinbound.boundary import ContactAngle
 from pinbound.exceptions import UnsupportedError
-from pinbound.inverse_kinematics import InverseKinematics, inverse_kinematics
+from pinbound.inverse_kinematics import InverseKinematics, solve_ik
 from pinbound.region import Region, feasible_region
-from pinbound.region.membership import Membership, classify, membership
+from pinbound.region.membership import Membership, classify, region_membership
 from pinbound.region.swept import SweptBody, swept_body
 from pinbound.region.workspace import Section, workspace_section
 from pinbound.reproduce.printed import BOUNDARIES, RECURSION, Constants, constants
@@ -195,9 +195,9 @@ class Study:
         azimuth = np.radians(100.0) * np.sin(2 * np.pi * t)
         targets = np.column_stack((plane[:, 0] * np.cos(azimuth), plane[:, 0] * np.sin(azimuth), plane[:, 1]))
         start = self.configurations(centre[None])[0]
-        solution = inverse_kinematics(self.robot, TOOL, targets, start=start, restarts=0)
+        solution = solve_ik(self.robot, TOOL, targets, start=start, restarts=0)
         steps = np.linalg.norm(np.diff(targets, axis=0), axis=1)
-        found = membership(self.robot, self.scaled, solution.q)
+        found = region_membership(self.robot, self.scaled, solution.q)
         return ToolPath(
             share=np.concatenate(([0.0], np.cumsum(steps))) / float(np.sum(steps)),
             targets=targets,
