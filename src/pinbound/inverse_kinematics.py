@@ -205,7 +205,7 @@ class _Solver:
             residual = float(np.linalg.norm(error))
             if residual <= self.tolerance:
                 return _Answer(q, residual, iteration, Ending.REACHED)
-            J = numeric.jacobian(self.chain, q[None])[0]
+            J = numeric.derivative(self.chain, q[None])[0]
             step, held = self._step(q, J, error, damping * residual**2 + 1e-30)
             if float(np.max(np.abs(step), initial=0.0)) <= _CALM:
                 return self._stopped(q, residual, iteration, held)

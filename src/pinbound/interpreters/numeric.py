@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pinbound.path import Chain
 
-__all__ = ["gradient", "hessian", "jacobian", "norm", "positions"]
+__all__ = ["derivative", "gradient", "hessian", "norm", "positions"]
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ def positions(chain: Chain, Q: Array) -> Array:
     return _derivatives(chain, Q, order=0)[0]
 
 
-def jacobian(chain: Chain, Q: Array) -> Array:
+def derivative(chain: Chain, Q: Array) -> Array:
     """Return the derivative (N, 3, n) [m/rad, or 1 for slides] of the chain's value for Q (N, n)."""
     return _derivatives(chain, Q, order=1)[1]
 

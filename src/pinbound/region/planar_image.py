@@ -106,7 +106,7 @@ class PlanarImage:
 
     def jacobian(self, X: Array) -> Array:
         """Return the derivative (N, 2, 2) of `image`."""
-        return np.einsum("ai,nik->nak", np.array((self.u, self.v)), numeric.jacobian(self.chain, X))
+        return np.einsum("ai,nik->nak", np.array((self.u, self.v)), numeric.derivative(self.chain, X))
 
     def determinant(self, X: Array) -> Array:
         """Return the Jacobian's determinant (N,) [m^2/rad^2]: positive keeps the orientation, zero is a fold."""

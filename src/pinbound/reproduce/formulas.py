@@ -42,7 +42,9 @@ def typeset(text: str) -> str:
 def _mathml(equation: Any) -> str:
     from sympy.printing.mathml import mathml
 
-    body = str(cast(Any, mathml)(equation, printer="presentation")).replace("<mo>&InvisibleTimes;</mo>", "")
+    body = str(cast(Any, mathml)(equation, printer="presentation", order="none")).replace(
+        "<mo>&InvisibleTimes;</mo>", ""
+    )
     return f'<math xmlns="http://www.w3.org/1998/Math/MathML">{body}</math>'
 
 
@@ -67,11 +69,20 @@ def limit_formula(boundary: Boundary, joint: str) -> str:
     return _mathml(sp.Eq(symbols[joint], side, evaluate=False))
 
 
-def membership_formulas() -> Sequence[str]:
-    """Return Eq. (21) as printed, and with the sign that its text asks for."""
+def membership_formulas() -> Sequence[tuple[str, ...]]:
+    """Return the lines of Eq. (21): where, as printed, and as its text asks."""
     q, low, high, mu = sp.symbols("q_n q_min q_max mu_n")
-    inside = (sp.Min(q - low, high - q), sp.And(sp.Le(low, q), sp.Le(q, high)))
-    below = (q - low, sp.Lt(q, low))
-    printed = sp.Piecewise(below, inside, (q - high, sp.Gt(q, high)), evaluate=False)
-    meant = sp.Min(q - low, high - q)
-    return tuple(_mathml(sp.Eq(mu, side, evaluate=False)) for side in (printed, meant))
+
+    def minus(a: Any, b: Any) -> Any:
+        return sp.Add(a, -b, evaluate=False)
+
+    within = sp.And(sp.Le(low, q), sp.Le(q, high))
+    nearest = sp.Min(minus(q, low), minus(high, q), evaluate=False)
+    rows = (
+        (sp.Lt(q, low), minus(q, low), minus(q, low)),
+        (within, nearest, nearest),
+        (sp.Gt(q, high), minus(q, high), minus(high, q)),
+    )
+    return tuple(
+        (_mathml(where), *(_mathml(sp.Eq(mu, side, evaluate=False)) for side in sides)) for where, *sides in rows
+    )

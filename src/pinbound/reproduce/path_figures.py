@@ -125,7 +125,7 @@ def figure_19(study: Study) -> Any:
     left.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3, frameon=False)
     right.plot(*targets.T, color="#333333", linewidth=1.0)
     _scatter(right, study, targets, 16.0)
-    to_scale(right, 0.98)
+    to_scale(right, 0.88)
     right.view_init(35, -40)
     right.set_title("(b) The path close by", loc="left")
     return figure
@@ -207,7 +207,7 @@ def figure_22(study: Study) -> Any:
         label = f"$\\mu_{index + 1}$ as printed, where it differs"
         axes.plot(share, np.degrees(printed), linestyle=(0, (1, 1)), color=PALETTE[index], linewidth=2.4, label=label)
     axes.plot(
-        share, np.degrees(found.signed_distance), color="black", linewidth=2.4, label="signed distance to the region"
+        share, np.degrees(found.signed_distance), color="black", linewidth=2.4, label="signed distance, scaled region"
     )
     axes.axhline(0.0, color="#333333", linewidth=0.9)
     _shades(axes)
