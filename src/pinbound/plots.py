@@ -44,6 +44,7 @@ def save(figure: Any, path: Path) -> list[Path]:
     mpl = cast(Any, mpl_untyped)
 
     files = [path.with_suffix(".svg"), path.with_suffix(".png")]
+    figure.draw_without_rendering()  # the first layout of an equal-aspect figure is not settled yet
     with mpl.rc_context({"svg.hashsalt": "pinbound"}):
         figure.savefig(files[0], metadata={"Date": None})
         figure.savefig(files[1], dpi=160)
