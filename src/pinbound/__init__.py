@@ -22,10 +22,23 @@ from pinbound.exceptions import (
     UnsupportedError,
 )
 from pinbound.interpreters.univariate import AllowedArcs
+from pinbound.inverse_kinematics import InverseKinematics, solve_ik
 from pinbound.marking import Proposal, propose_marks
-from pinbound.motion import Motion, MotionHistory, Place, history, read_motion
+from pinbound.motion import Motion, MotionHistory, history, read_motion
 from pinbound.path import Kind
-from pinbound.region import Edge, Region, feasible_region
+from pinbound.region import (
+    Edge,
+    Membership,
+    Place,
+    Region,
+    Section,
+    SweptBody,
+    classify,
+    feasible_region,
+    region_membership,
+    swept_body,
+    workspace_section,
+)
 from pinbound.robot import Robot, load
 
 __version__ = "0.1.0"
@@ -47,8 +60,10 @@ __all__ = [
     "Edge",
     "FollowerMark",
     "InputError",
+    "InverseKinematics",
     "Kind",
     "LimitMark",
+    "Membership",
     "Motion",
     "MotionHistory",
     "PinboundError",
@@ -57,17 +72,24 @@ __all__ = [
     "Proposal",
     "Region",
     "Robot",
+    "Section",
+    "SweptBody",
     "UnknownNameError",
     "UnsupportedError",
     "Verdict",
     "certified_box",
     "certify",
     "certify_box",
+    "classify",
     "feasible_region",
     "history",
     "load",
     "packaged_robots",
     "propose_marks",
     "read_motion",
+    "region_membership",
     "signed_clearances",
+    "solve_ik",
+    "swept_body",
+    "workspace_section",
 ]

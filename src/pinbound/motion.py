@@ -1,9 +1,4 @@
-"""Motions as files and as arrays over time: reading, membership, distance to the region, clearances.
-
-Membership is Eq. (21) with its third line as the paper's text asks for it, negative beyond the upper end:
-`mu = min(q - q_min, q_max - q)`, the ends being those of the region's projection, or the joint limits of coordinates
-outside the region's plane.
-"""
+"""Motions as files and as arrays over time: reading, membership, distance to the region, clearances."""
 
 from __future__ import annotations
 
@@ -11,7 +6,6 @@ import csv
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,11 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from pinbound.certificates import signed_clearances
 from pinbound.certificates.trajectory import as_trajectory
 from pinbound.exceptions import Problems, name_hint
-from pinbound.region import Region
+from pinbound.region import Region, classify, region_membership
 from pinbound.robot import Robot
-from pinbound.tolerances import FOLLOWS, ON_CONTOUR
+from pinbound.tolerances import FOLLOWS
 
-__all__ = ["Motion", "MotionHistory", "Place", "history", "read_motion"]
+__all__ = ["Motion", "MotionHistory", "history", "read_motion"]
 
 Array = NDArray[np.float64]
 
@@ -44,15 +38,6 @@ class Motion:
 
     waypoints: Array
     times: Array | None
-
-
-class Place(IntEnum):
-    """Where a configuration lies with respect to a region; UNKNOWN in another slice than the region's."""
-
-    OUTSIDE = -1
-    ON = 0
-    INSIDE = 1
-    UNKNOWN = 2
 
 
 @dataclass(frozen=True)
@@ -110,7 +95,7 @@ def history(
         >>> robot = pb.load("minervabot_v3")
         >>> region = pb.feasible_region(robot)
         >>> seen = history(robot, np.radians([[0, 0, 0], [0, 0, 60]]), region=region, samples=7)
-        >>> [Place(place).name for place in seen.places[[0, -1]]], bool(np.all(seen.mu[-1] > 0))
+        >>> [pb.Place(place).name for place in seen.places[[0, -1]]], bool(np.all(seen.mu[-1] > 0))
         (['INSIDE', 'OUTSIDE'], True)
     """
     trajectory = as_trajectory(waypoints, robot.coordinates, times)
@@ -126,11 +111,7 @@ def history(
     angles = tuple(robot.turns(name) for name in robot.coordinates)
     if region is None:
         return MotionHistory(robot.coordinates, angles, robot.boundaries.names, clock, Q, clearances)
-    lower, upper = robot.lower.copy(), robot.upper.copy()
-    columns = [robot.coordinates.index(name) for name in region.coordinates]
-    lower[columns], upper[columns] = region.vertices.min(axis=0), region.vertices.max(axis=0)
-    distance = np.asarray(region.signed_distance(Q))
-    place = np.where(distance > ON_CONTOUR, Place.INSIDE, np.where(distance < -ON_CONTOUR, Place.OUTSIDE, Place.ON))
+    found = region_membership(robot, region, Q)
     return MotionHistory(
         robot.coordinates,
         angles,
@@ -138,9 +119,9 @@ def history(
         clock,
         Q,
         clearances,
-        np.minimum(Q - lower, upper - Q),
-        distance,
-        np.where(np.isnan(distance), Place.UNKNOWN, place).astype(np.int64),
+        found.mu,
+        found.signed_distance,
+        classify(found.signed_distance),
     )
 
 

@@ -8,8 +8,8 @@ from typing import Any, cast
 import numpy as np
 
 from pinbound.certificates import Certificate, Verdict
-from pinbound.motion import MotionHistory, Place, tightest
-from pinbound.region import Region
+from pinbound.motion import MotionHistory, tightest
+from pinbound.region import Place, Region
 
 __all__ = ["draw_motion", "draw_paths"]
 

@@ -3,6 +3,7 @@
 from typing import Final
 
 __all__ = [
+    "CHORD",
     "CLOSURE",
     "CONTACT",
     "EVALUATION",
@@ -13,10 +14,14 @@ __all__ = [
     "IMPLIED",
     "INFLATION",
     "LIMIT",
+    "MESH_CHORD",
     "ON_CONTOUR",
     "PRECISION",
+    "QUADRATURE",
+    "REACHED",
     "REDUCTION",
     "REDUCTION_ROUNDOFFS",
+    "SOLVES",
     "SYMBOLIC_DIGITS",
     "UNIT_ROUNDOFF",
     "VERTEX",
@@ -77,3 +82,19 @@ FOLLOWS: Final = 1e-4
 
 ON_CONTOUR: Final = 1e-9
 """Radians. A configuration is on a region's contour within this: the rounding of a path given to nine decimals."""
+CHORD: Final = 1e-6
+"""Metres. Default distance between a curved edge of the workspace and the polyline that stands for it: far below any
+machine's accuracy, and still only some hundred points an edge."""
+
+MESH_CHORD: Final = 1e-4
+"""Metres. Default distance between a swept body and its mesh: 0.1 mm keeps files small."""
+
+QUADRATURE: Final = 1e-13
+"""Relative. Edges are halved until doubling the quadrature nodes changes an integral by less: near rounding."""
+
+REACHED: Final = 1e-10
+"""Metres. Inverse kinematics has converged when the frame is this near to its target."""
+
+SOLVES: Final = 1e-12
+"""Metres. A printed limit solves its component equation if it leaves less: rounding in arms of 0.1 m leaves 1e-16, a
+wrong quadrant millimetres."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pinbound.path import Chain
 
-__all__ = ["gradient", "hessian", "norm", "positions"]
+__all__ = ["derivative", "gradient", "hessian", "norm", "positions"]
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,11 @@ Array = NDArray[np.float64]
 def positions(chain: Chain, Q: Array) -> Array:
     """Return the chain's value (N, 3) [m] for Q (N, n); a row that is not finite gives NaN."""
     return _derivatives(chain, Q, order=0)[0]
+
+
+def derivative(chain: Chain, Q: Array) -> Array:
+    """Return the derivative (N, 3, n) [m/rad, or 1 for slides] of the chain's value for Q (N, n)."""
+    return _derivatives(chain, Q, order=1)[1]
 
 
 def norm(r: Array) -> Array:

@@ -1,5 +1,20 @@
-"""Feasible regions in the plane of two coordinates."""
+"""Feasible regions in the plane of two coordinates, their image in the workspace, and membership in them."""
 
+from pinbound.region.membership import Membership, Place, classify, region_membership
 from pinbound.region.region import Edge, Region, feasible_region
+from pinbound.region.swept import SweptBody, swept_body
+from pinbound.region.workspace import Section, workspace_section
 
-__all__ = ["Edge", "Region", "feasible_region"]
+__all__ = [
+    "Edge",
+    "Membership",
+    "Place",
+    "Region",
+    "Section",
+    "SweptBody",
+    "classify",
+    "feasible_region",
+    "region_membership",
+    "swept_body",
+    "workspace_section",
+]

@@ -1,0 +1,43 @@
+"""`pinbound reproduce`: the paper's tables and figures anew, and its errata with their numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pinbound.cli.shared import Annotations, PackageDirs, XacroArgs, console, load_robot, print_table
+
+__all__ = ["reproduce"]
+
+
+def reproduce(
+    out: Annotated[Path, typer.Option(help="Folder for the page, its figures, numbers and meshes.")],
+    robot: Annotated[str, typer.Option(help="The paper's robot, or a copy of it.")] = "minervabot_v3",
+    annotations: Annotations = None,
+    package_dir: PackageDirs = None,
+    xacro_arg: XacroArgs = None,
+) -> None:
+    """Draw every table and figure of the paper anew from the URDF, with its errata as computations."""
+    from pinbound.reproduce import reproduce_paper
+
+    loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    with console(stderr=True).status("") as status:
+        result = reproduce_paper(loaded, out, lambda step: status.update(f"{step} ..."))
+    print_table(
+        "Tables and equations",
+        ("printed", "what", "verdict"),
+        [
+            *((one.label, one.title, one.verdict) for one in result.tables),
+            *(
+                (f"Eq. {one.number}", one.says, f"largest difference {one.difference:.1e} m")
+                for one in result.equations
+            ),
+        ],
+    )
+    rows = [
+        (str(one.number), one.where, one.title, f"{one.derived}", "yes" if one.holds else "no") for one in result.errata
+    ]
+    print_table("Errata", ("no.", "where", "fault", "computed", "confirmed"), rows)
+    console().print(f"Wrote {result.page}, {len(result.files)} files beside it.", markup=False, soft_wrap=True)

@@ -1,0 +1,258 @@
+"""Inverse kinematics of one point of one link: damped least squares within all joint limits, followers' too.
+
+With e = target - p(q) and J = dp/dq each step minimises
+
+    |J dq - e|^2 + damping |dq|^2   subject to   c_k . dq = 0 for the limits k that hold the step back,
+
+and is cut where it meets the next limit. The damping follows the residual (Levenberg-Marquardt), so the iteration is
+quadratic near a target in reach and calm near singular places. Boundaries are not looked at: a path may leave the
+feasible region, and `pinbound.region.membership` says where. `docs/inverse-kinematics.md` derives the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinbound.annotations import Point
+from pinbound.coupling import as_configurations
+from pinbound.exceptions import DimensionError, UnknownNameError
+from pinbound.interpreters import numeric
+from pinbound.path import Chain, absolute_chain
+from pinbound.robot import Robot
+from pinbound.tolerances import REACHED
+
+__all__ = ["Ending", "InverseKinematics", "solve_ik"]
+
+Array = NDArray[np.float64]
+
+_SLACK = 1e-12  # rad or m: a limit this near is met
+_CALM = 1e-13  # rad or m: steps below this no longer change anything
+
+
+class Ending(Enum):
+    """Why the iteration for one target ended."""
+
+    REACHED = "reached"
+    HELD_BY_LIMITS = "held back by joint limits"
+    OUT_OF_REACH = "no nearer configuration around here"
+    ITERATIONS = "out of iterations"
+    NO_TARGET = "the target is not finite"
+
+
+@dataclass(frozen=True)
+class InverseKinematics:
+    """Configurations found for a sequence of targets.
+
+    Attributes:
+        q: (N, n) the configurations [rad or m]; where not reached, the nearest found.
+        residuals: (N,) distance from frame to target [m].
+        reached: (N,) whether the residual is within the tolerance.
+        iterations: (N,) steps taken.
+        endings: Why each iteration ended.
+        restarts: (N,) how many other starts were tried: above 0 the path may have jumped to another branch.
+        limits: For each target, the joints whose limits held the last step back.
+    """
+
+    q: Array
+    residuals: Array
+    reached: NDArray[np.bool_]
+    iterations: NDArray[np.int64]
+    restarts: NDArray[np.int64]
+    endings: tuple[Ending, ...]
+    limits: tuple[tuple[str, ...], ...]
+
+    def text(self) -> str:
+        """Return a report for people: one line if all is reached, else one line a failure."""
+        count = len(self.q)
+        lines = [f"{int(self.reached.sum())} of {count} targets reached"]
+        for i in np.flatnonzero(~self.reached):
+            held = f" ({', '.join(self.limits[i])})" if self.limits[i] else ""
+            lines.append(f"target {i}: {self.endings[i].value}{held}, {1e3 * self.residuals[i]:.6g} mm away")
+        return "\n".join(lines)
+
+
+def solve_ik(
+    robot: Robot,
+    link: str,
+    targets: ArrayLike,
+    start: ArrayLike | None = None,
+    xyz: Sequence[float] = (0.0, 0.0, 0.0),
+    max_iterations: int = 200,
+    tolerance: float = REACHED,
+    restarts: int = 12,
+    seed: int = 0,
+) -> InverseKinematics:
+    """Find configurations that bring a point of a link to its targets, each started from the last one reached.
+
+    A local method can end beside a target that is in reach. Then it starts again from `start` and from random
+    places within the limits (within half a turn or half a metre of `start` where there are none).
+
+    Args:
+        robot: The robot.
+        link: The link whose point is meant.
+        targets: (3,) or (N, 3) positions in the root link's frame [m].
+        start: (n,) where to start; home by default. It must be within the joint limits.
+        xyz: (3,) the point in the link's frame [m].
+        max_iterations: For each target.
+        tolerance: [m] residual at which a target counts as reached.
+        restarts: How many other starts to try at most, for each target; 0 keeps a path on its branch.
+        seed: Of the random starts.
+
+    Returns:
+        The result, failures included: a target out of reach is no exception.
+
+    Raises:
+        UnknownNameError: If there is no such link.
+        DimensionError: If targets or start have another shape, or the start is out of limits or not finite.
+        UnsupportedError: If a floating or planar joint lies between the root and the link.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> found = solve_ik(robot, "link_6", [[0.15, 0.05, 0.12], [0.9, 0.0, 0.1]])
+        >>> found.reached.tolist(), found.endings[1].name
+        ([True, False], 'OUT_OF_REACH')
+        >>> bool(np.linalg.norm(robot.positions("link_6", found.q[0]) - [0.15, 0.05, 0.12]) < 1e-10)
+        True
+    """
+    if link not in robot.tree.links:
+        raise UnknownNameError("link", link, robot.tree.links)
+    goals = np.asarray(targets, dtype=np.float64)
+    if goals.ndim not in (1, 2) or goals.shape[-1] != 3:
+        raise DimensionError(f"targets have shape {goals.shape}; give (3,) or (N, 3) positions [m]")
+    x, y, z = (float(value) for value in xyz)
+    chain = absolute_chain(robot.tree, robot.coupling, Point("", link, (x, y, z)))
+    solver = _Solver(chain, *_limit_rows(robot), max_iterations, tolerance)
+    q = np.array(robot.home if start is None else as_configurations(start, robot.coordinates))
+    if q.ndim != 1 or not np.all(solver.A @ q <= solver.b + _SLACK):
+        raise DimensionError(f"the start {q.tolist()} is not one configuration within all joint limits")
+    starts = [q, *_random_starts(robot, q, max(restarts - 1, 0), seed)][:restarts]
+    answers, tried = list[_Answer](), list[int]()
+    for goal in goals.reshape(-1, 3):
+        best, count = solver.solve(q, goal), 0
+        for other in starts if np.all(np.isfinite(goal)) else ():
+            if best.ending is Ending.REACHED:
+                break
+            count += 1
+            best = min(best, solver.solve(other, goal), key=lambda one: one.residual)
+        answers.append(best)
+        tried.append(count)
+        q = best.q if best.ending is Ending.REACHED else q
+    return InverseKinematics(
+        q=np.clip(np.array([one.q for one in answers]).reshape(-1, len(q)), robot.lower, robot.upper),  # of rounding
+        residuals=np.array([one.residual for one in answers]),
+        reached=np.array([one.ending is Ending.REACHED for one in answers], dtype=np.bool_),
+        iterations=np.array([one.iterations for one in answers], dtype=np.int64),
+        restarts=np.array(tried, dtype=np.int64),
+        endings=tuple(one.ending for one in answers),
+        limits=tuple(one.limits for one in answers),
+    )
+
+
+def _random_starts(robot: Robot, q: Array, count: int, seed: int) -> list[Array]:
+    """Return configurations within all joint limits; fewer than `count` if followers' limits leave little room."""
+    lower, upper = np.maximum(robot.lower, q - np.pi), np.minimum(robot.upper, q + np.pi)
+    slides = np.array([not robot.turns(name) for name in robot.coordinates], dtype=np.bool_)
+    lower[slides], upper[slides] = np.maximum(lower, q - 0.5)[slides], np.minimum(upper, q + 0.5)[slides]
+    A, b, _ = _limit_rows(robot)
+    drawn = np.random.default_rng(seed).uniform(lower, upper, (20 * count, len(q)))
+    return list(drawn[np.all(drawn @ A.T <= b, axis=1)][:count])
+
+
+def _limit_rows(robot: Robot) -> tuple[Array, Array, tuple[str, ...]]:
+    """Return `A q <= b` for all joint limits, and the joint of each row."""
+    rows, bounds, names = list[Array](), list[float](), list[str]()
+    for limit in robot.linear_limits:
+        for sign, end in ((1.0, limit.upper), (-1.0, limit.lower)):
+            if np.isfinite(end) and np.any(limit.coefficients):
+                rows.append(sign * limit.coefficients)
+                bounds.append(sign * (end - limit.offset))
+                names.append(limit.joint)
+    return np.array(rows).reshape(-1, len(robot.coordinates)), np.array(bounds), tuple(names)
+
+
+@dataclass(frozen=True)
+class _Answer:
+    q: Array
+    residual: float
+    iterations: int
+    ending: Ending
+    limits: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Solver:
+    """One chain with its limits `A q <= b`."""
+
+    chain: Chain
+    A: Array
+    b: Array
+    names: tuple[str, ...]
+    max_iterations: int
+    tolerance: float
+
+    def solve(self, start: Array, goal: Array) -> _Answer:
+        if not np.all(np.isfinite(goal)):
+            return _Answer(start, float("nan"), 0, Ending.NO_TARGET)
+        q, error = start, goal - numeric.positions(self.chain, start[None])[0]
+        damping, held = 1e-3, list[int]()
+        for iteration in range(self.max_iterations):
+            residual = float(np.linalg.norm(error))
+            if residual <= self.tolerance:
+                return _Answer(q, residual, iteration, Ending.REACHED)
+            J = numeric.derivative(self.chain, q[None])[0]
+            step, held = self._step(q, J, error, damping * residual**2 + 1e-30)
+            if float(np.max(np.abs(step), initial=0.0)) <= _CALM:
+                return self._stopped(q, residual, iteration, held)
+            ahead = q + step
+            error_ahead = goal - numeric.positions(self.chain, ahead[None])[0]
+            if float(np.linalg.norm(error_ahead)) < residual:
+                q, error, damping = ahead, error_ahead, max(damping / 4.0, 1e-6)
+            else:
+                damping *= 8.0
+                if damping > 1e18:
+                    return self._stopped(q, residual, iteration, held)
+        residual = float(np.linalg.norm(error))
+        ending = Ending.REACHED if residual <= self.tolerance else Ending.ITERATIONS
+        return _Answer(q, residual, self.max_iterations, ending, self._held_names(held))
+
+    def _stopped(self, q: Array, residual: float, iteration: int, held: list[int]) -> _Answer:
+        ending = Ending.HELD_BY_LIMITS if held else Ending.OUT_OF_REACH
+        return _Answer(q, residual, iteration, ending, self._held_names(held))
+
+    def _held_names(self, held: list[int]) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(self.names[k] for k in held))
+
+    def _step(self, q: Array, J: Array, error: Array, damping: float) -> tuple[Array, list[int]]:
+        """Return the damped step along the limits that it would break, cut at the next limit; and those limits."""
+        slack = self.b - self.A @ q
+        held = list[int]()
+        while True:
+            free = _null_space(self.A[held])
+            stacked = np.vstack((J @ free, np.sqrt(damping) * np.eye(free.shape[1])))
+            wanted = np.concatenate((error, np.zeros(free.shape[1])))
+            step = free @ np.linalg.lstsq(stacked, wanted, rcond=None)[0]  # least norm: no column needs to matter
+            rate = self.A @ step
+            rate[held] = 0.0
+            broken = [k for k in np.flatnonzero((slack <= _SLACK) & (rate > 1e-15)) if k not in held]
+            if not broken:
+                break
+            held.append(int(max(broken, key=lambda k: rate[k])))
+        growing = rate > 0.0
+        room = np.min(slack[growing] / rate[growing], initial=1.0)
+        return max(float(room), 0.0) * step, held
+
+
+def _null_space(A: Array) -> Array:
+    """Return an orthonormal basis (n, n - rank) of the directions along all rows' limits."""
+    n = A.shape[1]
+    if not len(A):
+        return np.eye(n)
+    _, sizes, vectors = np.linalg.svd(A, full_matrices=True)
+    rank = int(np.sum(sizes > 1e-12 * sizes[0]))
+    return vectors[rank:].T

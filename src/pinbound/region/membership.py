@@ -1,0 +1,152 @@
+"""How far inside a region a configuration is: the paper's mu_n of Eq. (21), and the signed distance beside it.
+
+    mu(x) = x - lower              if x < lower,
+            min(x - lower, upper - x)  if lower <= x <= upper,
+            upper - x              if x > upper,
+
+taken, as the paper does, along each axis between the ends of the region's projection. The paper's third line prints
+`x - upper`, which is positive outside; its own text asks for a negative value there. `printed=True` gives the print.
+Even so corrected, all mu > 0 only says that q is in the box around the region. The signed distance is positive
+exactly inside. `docs/membership.md` compares them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinbound.coupling import as_configurations
+from pinbound.exceptions import DimensionError
+from pinbound.region.region import Region
+from pinbound.robot import Robot
+from pinbound.tolerances import ON_CONTOUR
+
+__all__ = ["Membership", "Place", "axis_membership", "classify", "projections", "region_membership"]
+
+Array = NDArray[np.float64]
+
+
+class Place(IntEnum):
+    """Where a configuration lies; UNKNOWN for rows that are not finite or of another slice."""
+
+    OUTSIDE = -1
+    ON = 0
+    INSIDE = 1
+    UNKNOWN = 2
+
+
+@dataclass(frozen=True)
+class Membership:
+    """Membership of many configurations in a region.
+
+    Attributes:
+        coordinates: All active coordinates of the robot (n).
+        lower: (n,) lower ends [rad or m]: of the region's projection, or the joint limit of other coordinates.
+        upper: (n,) upper ends.
+        mu: (N, n) memberships along each axis [rad or m], negative outside the ends, as the paper's text asks.
+        mu_printed: (N, n) the same, its third line as Eq. (21) prints it: positive beyond the upper end.
+        signed_distance: (N,) [rad], in the region's plane: positive exactly inside.
+    """
+
+    coordinates: tuple[str, ...]
+    lower: Array
+    upper: Array
+    mu: Array
+    mu_printed: Array
+    signed_distance: Array
+
+
+def axis_membership(values: ArrayLike, lower: ArrayLike, upper: ArrayLike, printed: bool = False) -> Array:
+    """Return mu of values along one axis, Eq. (21); NaN stays NaN, infinite ends stop nothing.
+
+    Args:
+        values: (N,) or (N, n), any shape that broadcasts with the ends.
+        lower: Lower end [rad or m].
+        upper: Upper end, not below `lower`.
+        printed: Use the third line as printed, `x - upper`, which is positive outside.
+
+    Raises:
+        DimensionError: If an end is NaN or the ends are reversed.
+
+    Example:
+        >>> axis_membership([-0.5, 0.25, 1.5], 0.0, 1.0)
+        array([-0.5 ,  0.25, -0.5 ])
+        >>> axis_membership([-0.5, 0.25, 1.5], 0.0, 1.0, printed=True)
+        array([-0.5 ,  0.25,  0.5 ])
+    """
+    x, low, high = (np.asarray(value, dtype=np.float64) for value in (values, lower, upper))
+    if not np.all(low <= high):
+        raise DimensionError(f"the ends {low.tolist()} and {high.tolist()} are no interval; give lower <= upper")
+    mu = np.minimum(x - low, high - x)
+    return np.where(x > high, x - high, mu) if printed else mu
+
+
+def projections(region: Region) -> tuple[Array, Array]:
+    """Return the ends (2,), (2,) of the region's projection on each of its two axes [rad].
+
+    Raises:
+        DimensionError: If the region is empty.
+
+    Example:
+        >>> import pinbound as pb
+        >>> lower, upper = projections(pb.feasible_region(pb.load("minervabot_v3")))
+        >>> np.degrees(upper).round(6).tolist()
+        [70.001229, 68.981699]
+    """
+    if region.is_empty:
+        raise DimensionError("the region is empty, so it has no projection")
+    west, south, east, north = region.polygon.bounds
+    return np.array([west, south]), np.array([east, north])
+
+
+def region_membership(robot: Robot, region: Region, Q: ArrayLike) -> Membership:
+    """Return mu_n of every coordinate, and the signed distance.
+
+    Coordinates outside the region's plane are measured against their own joint limits, as the paper does for q1.
+
+    Args:
+        robot: The robot.
+        region: A region of it; the paper takes the scaled one.
+        Q: (n,) or (N, n) configurations [rad or m].
+
+    Raises:
+        DimensionError: If Q has another shape, or the region is empty.
+
+    References:
+        Eq. (21), Fig. 22.
+
+    Example:
+        At (q2, q3) = (0, 60) degrees every mu is positive, and yet the configuration is in contact's shadow:
+
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> found = region_membership(robot, pb.feasible_region(robot), [0.0, 0.0, np.radians(60)])
+        >>> bool(np.all(found.mu > 0)), bool(found.signed_distance[0] > 0)
+        (True, False)
+    """
+    rows = as_configurations(Q, robot.coordinates).reshape(-1, len(robot.coordinates))
+    lower, upper = robot.lower.copy(), robot.upper.copy()
+    columns = [robot.coordinates.index(name) for name in region.coordinates]
+    lower[columns], upper[columns] = projections(region)
+    mu, mu_printed = (axis_membership(rows, lower, upper, printed) for printed in (False, True))
+    return Membership(robot.coordinates, lower, upper, mu, mu_printed, np.asarray(region.signed_distance(rows)))
+
+
+def classify(signed_distance: ArrayLike, tolerance: float = ON_CONTOUR) -> NDArray[np.int64]:
+    """Return the `Place` of each signed distance as an integer array: on the contour within `tolerance` [rad].
+
+    Raises:
+        DimensionError: If the tolerance is negative or not finite.
+
+    Example:
+        >>> [Place(place).name for place in classify([0.2, -1e-12, -0.2, np.nan])]
+        ['INSIDE', 'ON', 'OUTSIDE', 'UNKNOWN']
+    """
+    if not 0.0 <= tolerance < np.inf:
+        raise DimensionError(f"the tolerance {tolerance} is not a finite angle of zero or more")
+    d = np.asarray(signed_distance, dtype=np.float64)
+    place = np.where(d > tolerance, Place.INSIDE, np.where(d < -tolerance, Place.OUTSIDE, Place.ON))
+    return np.where(np.isnan(d), Place.UNKNOWN, place).astype(np.int64)

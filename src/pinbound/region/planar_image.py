@@ -1,0 +1,172 @@
+"""The map from a plane of two coordinates to the plane in which a frame moves, with bounds of its derivatives.
+
+With all other coordinates held, and if all rotations that are left turn about one direction n, the frame's position is
+
+    p(x) = sum_i R(n, g_i . x) (s_i + L_i x) + const,   det(x) = n . (dp/dx_1 x dp/dx_2),
+
+which stays in a plane normal to n. Lengths only grow by rotation to at most `B_i = |s_i| + sum_k |L_ik| max |x_k|`, so
+
+    |dp/dx_k| <= sum_i |g_ik| B_i + |L_ik|,
+    |d2p/dx_j dx_k| <= sum_i |g_ij g_ik| B_i + |g_ij| |L_ik| + |g_ik| |L_ij|.
+
+`docs/workspace.md` derives both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.exceptions import UnsupportedError
+from pinbound.interpreters import numeric
+from pinbound.path import Chain, are_parallel, rotation_matrix
+from pinbound.tolerances import REDUCTION
+
+__all__ = ["PlanarImage", "planar_image", "restrict"]
+
+Array = NDArray[np.float64]
+
+_PLANE = 2
+
+
+def restrict(chain: Chain, indices: Sequence[int], at: Array) -> Chain:
+    """Return the chain over the coordinates `indices` only, the others held as in `at` (n,).
+
+    Example:
+        >>> turn = Chain(np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.zeros((2, 3, 2)), np.array([[0.0, 0, 1]]),
+        ...     np.array([[1.0, 1.0]]), 1.0)
+        >>> numeric.positions(restrict(turn, [0], np.array([9.0, np.pi / 2])), np.zeros((1, 1))).round(12) + 0.0
+        array([[0., 1., 0.]])
+    """
+    columns = list(indices)
+    held = np.array(at, dtype=np.float64)
+    held[columns] = 0.0
+    turned = np.eye(3)
+    offsets, slides = [chain.offsets[0] + chain.slides[0] @ held], [chain.slides[0][:, columns]]
+    axes, coefficients = list[Array](), list[Array]()
+    for i in range(chain.rotations):
+        axis, c = chain.axes[i], chain.coefficients[i]
+        if np.any(c[columns]):
+            axes.append(turned @ axis)
+            coefficients.append(c[columns])
+            offsets.append(np.zeros(3))
+            slides.append(np.zeros((3, len(columns))))
+        turned = turned @ rotation_matrix(axis, float(c @ held))
+        offsets[-1] = offsets[-1] + turned @ (chain.offsets[i + 1] + chain.slides[i + 1] @ held)
+        slides[-1] = slides[-1] + turned @ chain.slides[i + 1][:, columns]
+    count = len(columns)
+    return Chain(
+        np.array(offsets),
+        np.array(slides),
+        np.array(axes).reshape(-1, 3),
+        np.array(coefficients).reshape(-1, count),
+        chain.scale,
+    )
+
+
+@dataclass(frozen=True)
+class PlanarImage:
+    """Where a frame is, in a plane of space, as a function of two coordinates.
+
+    Attributes:
+        chain: Over the two coordinates.
+        origin: (3,) origin of the plane's own frame, in the root link's frame [m].
+        u: (3,) first unit vector of the plane.
+        v: (3,) second unit vector; `n = u x v` is the plane's normal.
+        most: (2,) largest absolute value of each coordinate that will be asked for [rad or m], for the bounds.
+    """
+
+    chain: Chain
+    origin: Array
+    u: Array
+    v: Array
+    most: Array
+
+    @property
+    def normal(self) -> Array:
+        """(3,) unit normal `u x v` of the plane."""
+        return np.cross(self.u, self.v)
+
+    @property
+    def offset(self) -> float:
+        """Signed distance of the plane from its own frame's origin along the normal [m]."""
+        return float(self.normal @ (numeric.positions(self.chain, np.zeros((1, _PLANE)))[0] - self.origin))
+
+    def points(self, X: Array) -> Array:
+        """Return the positions (N, 3) [m] in the root link's frame for X (N, 2)."""
+        return numeric.positions(self.chain, X)
+
+    def image(self, X: Array) -> Array:
+        """Return the positions (N, 2) [m] in the plane's own frame."""
+        return (self.points(X) - self.origin) @ np.column_stack((self.u, self.v))
+
+    def jacobian(self, X: Array) -> Array:
+        """Return the derivative (N, 2, 2) of `image`."""
+        return np.einsum("ai,nik->nak", np.array((self.u, self.v)), numeric.derivative(self.chain, X))
+
+    def determinant(self, X: Array) -> Array:
+        """Return the Jacobian's determinant (N,) [m^2/rad^2]: positive keeps the orientation, zero is a fold."""
+        J = self.jacobian(X)
+        return J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
+
+    @cached_property
+    def _terms(self) -> tuple[Array, Array, Array]:
+        """Return |g| (m, 2), B (m,) and |L| (m, 2) of the sum over cumulative angles."""
+        signs = np.sign(self.chain.axes @ self.chain.axes[0]) if self.chain.rotations else np.zeros(0)
+        steps = (signs[:, None] * self.chain.coefficients).reshape(-1, _PLANE)
+        g = np.abs(np.vstack((np.zeros(_PLANE), np.cumsum(steps, axis=0))))
+        slides = np.linalg.norm(self.chain.slides, axis=1)
+        return g, np.linalg.norm(self.chain.offsets, axis=1) + slides @ self.most, slides
+
+    @cached_property
+    def first_bound(self) -> Array:
+        """(2,) bound of |dp/dx_k|."""
+        g, lengths, slides = self._terms
+        return g.T @ lengths + slides.sum(axis=0)
+
+    @cached_property
+    def second_bound(self) -> Array:
+        """(2, 2) bound of |d2p/dx_j dx_k|."""
+        g, lengths, slides = self._terms
+        return (g.T * lengths) @ g + g.T @ slides + slides.T @ g
+
+    @property
+    def determinant_lipschitz(self) -> Array:
+        """(2,) bound of |d det/dx_k|: `|p_1k| |p_2| + |p_1| |p_2k|`."""
+        first, second = self.first_bound, self.second_bound
+        return second[0] * first[1] + first[0] * second[1]
+
+
+def planar_image(chain: Chain, upright: Array, foot: Array, most: Array, middle: Array) -> PlanarImage:
+    """Return the planar map of a chain over two coordinates.
+
+    Args:
+        chain: Over two coordinates.
+        upright: (3,) direction that the plane's second axis v should have, if it lies in the plane.
+        foot: (3,) origin of the plane's own frame.
+        most: (2,) see `PlanarImage`.
+        middle: (2,) a point whose image gets u >= 0.
+
+    Raises:
+        UnsupportedError: If the frame does not move in a plane, or does not move at all.
+    """
+    if not chain.rotations:
+        raise UnsupportedError("no rotation moves this frame in the plane of these two coordinates; choose others")
+    normal = chain.axes[0]
+    is_planar = all(are_parallel(normal, axis) for axis in chain.axes[1:])
+    if not is_planar or np.any(np.abs(np.einsum("i,jik->jk", normal, chain.slides)) > REDUCTION):
+        raise UnsupportedError(
+            "this frame moves on a curved surface, not in a plane; areas need rotations about one direction"
+        )
+    across = upright - normal * float(normal @ upright)
+    if float(np.linalg.norm(across)) <= np.sqrt(REDUCTION):  # looking along the axis: take any direction
+        across = np.eye(3)[int(np.argmin(np.abs(normal)))]
+        across = across - normal * float(normal @ across)
+    v = across / np.linalg.norm(across)
+    u = np.cross(v, normal)
+    reach = float(u @ (numeric.positions(chain, middle[None])[0] - foot))
+    return PlanarImage(chain, foot, -u if reach < 0.0 else u, v, most)

@@ -1,0 +1,320 @@
+"""The image of a region under forward kinematics: its contour, its area, what it sweeps when another joint turns.
+
+Where the map does not fold and the contour's image does not cross itself, the map is one to one, and areas are
+boundary integrals over the image of the contour,
+
+    area = 1/2 |oint u dv - v du|,    int u dA = 1/2 |oint u^2 dv|,
+
+whose integrands are analytic along straight edges, so Gauss-Legendre quadrature converges to rounding. Otherwise
+the image is the union of mapped triangles, with the change from the last refinement as its error.
+`docs/workspace.md` derives all of it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pinbound.annotations import Point
+from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
+from pinbound.path import Chain, absolute_chain, are_parallel
+from pinbound.region.folds import Folds, find_folds, split, triangulate
+from pinbound.region.planar_image import PlanarImage, planar_image, restrict
+from pinbound.region.region import Region
+from pinbound.robot import Robot
+from pinbound.tolerances import CHORD, QUADRATURE, REDUCTION
+
+__all__ = ["Measure", "Section", "workspace_section"]
+
+Array = NDArray[np.float64]
+Integrand = Callable[[Array, Array], Array]
+sh = cast(Any, shapely)  # newer functions than the stubs know
+
+_NODES = 20
+_HALVINGS = 12
+_TRIANGLES = 20_000
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A number with its error.
+
+    Attributes:
+        value: In metres, squared or cubed.
+        error: As value: what twice the quadrature nodes change, plus rounding; or, for unions of triangles, the
+            change from the last refinement.
+        method: ``"boundary integral"`` or ``"union of mapped triangles"``.
+    """
+
+    value: float
+    error: float
+    method: str
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A coordinate that turns the whole section about one line.
+
+    Attributes:
+        coordinate: Its name.
+        index: Its place in q.
+        point: (3,) the point of the axis that is nearest to the root link's origin [m], in its frame.
+        axis: (3,) unit vector.
+        coefficient: Angle turned, per unit of the coordinate.
+    """
+
+    coordinate: str
+    index: int
+    point: Array
+    axis: Array
+    coefficient: float
+
+
+@dataclass(frozen=True)
+class Section:
+    """The image of a region in the plane in which a frame moves.
+
+    Attributes:
+        region: In the plane of two coordinates.
+        link: The frame's link.
+        xyz: (3,) the point of the link [m].
+        map: From the two coordinates to the plane; its first axis u points away from the axis of `turn`.
+        turn: The coordinate that turns the whole section, if one was asked for.
+    """
+
+    region: Region
+    link: str
+    xyz: tuple[float, float, float]
+    map: PlanarImage
+    turn: Turn | None
+
+    def points(self, X: Array) -> Array:
+        """Return positions (N, 3) [m] in the root link's frame, of points (N, 2) of the region's plane."""
+        return self.map.points(np.asarray(X, dtype=np.float64).reshape(-1, 2))
+
+    def image(self, X: Array) -> Array:
+        """Return positions (N, 2) [m] in the section's own plane: (distance from the axis, height)."""
+        return self.map.image(np.asarray(X, dtype=np.float64).reshape(-1, 2))
+
+    @cached_property
+    def folds(self) -> Folds:
+        """The sign of the Jacobian over the region, proven, or where it changes."""
+        return find_folds(self.map, self.region.polygon)
+
+    @cached_property
+    def is_one_to_one(self) -> bool:
+        """Whether no two points of the region have one image: no fold, and the contour's image is simple."""
+        return self.folds.sign != 0 and bool(self._outline(CHORD).is_valid)
+
+    def edge_image(self, start: Array, end: Array, chord: float = CHORD) -> Array:
+        """Return the image (k, 2) [m] of a straight edge, as a polyline at most `chord` [m] away from it."""
+        return self.image(self._subdivided(np.array([start, end]), chord))
+
+    def polygon(self, chord: float = CHORD) -> Any:
+        """Return the section as a `shapely` polygon [m], its curved edges within `chord` [m].
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> section = workspace_section(robot, pb.feasible_region(robot), "link_6", turn="q1")
+            >>> section.polygon(1e-6).bounds[0] > 0
+            True
+        """
+        _positive("chord", chord)
+        return self._outline(chord) if self.is_one_to_one else self._union(self._levels)
+
+    def export(self, path: str | Path, chord: float = CHORD) -> Path:
+        """Write the section's polygon: GeoJSON (`.geojson`, `.json`) or well-known text (`.wkt`), in metres.
+
+        Raises:
+            DimensionError: If the suffix is another one.
+        """
+        target = Path(path)
+        writers: dict[str, Any] = {".geojson": sh.to_geojson, ".json": sh.to_geojson, ".wkt": sh.to_wkt}
+        if target.suffix not in writers:
+            raise DimensionError(f"{target.name!r} has no suffix of a polygon format; valid: {', '.join(writers)}")
+        target.write_text(writers[target.suffix](self.polygon(chord)) + "\n", encoding="utf-8")
+        return target
+
+    @cached_property
+    def area(self) -> Measure:
+        """Area of the section [m^2], each place counted once.
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> section = workspace_section(robot, pb.feasible_region(robot), "link_6", turn="q1")
+            >>> round(1e6 * section.area.value, 2)
+            13787.57
+        """
+        if self.is_one_to_one:
+            return self._boundary_integral(_half_cross)
+        return self.refined(_area)
+
+    @cached_property
+    def moment(self) -> Measure:
+        """The integral of u over the section [m^3]; only for sections on one side of the axis, u >= 0."""
+        return self._boundary_integral(_half_square)
+
+    def refined(self, quantity: Callable[[Any], float]) -> Measure:
+        """Return a quantity of the union of mapped triangles, with its change from a mesh twice as coarse."""
+        coarse, fine = (float(quantity(self._union(levels))) for levels in (self._levels - 1, self._levels))
+        return Measure(fine, abs(fine - coarse), "union of mapped triangles")
+
+    def _rings(self) -> list[Array]:
+        """Return the region's rings, closed: outer counter-clockwise, holes clockwise."""
+        polygon = sh.orient_polygons(self.region.polygon)
+        return [shapely.get_coordinates(ring) for ring in (polygon.exterior, *polygon.interiors)]
+
+    def _subdivided(self, ring: Array, chord: float) -> Array:
+        """Return a polyline with points added until the image's chords are within `chord`: `h^2 |p''| / 8`."""
+        pieces = list[Array]()
+        for start, end in itertools.pairwise(ring):
+            step = np.abs(end - start)
+            bend = float(step @ self.map.second_bound @ step)
+            count = max(1, math.ceil(math.sqrt(bend / (8.0 * chord))))
+            pieces.append(start + np.arange(count)[:, None] / count * (end - start))
+        return np.vstack((*pieces, ring[-1:]))
+
+    def _outline(self, chord: float) -> Any:
+        rings = [self.image(self._subdivided(ring, chord)) for ring in self._rings()]
+        return shapely.Polygon(rings[0], rings[1:])
+
+    @cached_property
+    def _levels(self) -> int:
+        """How often the triangulation is split, at least once: up to some 20,000 triangles."""
+        count = len(triangulate(self.region.polygon))
+        return max(1, math.floor(math.log(_TRIANGLES / count, 4)))
+
+    def _union(self, levels: int) -> Any:
+        """Return the union of the images of a triangle mesh, split `levels` times."""
+        triangles = triangulate(self.region.polygon)
+        for _ in range(levels):
+            triangles = split(triangles)
+        corners = self.image(triangles.reshape(-1, 2)).reshape(-1, 3, 2)
+        return shapely.union_all(shapely.polygons(corners))
+
+    def _boundary_integral(self, integrand: Integrand) -> Measure:
+        """Integrate along the image of the contour; the error is what doubling the nodes changes, and rounding."""
+        rings, scale = self._rings(), 0.0
+        starts, ends = np.vstack([r[:-1] for r in rings]), np.vstack([r[1:] for r in rings])
+        value = error = math.nan
+        for _ in range(_HALVINGS):
+            coarse, fine = (self._gauss(integrand, starts, ends, count) for count in (_NODES, 2 * _NODES))
+            value, scale = fine
+            error = abs(value - coarse[0])
+            if error <= QUADRATURE * scale:
+                break
+            middles = (starts + ends) / 2
+            starts, ends = np.vstack((starts, middles)), np.vstack((middles, ends))
+        rounding = 8.0 * np.finfo(float).eps * self.map.chain.rotations * scale
+        return Measure(abs(value), float(error + rounding), "boundary integral")
+
+    def _gauss(self, integrand: Integrand, starts: Array, ends: Array, count: int) -> tuple[float, float]:
+        """Return the integral over all segments, and the integral of the absolute value."""
+        nodes, weights = np.polynomial.legendre.leggauss(count)
+        s = (nodes + 1.0) / 2
+        steps = ends - starts
+        X = (starts[:, None] + s[:, None] * steps[:, None]).reshape(-1, 2)
+        d = np.repeat(steps, count, axis=0)
+        values = integrand(self.image(X), np.einsum("nak,nk->na", self.map.jacobian(X), d))
+        weighted = np.tile(weights / 2, len(starts)) * values
+        return math.fsum(weighted), math.fsum(np.abs(weighted))
+
+
+def workspace_section(
+    robot: Robot,
+    region: Region,
+    link: str,
+    xyz: Sequence[float] = (0.0, 0.0, 0.0),
+    turn: str | None = None,
+) -> Section:
+    """Return the image of a region for one point of one link, the other coordinates as in `region.at`.
+
+    Args:
+        robot: The robot.
+        region: A region of it, not empty.
+        link: The link whose frame is followed.
+        xyz: (3,) the point in the link's frame [m].
+        turn: A coordinate that turns the whole section about one line, for `swept_body`; then u is measured from its
+            axis and v along it. None: u and v from the root link's origin, v upwards.
+
+    Raises:
+        UnknownNameError: If there is no such link or coordinate.
+        UnsupportedError: If the frame does not move in a plane, or `turn` does not turn that plane as a whole about
+            an axis that lies along it.
+        DimensionError: If the region is empty.
+
+    References:
+        The paper's Figs. 9-12; `docs/workspace.md`.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> section = workspace_section(robot, pb.feasible_region(robot), "link_6")
+        >>> section.folds.sign, section.is_one_to_one, section.area.method
+        (-1, True, 'boundary integral')
+    """
+    if link not in robot.tree.links:
+        raise UnknownNameError("link", link, robot.tree.links)
+    if region.is_empty:
+        raise DimensionError("the region is empty, so it has no image")
+    x, y, z = (float(value) for value in xyz)
+    chain = absolute_chain(robot.tree, robot.coupling, Point("", link, (x, y, z)))
+    indices = [robot.coordinates.index(name) for name in region.coordinates]
+    turning = None if turn is None else _turn(robot, chain, indices, region, turn)
+    upright, foot = (np.array([0.0, 0.0, 1.0]), np.zeros(3)) if turning is None else (turning.axis, turning.point)
+    most = np.max(np.abs(region.vertices), axis=0)
+    image = planar_image(restrict(chain, indices, region.at), upright, foot, most, region.centroid)
+    if turning is not None and not are_parallel(image.v, turning.axis):
+        raise UnsupportedError(
+            f"the axis of {turn!r} does not lie along the plane in which {link!r} moves: no volume is swept"
+        )
+    return Section(region, link, (x, y, z), image, turning)
+
+
+def _turn(robot: Robot, chain: Chain, indices: Sequence[int], region: Region, name: str) -> Turn:
+    """Return the axis of a coordinate, if all that moves in the region comes after it and it is used once."""
+    if name not in robot.coordinates:
+        raise UnknownNameError("coordinate", name, robot.coordinates)
+    index = robot.coordinates.index(name)
+    uses = np.flatnonzero(chain.coefficients[:, index])
+    ahead = int(uses[0]) if len(uses) else -1
+    before = np.any(chain.coefficients[: ahead + 1][:, list(indices)]) or np.any(
+        chain.slides[: ahead + 1][:, :, list(indices)]
+    )
+    if index in indices or len(uses) != 1 or np.any(chain.slides[:, :, index]) or before:
+        raise UnsupportedError(
+            f"{name!r} does not turn the section as a whole: it must turn the frame exactly once, before "
+            f"{' and '.join(region.coordinates)} do"
+        )
+    alone = restrict(chain, [index], region.at)
+    axis, point = alone.axes[0], alone.offsets[0]
+    foot = point - axis * float(axis @ point)
+    return Turn(name, index, foot, axis.copy(), float(alone.coefficients[0, 0]))
+
+
+def _half_cross(p: Array, d: Array) -> Array:
+    return (p[:, 0] * d[:, 1] - p[:, 1] * d[:, 0]) / 2
+
+
+def _half_square(p: Array, d: Array) -> Array:
+    return p[:, 0] ** 2 * d[:, 1] / 2
+
+
+def _area(polygon: Any) -> float:
+    return float(polygon.area)
+
+
+def _positive(what: str, value: float) -> None:
+    if not REDUCTION < value < math.inf:
+        raise DimensionError(f"the {what} {value} is not a positive length [m]")

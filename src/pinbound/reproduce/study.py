@@ -1,0 +1,221 @@
+"""What all figures, tables and errata of the reproduction share, computed once from the robot."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.boundary import ContactAngle
+from pinbound.exceptions import UnsupportedError
+from pinbound.inverse_kinematics import InverseKinematics, solve_ik
+from pinbound.region import Region, feasible_region
+from pinbound.region.membership import Membership, classify, region_membership
+from pinbound.region.swept import SweptBody, swept_body
+from pinbound.region.workspace import Section, workspace_section
+from pinbound.reproduce.printed import BOUNDARIES, RECURSION, Constants, constants
+from pinbound.robot import Robot
+
+__all__ = ["FACTOR", "SAMPLES", "SEED", "TOOL", "Study", "ToolPath"]
+
+Array = NDArray[np.float64]
+
+TOOL = "link_6"
+TURN = "q1"
+PLANE = ("q2", "q3")
+FACTOR = 0.9  # the paper scales about the centroid, by a factor that it does not print
+SEED, SAMPLES = 404, 90_000
+_BEYOND = np.radians(12.0)  # how far outside an edge the tool path goes on purpose
+_LEG = 60
+_GRID = 221
+
+
+@dataclass(frozen=True)
+class ToolPath:
+    """The tool path, defined in space, and its inverse kinematics.
+
+    Attributes:
+        share: (N,) length along the path over its whole length.
+        targets: (N, 3) tool points [m].
+        solution: Inverse kinematics of all targets, each started from the one before.
+        membership: In the scaled region, as the paper does.
+        place: (N,) `Place` with regard to the scaled region.
+        in_region: (N,) signed distance [rad] to the region itself.
+        corners: (k,) places at which legs of the path meet.
+    """
+
+    share: Array
+    targets: Array
+    solution: InverseKinematics
+    membership: Membership
+    place: NDArray[np.int64]
+    in_region: Array
+    corners: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Study:
+    """The paper's robot and all that follows from it."""
+
+    robot: Robot
+
+    def __post_init__(self) -> None:
+        """Refuse a robot that is not the paper's.
+
+        Raises:
+            UnsupportedError: If it lacks coordinates, links or boundaries of the paper's robot, or one of
+                these boundaries has no contact angle.
+        """
+        links = {link for one in RECURSION for link in one[:2]}
+        missing = [name for name in ("q1", "q2", "q3") if name not in self.robot.coordinates]
+        missing += sorted(links - set(self.robot.tree.links))
+        missing += [one.name for one in BOUNDARIES if one.name not in self.robot.boundaries.names]
+        if missing:
+            raise UnsupportedError(
+                f"{self.robot.name!r} is not the paper's robot: it has no {', '.join(missing)}; "
+                "reproduce needs minervabot_v3, or a copy of it"
+            )
+        for one in BOUNDARIES:
+            self.contact(one.name)
+
+    def contact(self, name: str) -> ContactAngle:
+        """Return the contact angle of a boundary.
+
+        Raises:
+            UnsupportedError: If it has none: it has more than one effective angle, or never touches.
+        """
+        contact = self.robot.boundaries[name].contact
+        if contact is None or contact.half_width is None:
+            raise UnsupportedError(f"{name!r} of {self.robot.name!r} has no contact angle; the paper's has one")
+        return contact
+
+    @cached_property
+    def region(self) -> Region:
+        """The feasible region of (q2, q3)."""
+        return feasible_region(self.robot, PLANE)
+
+    @cached_property
+    def scaled(self) -> Region:
+        """The region scaled about its centroid."""
+        return self.region.scale(FACTOR)
+
+    @cached_property
+    def section(self) -> Section:
+        """Where the tool may be, in the plane that q1 turns."""
+        return workspace_section(self.robot, self.region, TOOL, turn=TURN)
+
+    @cached_property
+    def scaled_section(self) -> Section:
+        """The same for the scaled region."""
+        return workspace_section(self.robot, self.scaled, TOOL, turn=TURN)
+
+    @cached_property
+    def body(self) -> SweptBody:
+        """What the section sweeps between the limits of q1."""
+        return swept_body(self.robot, self.section)
+
+    @cached_property
+    def scaled_body(self) -> SweptBody:
+        """What the scaled section sweeps."""
+        return swept_body(self.robot, self.scaled_section)
+
+    @cached_property
+    def pivot(self) -> tuple[float, float]:
+        """r_1,27 (x, z) [mm], the assumed pivot of the orientation rod."""
+        zero = np.zeros(len(self.robot.coordinates))
+        offset = 1e3 * (self.robot.positions("link_27", zero) - self.robot.positions("link_1", zero))
+        return float(offset[0]), float(offset[2])
+
+    @cached_property
+    def constants(self) -> Constants:
+        """The printed lengths [mm] with the assumed pivot."""
+        return constants(self.pivot)
+
+    def configurations(self, X: Array) -> Array:
+        """Return q (N, n) for points (N, 2) of the plane, the other coordinates at home."""
+        Q = np.repeat(self.robot.home[None], len(X), axis=0)
+        Q[:, [self.robot.coordinates.index(name) for name in PLANE]] = X
+        return Q
+
+    def contour(self, region: Region, per_edge: int = 150) -> tuple[Array, Array, Array]:
+        """Return the contour: share of its length (N,), points (N, 2) [rad], shares at the vertices (k + 1,)."""
+        s = np.arange(per_edge) / per_edge
+        pieces = [edge.start + s[:, None] * (edge.end - edge.start) for edge in region.edges]
+        X = np.vstack((*pieces, region.vertices[:1]))
+        lengths = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(X, axis=0), axis=1))))
+        return lengths / lengths[-1], X, (lengths / lengths[-1])[::per_edge]
+
+    @cached_property
+    def samples(self) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """90,000 points (N, 2) in [-2 pi, 2 pi]^2, their norms (N, m) [m], whether they are in the region (N,)."""
+        X = np.random.default_rng(SEED).uniform(-2 * np.pi, 2 * np.pi, (SAMPLES, 2))
+        Q = self.configurations(X)
+        return X, self.robot.boundaries.norms(Q), np.asarray(self.region.contains(Q))
+
+    @cached_property
+    def summed_norms(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """A grid of q2, q3 [rad], the sum of normalised norms interpolated on it, and what of it lies in the region."""
+        from scipy import interpolate
+
+        X, norms, _ = self.samples
+        total = np.sum(norms / norms.max(axis=0), axis=1)
+        ticks = np.linspace(-2 * np.pi, 2 * np.pi, _GRID)
+        q2, q3 = np.meshgrid(ticks, ticks)
+        height: Array = cast(Any, interpolate).LinearNDInterpolator(X, total)(q2, q3)
+        inside = self.region.contains(self.configurations(np.column_stack((q2.ravel(), q3.ravel()))))
+        return q2, q3, height, np.asarray(inside).reshape(q2.shape)
+
+    @cached_property
+    def path(self) -> ToolPath:
+        """The tool path: inside, out beyond two edges on purpose, and along one edge of the scaled region.
+
+        It is defined in space. Legs are straight in the plane that q1 turns, while the azimuth swings to +-100
+        degrees; the leg along an edge is that edge's image. Outer points lie 12 degrees beyond the middle of an
+        edge: of the longest one, and of the longest slanted one, beyond which Eq. (21) sees nothing.
+        """
+        ranked = sorted(range(len(self.region.edges)), key=lambda i: -_length(self.region, i))
+        slanted = [i for i in ranked if np.all(np.abs(self.region.edges[i].end - self.region.edges[i].start) > _BEYOND)]
+        first = ranked[0]
+        second = next((i for i in slanted if i != first), ranked[1])
+        along = next(i for i in ranked if i not in (first, second))
+        centre = self.region.centroid
+        edge = self.scaled.edges[along]
+        inner = centre + 0.5 * (edge.start - centre)
+        stops = [centre, _beyond(self.region, first), inner, edge.start, edge.end, _beyond(self.region, second), centre]
+        flat = self.section.image(np.array(stops))
+        s = np.arange(_LEG)[:, None] / _LEG
+        legs = [a + s * (b - a) for a, b in itertools.pairwise(flat)]
+        legs[3] = self.section.image(edge.start + s * (edge.end - edge.start))
+        plane = np.vstack((*legs, flat[-1:]))
+        t = np.linspace(0.0, 1.0, len(plane))
+        azimuth = np.radians(100.0) * np.sin(2 * np.pi * t)
+        targets = np.column_stack((plane[:, 0] * np.cos(azimuth), plane[:, 0] * np.sin(azimuth), plane[:, 1]))
+        start = self.configurations(centre[None])[0]
+        solution = solve_ik(self.robot, TOOL, targets, start=start, restarts=0)
+        steps = np.linalg.norm(np.diff(targets, axis=0), axis=1)
+        found = region_membership(self.robot, self.scaled, solution.q)
+        return ToolPath(
+            share=np.concatenate(([0.0], np.cumsum(steps))) / float(np.sum(steps)),
+            targets=targets,
+            solution=solution,
+            membership=found,
+            place=classify(found.signed_distance),
+            in_region=np.asarray(self.region.signed_distance(solution.q)),
+            corners=np.arange(1, len(stops) - 1) * _LEG,
+        )
+
+
+def _length(region: Region, index: int) -> float:
+    edge = region.edges[index]
+    return float(np.linalg.norm(edge.end - edge.start))
+
+
+def _beyond(region: Region, index: int) -> Array:
+    """Return a point outside, over the middle of an edge; the region lies to the left of start -> end."""
+    edge = region.edges[index]
+    along = (edge.end - edge.start) / _length(region, index)
+    return (edge.start + edge.end) / 2 + _BEYOND * np.array([along[1], -along[0]])
