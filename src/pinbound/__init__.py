@@ -5,13 +5,14 @@ from pinbound.document import packaged_robots
 from pinbound.exceptions import (
     DimensionError,
     InputError,
+    LeavesRegionError,
     PinboundError,
     UnknownNameError,
     UnsupportedError,
 )
 from pinbound.interpreters.univariate import AllowedArcs
 from pinbound.path import Kind
-from pinbound.region import Edge, Region, feasible_region
+from pinbound.region import Corner, Edge, Region, SmallestClearance, feasible_region
 from pinbound.robot import Robot, load
 
 __version__ = "0.1.0"
@@ -22,13 +23,16 @@ __all__ = [
     "BoundarySet",
     "ContactAngle",
     "CoordinateLimits",
+    "Corner",
     "DimensionError",
     "Edge",
     "InputError",
     "Kind",
+    "LeavesRegionError",
     "PinboundError",
     "Region",
     "Robot",
+    "SmallestClearance",
     "UnknownNameError",
     "UnsupportedError",
     "feasible_region",

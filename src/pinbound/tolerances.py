@@ -2,7 +2,17 @@
 
 from typing import Final
 
-__all__ = ["CLOSURE", "CONTACT", "IMPLIED", "REDUCTION", "SYMBOLIC_DIGITS", "VERTEX"]
+__all__ = [
+    "CLOSURE",
+    "CONTACT",
+    "CONTOUR_ROUNDING",
+    "CONTOUR_TURN",
+    "IMPLIED",
+    "REDUCTION",
+    "REGION_ACCURACY",
+    "SYMBOLIC_DIGITS",
+    "VERTEX",
+]
 
 CONTACT: Final = 2e-5
 """Metres. Default `contact_tolerance`: two arms that should have equal lengths may differ by the rounding of
@@ -24,3 +34,13 @@ VERTEX: Final = 1e-12
 
 SYMBOLIC_DIGITS: Final = 15
 """Decimal digits that symbolic output keeps of a float64, so that 0.06827 - 0.1 prints as -0.03173."""
+
+REGION_ACCURACY: Final = 1e-5
+"""Radians. Default chord error of a traced contact curve: a sixth of the least step of a 16-bit encoder (9.6e-5)."""
+
+CONTOUR_ROUNDING: Final = 1e-13
+"""Relative to the reach of a path (or its square): what rounding may add to a norm of up to a hundred operations."""
+
+CONTOUR_TURN: Final = 0.25
+"""Radians. A chord of a traced curve subtends at most this turn, so that islands smaller than the accuracy keep
+their shape."""

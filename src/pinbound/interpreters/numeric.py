@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pinbound.path import Chain
 
-__all__ = ["gradient", "hessian", "norm", "positions"]
+__all__ = ["gradient", "hessian", "jacobian", "norm", "positions"]
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,12 @@ Array = NDArray[np.float64]
 def positions(chain: Chain, Q: Array) -> Array:
     """Return the chain's value (N, 3) [m] for Q (N, n); a row that is not finite gives NaN."""
     return _derivatives(chain, Q, order=0)[0]
+
+
+def jacobian(chain: Chain, Q: Array) -> tuple[Array, Array]:
+    """Return the chain's value (N, 3) [m] and its Jacobian (N, 3, n) [m/rad]; smooth everywhere, contact included."""
+    r, J, _ = _derivatives(chain, Q, order=1)
+    return r, J
 
 
 def norm(r: Array) -> Array:

@@ -1,5 +1,7 @@
 """Feasible regions in the plane of two coordinates."""
 
-from pinbound.region.region import Edge, Region, feasible_region
+from pinbound.region.arrangement import Corner, Edge
+from pinbound.region.margins import SmallestClearance
+from pinbound.region.region import Region, feasible_region
 
-__all__ = ["Edge", "Region", "feasible_region"]
+__all__ = ["Corner", "Edge", "Region", "SmallestClearance", "feasible_region"]
