@@ -24,7 +24,7 @@ from scipy import ndimage
 import pinbound as pb
 
 AXES = {"planar": ("0 1 0",), "spatial": ("0 1 0", "1 0 0", "0 0 1", "0.6 0.8 0")}
-GRIDS = (201, 601, 1801)
+GRIDS = (201, 601, 1801, 5401)
 
 
 def mechanism(rng: np.random.Generator, style: str = "planar", boundaries: int | None = None) -> str:

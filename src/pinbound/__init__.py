@@ -10,7 +10,7 @@ from pinbound.exceptions import (
     UnknownNameError,
     UnsupportedError,
 )
-from pinbound.interpreters.univariate import AllowedArcs
+from pinbound.interpreters.univariate import AllowedArcs, AllowedArcsTable
 from pinbound.path import Kind
 from pinbound.region import Corner, Edge, Region, SmallestClearance, feasible_region
 from pinbound.robot import Robot, load
@@ -19,6 +19,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AllowedArcs",
+    "AllowedArcsTable",
     "Boundary",
     "BoundarySet",
     "ContactAngle",

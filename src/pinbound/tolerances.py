@@ -10,6 +10,7 @@ __all__ = [
     "IMPLIED",
     "REDUCTION",
     "REGION_ACCURACY",
+    "ROOT",
     "SYMBOLIC_DIGITS",
     "VERTEX",
 ]
@@ -44,3 +45,7 @@ CONTOUR_ROUNDING: Final = 1e-13
 CONTOUR_TURN: Final = 0.25
 """Radians. A chord of a traced curve subtends at most this turn, so that islands smaller than the accuracy keep
 their shape."""
+
+ROOT: Final = 1e-13
+"""Relative to the size of a coordinate (1 rad at least). Where contact cannot be told from freedom in an interval
+of this half-width, it is taken for contact: the width at which rounding hides a triple root."""

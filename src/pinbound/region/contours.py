@@ -1,8 +1,8 @@
 """Contact curves `|r(x)| = T` in a plane of two coordinates: every one found, each traced to a stated accuracy.
 
 The smooth function `g = |r|^2 - T^2` has `grad g = 2 J^T r`, and over a box of half-sides h around m its gradient
-differs from that at m by at most `d = M h`, `M_ij = 2 (a_i a_j + b A_ij)`, a_i and b being bounds of `|d_i r|` and `|r|`
-over the box (`interpreters/derivative_bounds`). Boxes are halved until each is one of
+differs from that at m by at most `d = M h`, `M_ij = 2 (a_i a_j + b A_ij)`, a_i and b bounding `|d_i r|` and `|r|` over
+the box, A_ij `|d_ij r|` (`interpreters/derivative_bounds`). Boxes are halved until each is one of
 
     empty:   ||r(m)| - T| > sum rho_i h_i, or |g(m)| > |grad g(m)| h + d h / 2: no curve passes;
     regular: |d| <= sin(20 deg) |grad g(m)|: the normal turns by 20 degrees at most, so no loop lies inside, and each
@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from pinbound.exceptions import UnsupportedError
 from pinbound.interpreters import numeric
 from pinbound.interpreters.derivative_bounds import LeverArms, lever_arms
+from pinbound.interpreters.planar import Arrows, arrows
 from pinbound.path import Chain
-from pinbound.tolerances import CONTOUR_ROUNDING, CONTOUR_TURN
+from pinbound.tolerances import CONTOUR_ROUNDING, CONTOUR_TURN, VERTEX
 
 __all__ = ["ContactFunction", "Contour", "trace"]
 
@@ -48,24 +49,30 @@ class ContactFunction:
         chain: Over the two coordinates.
         threshold: T [m].
         arms: Bounds of r's derivatives over the window.
+        arrows: The chain in the complex plane, if all its rotations share one direction.
     """
 
     chain: Chain
     threshold: float
     arms: LeverArms
+    arrows: Arrows | None
 
     @classmethod
     def over(cls, chain: Chain, threshold: float, window: Array) -> ContactFunction:
         """Bound the derivatives over a window (2, 2), rows lower and upper."""
-        return cls(chain, threshold, lever_arms(chain, np.max(np.abs(window), axis=0)))
+        return cls(chain, threshold, lever_arms(chain, np.max(np.abs(window), axis=0)), arrows(chain))
+
+    def norm(self, X: Array) -> Array:
+        """Return `|r|` (N,) [m]."""
+        return self.arrows.norm(X) if self.arrows else numeric.norm(numeric.positions(self.chain, X))
 
     def clearance(self, X: Array) -> Array:
         """Return `|r| - T` (N,) [m]."""
-        return numeric.norm(numeric.positions(self.chain, X)) - self.threshold
+        return self.norm(X) - self.threshold
 
     def value(self, X: Array) -> Array:
         """Return g (N,) [m^2], as `(|r| - T)(|r| + T)`, accurate near contact."""
-        length = numeric.norm(numeric.positions(self.chain, X))
+        length = self.norm(X)
         return (length - self.threshold) * (length + self.threshold)
 
     def value_gradient(self, X: Array) -> tuple[Array, Array]:
@@ -75,11 +82,13 @@ class ContactFunction:
 
     def parts(self, X: Array) -> tuple[Array, Array, Array, Array]:
         """Return g (N,), its gradient (N, 2), `|r|` (N,) and `|d_i r|` (N, 2)."""
-        r, J = numeric.jacobian(self.chain, X)
-        length = numeric.norm(r)
-        gradient = 2.0 * np.einsum("nia,ni->na", J, r)
-        slopes = np.sqrt(np.einsum("nia,nia->na", J, J))
-        return (length - self.threshold) * (length + self.threshold), gradient, length, slopes
+        if self.arrows:
+            length, half, slopes = self.arrows.half_square_gradient(X)
+        else:
+            r, J = numeric.jacobian(self.chain, X)
+            length, half = numeric.norm(r), np.einsum("nia,ni->na", J, r)
+            slopes = np.sqrt(np.einsum("nia,nia->na", J, J))
+        return (length - self.threshold) * (length + self.threshold), 2.0 * half, length, slopes
 
     def curvature(self, length: Array, slopes: Array, half: Array) -> Array:
         """Return bounds M (N, 2, 2) of g's Hessian over boxes of half-sides `half` (N, 2)."""
@@ -234,13 +243,19 @@ def _bisect(function: ContactFunction, low: Array, high: Array) -> Array:
 
 
 def _project(function: ContactFunction, X: Array, limit: float, rounds: int = 4) -> Array:
-    """Move points onto the curve along the gradient; a point that would go further than `limit` stays."""
+    """Move points onto the curve along the gradient; a point that would go further than `limit` stays.
+
+    Newton's steps shrink quadratically: the one after a step of `tolerances.VERTEX` is below rounding.
+    """
     moved = X
     for _ in range(rounds):
         value, gradient = function.value_gradient(moved)
         square = np.einsum("na,na->n", gradient, gradient)
         with np.errstate(invalid="ignore", divide="ignore"):
-            moved = moved - gradient * (value / square)[:, None]
+            step = gradient * (value / square)[:, None]
+        moved = moved - step
+        if np.max(np.abs(step), initial=0.0) <= VERTEX:
+            break
     wild = ~(np.linalg.norm(moved - X, axis=1) <= limit)
     return np.where(wild[:, None], X, moved)
 

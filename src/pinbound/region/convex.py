@@ -38,8 +38,8 @@ def polygon_halfspaces(polygon: Any) -> tuple[Array, Array]:
 
     Example:
         >>> A, b = polygon_halfspaces(shapely.box(0, 0, 2, 1))
-        >>> sorted(b.tolist())
-        [-0.0, -0.0, 1.0, 2.0]
+        >>> sorted((b + 0.0).tolist())
+        [0.0, 0.0, 1.0, 2.0]
     """
     points = shapely.get_coordinates(shapely.orient_polygons(polygon).exterior)
     steps = np.diff(points, axis=0)

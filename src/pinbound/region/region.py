@@ -406,7 +406,7 @@ class Region:
         Example:
             >>> import pinbound as pb
             >>> len(pb.feasible_region(pb.load("minervabot_v3")).components)
-            38
+            47
         """
         return (self, *(self._others() if self._others else ()))
 
