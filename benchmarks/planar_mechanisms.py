@@ -57,7 +57,8 @@ def mechanism(rng: np.random.Generator, style: str = "planar", boundaries: int |
             y = rng.normal(0.0, 0.02) if style == "spatial" else 0.0
             radius = rng.choice([0.0, rng.uniform(0.005, 0.06)])
             marks.append(
-                f'<pinbound:point name="{name}" link="link_{link}" xyz="{x:.5f} {y:.5f} {z:.5f}" radius="{radius:.5f}"/>'
+                f'<pinbound:point name="{name}" link="link_{link}" xyz="{x:.5f} {y:.5f} {z:.5f}" '
+                f'radius="{radius:.5f}"/>'
             )
         distance = rng.choice([0.0, 0.005])
         marks.append(f'<pinbound:boundary name="beta_{k}" a="a{k}" b="b{k}" min_distance="{distance}"/>')

@@ -384,7 +384,7 @@ class Region:
             HalfPlane(e.source, e.name, normal, float(bound), e.is_contact)
             for e, normal, bound in zip(near, A, b, strict=True)
         )
-        return Region(self.plane, (edges,), margins.loop_corners((edges,)), 0.0, planes)
+        return Region(self.plane, (edges,), margins.loop_corners((edges,)), 0.0, (*self.plane.box, *planes))
 
     def _with(self, planes: Any) -> Region:
         return _convex(self.plane, tuple(planes))
