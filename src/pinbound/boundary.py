@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
-from typing import Any, Literal, overload
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,7 @@ from pinbound.annotations import Point
 from pinbound.coupling import LinearLimit, as_configurations, linear_text
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import numeric, univariate
-from pinbound.interpreters.univariate import AllowedArcs
+from pinbound.interpreters.univariate import AllowedArcs, AllowedArcsTable
 from pinbound.path import Kind, RelativePath
 
 __all__ = ["Boundary", "BoundarySet", "ContactAngle", "CoordinateLimits"]
@@ -195,14 +195,6 @@ class Boundary:
         from pinbound.interpreters import symbolic
 
         return symbolic.latex(self.expression(frame))
-
-    @overload
-    def limits(
-        self, coordinate: str, q: Sequence[float] | Array, window: tuple[float, float] | None = ...
-    ) -> AllowedArcs: ...
-
-    @overload
-    def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = ...) -> Any: ...
 
     def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> Any:
         """Return the allowed values of one coordinate, the others as in q.
@@ -385,7 +377,7 @@ class BoundarySet(Sequence[Boundary]):
             held = [span for _, span in spans if span]
             window = max((s[0] for s in held), default=-math.inf), min((s[1] for s in held), default=math.inf)
         for boundary in self:
-            arcs = boundary.limits(coordinate, point, window)
+            arcs: AllowedArcs = boundary.limits(coordinate, point, window)
             span = arcs.around(value)
             if span is not None:  # the ends of the window are joint limits, not contacts
                 ends = arcs.window
@@ -441,7 +433,7 @@ class BoundarySet(Sequence[Boundary]):
             _tighten(ends, stops, limit.joint, _linear_spans(limit, index, rows))
         held = float(np.fmin.reduce(ends[:, 0], initial=math.inf)), float(np.fmax.reduce(ends[:, 1], initial=-math.inf))
         for boundary in self:
-            arcs = boundary.limits(coordinate, rows, held)
+            arcs: AllowedArcsTable = boundary.limits(coordinate, rows, held)
             spans = arcs.around(value)
             low, high = arcs.window
             spans[spans[:, 0] <= low, 0] = -math.inf

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from pinbound.exceptions import UnsupportedError
 from pinbound.region.contours import ContactFunction, trace
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.plane import Plane
@@ -24,6 +25,7 @@ from pinbound.tolerances import VERTEX
 __all__ = ["Arrangement", "Corner", "Edge", "arrange", "arranged_loops"]
 
 Array = NDArray[np.float64]
+gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 Ints = NDArray[np.int64]
 
 _BEYOND = 0.02  # curves are traced this much of the window beyond it, so that they cross its border properly
@@ -107,7 +109,11 @@ class Arrangement:
 
 
 def arrange(plane: Plane, accuracy: float) -> Arrangement:
-    """Return the free faces of a plane, contact curves traced to an accuracy [rad]."""
+    """Return the free faces of a plane, contact curves traced to an accuracy [rad].
+
+    Raises:
+        UnsupportedError: If a contact curve is degenerate (`contours.trace`), or the start is too near to contact.
+    """
     low, high = plane.window
     wide = np.array([low - _BEYOND * (high - low), high + _BEYOND * (high - low)])
     lines = [_straight(wide, limit, limit) for limit in (*plane.box, *plane.limits)]
@@ -124,14 +130,20 @@ def arrange(plane: Plane, accuracy: float) -> Arrangement:
         unresolved.append(contour.unresolved)
         lines += [Line(curve.name, curve.name, True, points, function) for points in contour.lines]
     kept = tuple(line for line in lines if line is not None)
-    faces = shapely.polygonize(shapely.get_parts(shapely.union_all([shapely.linestrings(x.points) for x in kept])))
-    polygons = np.asarray(shapely.get_parts(faces))
-    inside = shapely.get_coordinates(shapely.point_on_surface(polygons))
+    faces = gis.polygonize(gis.get_parts(gis.union_all([gis.linestrings(x.points) for x in kept])))
+    polygons = np.asarray(gis.get_parts(faces))
+    inside = gis.get_coordinates(gis.point_on_surface(polygons))
     free = plane.free(inside)
-    thick = shapely.area(polygons) > accuracy * shapely.length(polygons) / 2.0
-    home = int(np.argmin(np.where(free, shapely.distance(polygons, shapely.Point(plane.start)), np.inf)))
-    rest = [i for i in np.argsort(-shapely.area(polygons)).tolist() if free[i] and thick[i] and i != home]
-    ordered = shapely.orient_polygons(polygons[[home, *rest]])
+    thick = gis.area(polygons) > accuracy * gis.length(polygons) / 2.0
+    away = np.where(free, gis.distance(polygons, gis.Point(plane.start)), np.inf)
+    home = int(np.argmin(away))
+    if away[home] > accuracy:
+        raise UnsupportedError(
+            f"the start point {plane.start.tolist()} is free, but nearer to contact than the accuracy of {accuracy} rad "
+            "can tell; give a smaller accuracy, or start elsewhere"
+        )
+    rest = [i for i in np.argsort(-gis.area(polygons)).tolist() if free[i] and thick[i] and i != home]
+    ordered = gis.orient_polygons(polygons[[home, *rest]])
     return Arrangement(plane, kept, tuple(ordered), error, np.concatenate(unresolved))
 
 
@@ -167,7 +179,7 @@ def arranged_loops(
     loops: list[tuple[Edge, ...]] = []
     corners: list[Corner] = []
     for ring in (polygon.exterior, *polygon.interiors):
-        coordinates = shapely.get_coordinates(ring)
+        coordinates = gis.get_coordinates(ring)
         owner = _segment_owners(lines, keys, owners, coordinates)
         edges, met = _edges(lines, coordinates[:-1], owner, accuracy)
         loops.append(edges)
@@ -186,9 +198,9 @@ def _segment_owners(lines: Sequence[Line], keys: Any, owners: Ints, ring: Array)
     owner = np.where(at[:-1] == at[1:], at[:-1], -1)
     unsure = np.flatnonzero(owner < 0)
     if len(unsure):
-        middle = shapely.points(0.5 * (ring[unsure] + ring[unsure + 1]))
-        shapes = np.array([shapely.linestrings(line.points) for line in lines])
-        owner[unsure] = np.argmin(shapely.distance(shapes[None, :], middle[:, None]), axis=1)
+        middle = gis.points(0.5 * (ring[unsure] + ring[unsure + 1]))
+        shapes = np.array([gis.linestrings(line.points) for line in lines])
+        owner[unsure] = np.argmin(gis.distance(shapes[None, :], middle[:, None]), axis=1)
     return owner
 
 

@@ -314,7 +314,7 @@ def _chord_bound(function: ContactFunction, chords: Array) -> tuple[Array, Bools
         bend = norm_M * (1.0 + slope * slope) / steep
         bound = length * length * bend / 8.0
     proven = (steep > 0.0) & (length * bend <= CONTOUR_TURN) & (bound <= length / 2)
-    return np.where(proven, bound, length), proven
+    return np.asarray(np.where(proven, bound, length)), np.asarray(proven, dtype=bool)
 
 
 def _chain_up(pairs: Ints, chords: Array, owner: Ints) -> tuple[Array, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import shapely
@@ -13,6 +13,7 @@ from pinbound.tolerances import VERTEX
 __all__ = ["convex_parts", "inner", "inscribed_polygon", "is_convex", "polygon_halfspaces"]
 
 Array = NDArray[np.float64]
+gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
 _SEEDS = 8
 _ROUNDS = 12
@@ -27,7 +28,7 @@ def is_convex(polygon: Any) -> bool:
     """
     if len(polygon.interiors):
         return False
-    steps = np.diff(shapely.get_coordinates(shapely.orient_polygons(polygon).exterior), axis=0)
+    steps = np.diff(gis.get_coordinates(gis.orient_polygons(polygon).exterior), axis=0)
     after = np.roll(steps, -1, axis=0)
     turns = steps[:, 0] * after[:, 1] - steps[:, 1] * after[:, 0]
     return bool(np.all(turns >= -VERTEX * np.linalg.norm(steps, axis=1)))
@@ -41,7 +42,7 @@ def polygon_halfspaces(polygon: Any) -> tuple[Array, Array]:
         >>> sorted((b + 0.0).tolist())
         [0.0, 0.0, 1.0, 2.0]
     """
-    points = shapely.get_coordinates(shapely.orient_polygons(polygon).exterior)
+    points = gis.get_coordinates(gis.orient_polygons(polygon).exterior)
     steps = np.diff(points, axis=0)
     normals = steps[:, ::-1] * np.array([1.0, -1.0])
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
@@ -68,10 +69,10 @@ def convex_parts(polygon: Any) -> list[Any]:
         (2, 3.0)
     """
     found: list[Any] = []
-    for whole in shapely.get_parts(polygon):
-        triangles = list(shapely.get_parts(shapely.constrained_delaunay_triangles(whole)))
-        found += _merge([shapely.get_coordinates(shapely.orient_polygons(t).exterior)[:-1] for t in triangles])
-    return [shapely.Polygon(ring) for ring in found]
+    for whole in gis.get_parts(polygon):
+        triangles = list(gis.get_parts(gis.constrained_delaunay_triangles(whole)))
+        found += _merge([gis.get_coordinates(gis.orient_polygons(t).exterior)[:-1] for t in triangles])
+    return [gis.Polygon(ring) for ring in found]
 
 
 def _merge(rings: list[Array]) -> list[Array]:
@@ -113,18 +114,18 @@ def inscribed_polygon(polygon: Any, seed: int = 0) -> Any:
     From a centre and an ellipse, contour pieces are cut off by tangents of the growing ellipse, nearest first; the
     polygon left gives the next ellipse by its second moments. No claim that it is the largest of all.
     """
-    whole = max(shapely.get_parts(polygon), key=lambda part: part.area)
-    triangles = np.asarray(shapely.get_parts(shapely.constrained_delaunay_triangles(whole)))
-    areas = shapely.area(triangles)
+    whole = max(gis.get_parts(polygon), key=lambda part: part.area)
+    triangles = np.asarray(gis.get_parts(gis.constrained_delaunay_triangles(whole)))
+    areas = gis.area(triangles)
     chosen = np.random.default_rng(seed).choice(
         len(areas), min(_SEEDS, len(areas)), replace=False, p=areas / areas.sum()
     )
-    centres = [shapely.get_coordinates(shapely.centroid(triangles[i]))[0] for i in chosen]
-    pole = shapely.maximum_inscribed_circle(whole, 1e-3 * float(np.sqrt(whole.area)))
-    centres.append(shapely.get_coordinates(pole)[0])
-    rings = [shapely.get_coordinates(ring) for ring in (whole.exterior, *whole.interiors)]
+    centres = [gis.get_coordinates(gis.centroid(triangles[i]))[0] for i in chosen]
+    pole = gis.maximum_inscribed_circle(whole, 1e-3 * float(np.sqrt(whole.area)))
+    centres.append(gis.get_coordinates(pole)[0])
+    rings = [gis.get_coordinates(ring) for ring in (whole.exterior, *whole.interiors)]
     segments = np.concatenate([np.stack((ring[:-1], ring[1:]), axis=1) for ring in rings])
-    best = shapely.Polygon()
+    best = gis.Polygon()
     for start in centres:
         centre, shape = start, np.eye(2)
         for _ in range(_ROUNDS):
@@ -152,7 +153,7 @@ def _cut(whole: Any, segments: Array, centre: Array, shape: Array) -> Any:
         size = np.linalg.norm(near, axis=1)
         first = int(np.argmin(size))
         if not size[first] > 0.0:
-            return shapely.Polygon()
+            return gis.Polygon()
         normal, bound = near[first] / size[first], float(size[first])
         normals.append(normal)
         bounds.append(bound)
@@ -163,10 +164,10 @@ def _cut(whole: Any, segments: Array, centre: Array, shape: Array) -> Any:
             a, b = depth[i]
             place = pieces[i, 0] + (a / (a - b)) * (pieces[i, 1] - pieces[i, 0])
             pieces[i, 0 if a > 0.0 else 1] = place
-    found = shapely.envelope(whole)
+    found = gis.envelope(whole)
     for normal, bound in zip(normals, bounds, strict=True):
         found = found.intersection(_half(normal @ inverse, bound + float(normal @ inverse @ centre), whole))
-    return found if found.geom_type == "Polygon" else shapely.Polygon()
+    return found if found.geom_type == "Polygon" else gis.Polygon()
 
 
 def _half(normal: Array, bound: float, whole: Any) -> Any:
@@ -178,12 +179,12 @@ def _half(normal: Array, bound: float, whole: Any) -> Any:
     along = np.array([-unit[1], unit[0]])
     foot = middle + unit * (bound / float(np.linalg.norm(normal)) - float(unit @ middle))
     corners = [foot + reach * along, foot - reach * along, foot - reach * (along + unit), foot + reach * (along - unit)]
-    return shapely.Polygon(corners)
+    return gis.Polygon(corners)
 
 
 def _moments(polygon: Any) -> tuple[Array, Array]:
     """Return the centroid of a convex polygon and the square root of its second moments (2, 2)."""
-    points = shapely.get_coordinates(polygon.exterior)
+    points = gis.get_coordinates(polygon.exterior)
     centre = np.array([polygon.centroid.x, polygon.centroid.y])
     a, b = points[:-1] - centre, points[1:] - centre
     weight = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import shapely
@@ -31,6 +31,8 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+gis = cast(Any, shapely)  # its stubs know only part of what its functions take
+gis_affinity = cast(Any, affinity)
 Loops = tuple[tuple[Edge, ...], ...]
 
 _ARC_SEGMENTS = 64  # a quarter turn around a reflex corner
@@ -61,14 +63,14 @@ def check_scaled(polygon: Any, factor: float, plane: Plane, accuracy: float) -> 
     Raises:
         LeavesRegionError: With the configuration that is furthest outside, of the scaled contour's points.
     """
-    scaled = affinity.scale(polygon, factor, factor, origin=polygon.centroid)
-    beyond = shapely.get_coordinates(scaled.difference(polygon))
+    scaled = gis_affinity.scale(polygon, factor, factor, origin=polygon.centroid)
+    beyond = gis.get_coordinates(scaled.difference(polygon))
     if not len(beyond):
         return
     # what sticks out may be an island that the polygon has a hole for: look at its inside too
-    parts = np.asarray(shapely.get_parts(scaled.difference(polygon)))
-    beyond = np.concatenate((shapely.get_coordinates(shapely.point_on_surface(parts)), beyond))
-    away = shapely.distance(shapely.points(beyond), polygon)
+    parts = np.asarray(gis.get_parts(scaled.difference(polygon)))
+    beyond = np.concatenate((gis.get_coordinates(gis.point_on_surface(parts)), beyond))
+    away = gis.distance(gis.points(beyond), polygon)
     worst = int(np.argmax(away))
     if float(away[worst]) > IMPLIED:
         raise LeavesRegionError(factor, plane.coordinates, beyond[worst], plane.lift(beyond[worst][None])[0])
@@ -82,20 +84,20 @@ def inset_parts(polygon: Any, edges: Sequence[Edge], angle: float, accuracy: flo
     """
     depth = (angle + accuracy) / float(np.cos(np.pi / (4 * _ARC_SEGMENTS))) if angle else 0.0
     shrunk = polygon.buffer(-depth, quad_segs=_ARC_SEGMENTS) if depth else polygon
-    parts = [part for part in shapely.get_parts(shrunk) if part.area > 0.0]
-    home = shapely.Point(start)
+    parts = [part for part in gis.get_parts(shrunk) if part.area > 0.0]
+    home = gis.Point(start)
     parts.sort(key=lambda part: (not part.contains(home), -part.area))
     return [named_loops(part, edges, accuracy) for part in parts]
 
 
 def named_loops(polygon: Any, edges: Sequence[Edge], accuracy: float) -> Loops:
     """Return a polygon's loops, each segment named after the nearest of the given edges."""
-    polygon = shapely.orient_polygons(polygon)
-    tree = shapely.STRtree([shapely.linestrings(edge.points) for edge in edges])
+    polygon = gis.orient_polygons(polygon)
+    tree = gis.STRtree([gis.linestrings(edge.points) for edge in edges])
     loops: list[tuple[Edge, ...]] = []
     for ring in (polygon.exterior, *polygon.interiors):
-        points = shapely.get_coordinates(ring)
-        owner = np.asarray(tree.nearest(shapely.points(0.5 * (points[1:] + points[:-1]))))
+        points = gis.get_coordinates(ring)
+        owner = np.asarray(tree.nearest(gis.points(0.5 * (points[1:] + points[:-1]))))
         breaks = np.flatnonzero(owner != np.roll(owner, 1)).tolist() or [0]
         loop: list[Edge] = []
         for i, place in enumerate(breaks):
@@ -151,14 +153,14 @@ def smallest_clearance(plane: Plane, polygon: Any, gap: float) -> SmallestCleara
 
 def _one_angle(chain: Chain, threshold: float, polygon: Any, c: Array, strip: Strip) -> tuple[float, float, Array]:
     """Return lower and upper bound of a one-angle clearance over a polygon, which differ by rounding, and where."""
-    points = shapely.get_coordinates(polygon)
+    points = gis.get_coordinates(polygon)
     phi = points @ c
     aligned = strip.angle + 2.0 * np.pi * np.ceil((phi.min() - strip.angle) / (2.0 * np.pi))
     if aligned <= phi.max():
         foot, along = c * (aligned / float(c @ c)), np.array([-c[1], c[0]])
         reach = float(np.max(np.abs(points))) / float(np.linalg.norm(c)) + 1.0
-        line = shapely.linestrings(foot + np.array([[-reach], [reach]]) * along)
-        points = np.concatenate((points, shapely.get_coordinates(polygon.intersection(line))))
+        line = gis.linestrings(foot + np.array([[-reach], [reach]]) * along)
+        points = np.concatenate((points, gis.get_coordinates(polygon.intersection(line))))
     values = _clearances(chain, threshold, points)
     least = int(np.argmin(values))
     upper = float(values[least])
@@ -177,7 +179,7 @@ def _branch_and_bound(
     x0, y0, x1, y1 = polygon.bounds
     arms = lever_arms(chain, np.maximum(np.abs([x0, y0]), np.abs([x1, y1])))
     slack = CONTOUR_ROUNDING * (arms.length + threshold)
-    points = shapely.get_coordinates(polygon)
+    points = gis.get_coordinates(polygon)
     values = _clearances(chain, threshold, points)
     upper, point, settled = float(values.min()), points[int(np.argmin(values))], np.inf
     half = 0.5 * np.array([x1 - x0, y1 - y0])
@@ -187,7 +189,7 @@ def _branch_and_bound(
         length = numeric.norm(r)
         unit = r / np.where(length > 0.0, length, 1.0)[:, None]
         slope = np.einsum("ni,nia->na", unit, J)
-        inside, piece = shapely.get_coordinates(parts, return_index=True)
+        inside, piece = gis.get_coordinates(parts, return_index=True)
         linear = np.einsum("na,na->n", slope[piece], inside - middle[piece])
         least = np.full(len(parts), np.inf)
         np.minimum.at(least, piece, linear)
@@ -204,9 +206,9 @@ def _branch_and_bound(
         axis = np.array([1.0, 0.0]) if arms.first @ (half * [1, -1]) >= 0.0 else np.array([0.0, 1.0])
         half = half * (1.0 - 0.5 * axis)
         middle = np.concatenate((middle - half * axis, middle + half * axis))
-        boxes = shapely.box(*(middle - half).T, *(middle + half).T)
-        parts = shapely.intersection(np.concatenate((parts, parts)), boxes)
-        kept = ~shapely.is_empty(parts)
+        boxes = gis.box(*(middle - half).T, *(middle + half).T)
+        parts = gis.intersection(np.concatenate((parts, parts)), boxes)
+        kept = ~gis.is_empty(parts)
         middle, parts = middle[kept], parts[kept]
     else:
         settled = -threshold

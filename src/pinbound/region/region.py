@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import shapely
@@ -30,6 +30,7 @@ from pinbound.tolerances import REGION_ACCURACY
 __all__ = ["Corner", "Edge", "Region", "feasible_region"]
 
 Array = NDArray[np.float64]
+gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 Loops = tuple[tuple[Edge, ...], ...]
 
 _PLANE = 2
@@ -111,7 +112,7 @@ class Region:
     def polygon(self) -> Any:
         """The region as a `shapely.Polygon`, holes included."""
         rings = [np.concatenate([edge.points[:-1] for edge in loop]) for loop in self.loops]
-        return shapely.Polygon(rings[0], rings[1:]) if rings else shapely.Polygon()
+        return gis.Polygon(rings[0], rings[1:]) if rings else gis.Polygon()
 
     @property
     def area(self) -> float:
@@ -151,7 +152,7 @@ class Region:
         names = {edge.name for edge in self.edges}
         found = {name: Support(0.0, ()) for name in names}
         for line in self._lines:
-            slack = 0.0 if line.name in names else float(self.polygon.distance(shapely.linestrings(line.points)))
+            slack = 0.0 if line.name in names else float(self.polygon.distance(gis.linestrings(line.points)))
             if line.name not in found or slack < found[line.name].slack:
                 found[line.name] = Support(slack, ())
         return found
@@ -209,8 +210,8 @@ class Region:
         if self.planes:
             inside = self._distance(points) > 0.0
         elif not self.is_empty:
-            shapely.prepare(self.polygon)
-            within = finite[shapely.contains_xy(self.polygon, points[finite])]
+            gis.prepare(self.polygon)
+            within = finite[gis.contains_xy(self.polygon, points[finite])]
             inside[within] = self.plane.free(points[within])
         return inside if np.ndim(Q) > 1 else bool(inside[0])
 
@@ -241,15 +242,15 @@ class Region:
             distance[finite] = -np.inf
         elif self.planes:
             A, b = self.halfspaces()
-            depth = np.min(b - points[finite] @ A.T, axis=1)
+            depth: Array = np.min(b - points[finite] @ A.T, axis=1)
             outside = depth < 0.0
-            far = shapely.distance(shapely.points(points[finite][outside]), self.polygon.exterior)
+            far = gis.distance(gis.points(points[finite][outside]), self.polygon.exterior)
             depth[outside] = -np.asarray(far)
             distance[finite] = depth
         else:
-            shapely.prepare(self.polygon)
-            away = shapely.distance(shapely.points(points[finite]), self.polygon.boundary)
-            inside = shapely.contains_xy(self.polygon, points[finite])
+            gis.prepare(self.polygon)
+            away = gis.distance(gis.points(points[finite]), self.polygon.boundary)
+            inside = gis.contains_xy(self.polygon, points[finite])
             depth = np.where(inside, away, -away)
             depth[inside & ~self.plane.free(points[finite])] = 0.0
             distance[finite] = depth
@@ -372,9 +373,9 @@ class Region:
 
     def _part(self, polygon: Any) -> Region:
         A, b = convex.polygon_halfspaces(polygon)
-        vertices = shapely.get_coordinates(shapely.orient_polygons(polygon).exterior)
-        middle = shapely.points(0.5 * (vertices[1:] + vertices[:-1]))
-        tree = shapely.STRtree([shapely.linestrings(edge.points) for edge in self.edges])
+        vertices = gis.get_coordinates(gis.orient_polygons(polygon).exterior)
+        middle = gis.points(0.5 * (vertices[1:] + vertices[:-1]))
+        tree = gis.STRtree([gis.linestrings(edge.points) for edge in self.edges])
         near = [self.edges[int(i)] for i in np.asarray(tree.nearest(middle))]
         edges = tuple(
             Edge(e.name, e.source, e.is_contact, vertices[i], vertices[i + 1], vertices[i : i + 2])
@@ -389,7 +390,7 @@ class Region:
     def _with(self, planes: Any) -> Region:
         return _convex(self.plane, tuple(planes))
 
-    def _moved(self, move: Any) -> Region:
+    def _moved(self, move: Callable[[Array], Array]) -> Region:
         loops = tuple(
             tuple(Edge(e.name, e.source, e.is_contact, move(e.start), move(e.end), move(e.points)) for e in loop)
             for loop in self.loops
