@@ -167,9 +167,8 @@ def main() -> None:
     print(f"  with curves:           {sum(c > 0 for *_, c, _ in found)}")
     print(f"  with holes:            {sum(h > 0 for _, h, *_ in found)}")
     print(f"  with several parts:    {sum(p > 1 for _, _, p, *_ in found)}")
-    print(
-        f"  CPU time of a region [ms]: median {np.median(ms):.1f}, 95 % {np.percentile(ms, 95):.1f}, most {ms.max():.1f}"
-    )
+    spread = f"median {np.median(ms):.1f}, 95 % {np.percentile(ms, 95):.1f}, most {ms.max():.1f}"
+    print(f"  CPU time of a region:  {spread} ms")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,9 @@ import pytest
 import shapely
 
 import pinbound as pb
-from pinbound.region import convex
+from pinbound.interpreters import numeric
+from pinbound.path import Chain
+from pinbound.region import convex, margins
 
 ARM = """<robot name="arm" xmlns:pinbound="urn:pinbound:1">
   <link name="base"/><link name="upper"/><link name="fore"/>
@@ -91,16 +93,34 @@ def test_a_metric_margin_raises_every_threshold(curved: pb.Region) -> None:
     assert found.upper - found.lower <= 1e-5
 
 
-def test_the_smallest_clearance_is_a_bound(curved: pb.Region) -> None:
+@pytest.mark.parametrize("gap", [1e-6, 1e-3, 0.1])
+def test_the_smallest_clearance_is_a_bound(curved: pb.Region, gap: float) -> None:
     inset = curved.inset(0.05)
-    found = inset.clearance(1e-6)
+    found = inset.clearance(gap)
     robot = curved.plane.robot
     Q = inset.plane.lift(np.concatenate((samples(inset), *(edge.points for edge in inset.edges))))
     seen = robot.boundaries.clearances(Q)
     assert found.lower <= seen.min()
-    assert found.upper <= seen.min() + 1e-6
-    assert found.upper - found.lower <= 1e-6
+    assert found.upper <= seen.min() + gap
+    assert found.upper - found.lower <= gap
     assert robot.boundaries[found.boundary].clearance(found.q) == pytest.approx(found.upper, abs=1e-15)
+
+
+def test_a_coarse_search_is_still_a_bound() -> None:
+    """Where the norm bends down, the linear part alone would promise too much."""
+    offsets = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.7], [0.0, 0.0, 0.4]])
+    chain = Chain(offsets, np.zeros((3, 3, 2)), np.array([[0.0, 1.0, 0.0]] * 2), np.eye(2), 2.1)
+    rng = np.random.default_rng(2)
+    for _ in range(60):
+        corner = rng.uniform(-2.0, 2.0, 2)
+        polygon = shapely.box(*corner, *(corner + rng.uniform(0.2, 1.2, 2)))
+        grid = np.stack(np.meshgrid(*(np.linspace(*polygon.bounds[i::2], 60) for i in (0, 1))), axis=-1).reshape(-1, 2)
+        least = numeric.norm(numeric.positions(chain, grid)).min() - 0.1
+        for gap in (1.0, 0.1, 1e-3):
+            lower, upper, point = margins._branch_and_bound(chain, 0.1, polygon, gap, np.inf)
+            assert lower <= least <= upper + 1e-3
+            assert upper - lower <= gap
+            assert polygon.covers(shapely.Point(point))
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.9, 0.5])

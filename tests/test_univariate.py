@@ -153,6 +153,23 @@ def test_every_use_of_a_coordinate(kind: str, seed: int) -> None:
         assert abs(float(numeric.norm(numeric.positions(made, np.array([[end]])))[0]) - threshold) < END
 
 
+def test_angles_of_several_coordinates_end_in_contact() -> None:
+    """MinervaBotV3's elbow turns by q3 - q2: the other coordinate shifts the arc."""
+    robot = pb.load("minervabot_v3")
+    Q = np.random.default_rng(17).uniform(-3.0, 3.0, (50, 3))
+    for boundary in robot.boundaries:
+        for name in boundary.coordinates:
+            index = robot.coordinates.index(name)
+            table = allowed_arcs_table(boundary.path.minimal, index, name, Q, 0.005, 2e-5)
+            for row, q in enumerate(Q):
+                for end, inwards in ends_of(table[row]):
+                    at = np.tile(q, (3, 1))
+                    at[:, index] = end + inwards * np.array([0.0, STEP, -STEP])
+                    clearance = boundary.norm(at) - 0.005
+                    assert abs(clearance[0]) < END
+                    assert clearance[1] > 0.0 > clearance[2]
+
+
 def test_commensurate_contacts_repeat() -> None:
     made, threshold = chain("thrice", np.random.default_rng(3))
     arcs = allowed_arcs(made, 0, "q", np.zeros(1), threshold, 1e-9)

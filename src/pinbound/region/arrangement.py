@@ -139,8 +139,8 @@ def arrange(plane: Plane, accuracy: float) -> Arrangement:
     home = int(np.argmin(away))
     if away[home] > accuracy:
         raise UnsupportedError(
-            f"the start point {plane.start.tolist()} is free, but nearer to contact than the accuracy of {accuracy} rad "
-            "can tell; give a smaller accuracy, or start elsewhere"
+            f"the start point {plane.start.tolist()} is free, but nearer to contact than the accuracy of {accuracy} "
+            "rad can tell; give a smaller accuracy, or start elsewhere"
         )
     rest = [i for i in np.argsort(-gis.area(polygons)).tolist() if free[i] and thick[i] and i != home]
     ordered = gis.orient_polygons(polygons[[home, *rest]])

@@ -300,11 +300,11 @@ def _chord_bound(function: ContactFunction, chords: Array) -> tuple[Array, Bools
     `|u'| <= sigma = (n sin a + d) / (n cos a - d)`, `|u''| <= M (1 + sigma^2) / (n cos a - d)`, `|u| <= s^2 |u''| / 8`.
     """
     along = chords[:, 1] - chords[:, 0]
-    length = np.linalg.norm(along, axis=1)
+    length: Array = np.linalg.norm(along, axis=1)
     middle = chords.mean(axis=1)
     _, gradient, size, slopes = function.parts(middle)
     M = function.curvature(size, slopes, np.broadcast_to(length[:, None], middle.shape))
-    norm_M = np.linalg.norm(M, axis=(1, 2))
+    norm_M: Array = np.linalg.norm(M, axis=(1, 2))
     with np.errstate(invalid="ignore", divide="ignore"):
         unit = along / length[:, None]
         across = np.abs(gradient[:, 0] * unit[:, 1] - gradient[:, 1] * unit[:, 0])

@@ -242,7 +242,7 @@ class Region:
             distance[finite] = -np.inf
         elif self.planes:
             A, b = self.halfspaces()
-            depth: Array = np.min(b - points[finite] @ A.T, axis=1)
+            depth = np.asarray(np.min(b - points[finite] @ A.T, axis=1), dtype=np.float64)
             outside = depth < 0.0
             far = gis.distance(gis.points(points[finite][outside]), self.polygon.exterior)
             depth[outside] = -np.asarray(far)
@@ -251,7 +251,7 @@ class Region:
             gis.prepare(self.polygon)
             away = gis.distance(gis.points(points[finite]), self.polygon.boundary)
             inside = gis.contains_xy(self.polygon, points[finite])
-            depth = np.where(inside, away, -away)
+            depth = np.asarray(np.where(inside, away, -away), dtype=np.float64)
             depth[inside & ~self.plane.free(points[finite])] = 0.0
             distance[finite] = depth
         return distance
