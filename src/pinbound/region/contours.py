@@ -5,10 +5,9 @@ differs from that at m by at most `d = M h`, `M_ij = 2 (a_i a_j + b A_ij)`, a_i 
 the box, A_ij `|d_ij r|` (`interpreters/derivative_bounds`). Boxes are halved until each is one of
 
     empty:   ||r(m)| - T| > sum rho_i h_i, or |g(m)| > |grad g(m)| h + d h / 2: no curve passes;
-    regular: |d| <= sin(20 deg) |grad g(m)|: the normal turns by 20 degrees at most, so no loop lies inside, and each
-             piece of curve is a graph over the tangent at m.
+    regular: |d| <= sin(20 deg) |grad g(m)|, in units of the box's sides: normals turn by 20 degrees at most.
 
-A loop cannot hide: inside it g has an extremum, where grad g vanishes, and a box with such a point is not regular.
+No island can hide: if all boxes around it are regular, each bounded part of either sign holds a corner of a box.
 Signs at all corners give the crossings, the order along the tangent connects them, and each chord is halved, its middle
 moved onto the curve, until its distance to the curve is provably within the accuracy. `docs/regions.md` has the proofs.
 """
@@ -184,7 +183,7 @@ def _classify(function: ContactFunction, middle: Array, half: Array) -> tuple[Bo
     change = function.curvature(length, slopes, halves) @ half
     drop = np.abs(gradient) @ half + 0.5 * (change @ half) + CONTOUR_ROUNDING * scale * scale
     empty = (np.abs(length - function.threshold) > span) | (np.abs(value) > drop)
-    regular = np.linalg.norm(change, axis=1) <= _REGULAR * np.linalg.norm(gradient, axis=1)
+    regular = np.linalg.norm(change * half, axis=1) <= _REGULAR * np.linalg.norm(gradient * half, axis=1)
     return empty, regular
 
 
@@ -220,8 +219,8 @@ def _crossings(function: ContactFunction, origin: Array, step: Array, boxes: Int
     low, high = origin + step * place[segments // len(nodes)], origin + step * place[segments % len(nodes)]
     points = _bisect(function, low, high)
     middle = origin + step * (boxes + sizes[:, None] / 2)
-    tangent = function.value_gradient(middle)[1][:, ::-1] * np.array([-1.0, 1.0])
-    along = np.einsum("na,na->n", points[index] - middle[cell], tangent[cell])
+    tangent = (function.value_gradient(middle)[1] * step)[:, ::-1] * np.array([-1.0, 1.0])
+    along = np.einsum("na,na->n", (points[index] - middle[cell]) / step, tangent[cell])
     order = np.lexsort((along, cell))
     return points, index[order].reshape(-1, 2)
 
