@@ -24,7 +24,7 @@ from scipy import ndimage
 import pinbound as pb
 
 AXES = {"planar": ("0 1 0",), "spatial": ("0 1 0", "1 0 0", "0 0 1", "0.6 0.8 0")}
-GRIDS = (201, 601, 1801, 5401)
+GRIDS = (201, 601, 1801, 3601)
 
 
 def mechanism(rng: np.random.Generator, style: str = "planar", boundaries: int | None = None) -> str:
@@ -94,20 +94,23 @@ class Comparison:
     area_error: float
 
 
+def _free(robot: pb.Robot, Q: np.ndarray) -> np.ndarray:
+    free = np.ones(len(Q), dtype=bool)
+    for boundary in robot.boundaries:
+        free &= boundary.norm(Q) > max(boundary.threshold, robot.annotations.contact_tolerance)
+    for limit in robot.linear_limits:
+        theta = Q @ limit.coefficients + limit.offset
+        free &= (theta > limit.lower) & (theta < limit.upper)
+    return free
+
+
 def oracle(region: pb.Region, grid: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return grid points (g * g, 2), which are free, and which are free and connected to home on the grid."""
     robot, plane = region.plane.robot, region.plane
     low, high = plane.window
     axes = [low[i] + (high[i] - low[i]) * (np.arange(grid) + 0.5) / grid for i in (0, 1)]
     X = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    Q = plane.lift(X)
-    free = np.ones(len(X), dtype=bool)
-    tolerance = robot.annotations.contact_tolerance
-    for boundary in robot.boundaries:
-        free &= boundary.norm(Q) > max(boundary.threshold, tolerance)
-    for limit in robot.linear_limits:
-        theta = Q @ limit.coefficients + limit.offset
-        free &= (theta > limit.lower) & (theta < limit.upper)
+    free = np.concatenate([_free(robot, plane.lift(part)) for part in np.array_split(X, max(1, len(X) // 200_000))])
     labels, _ = ndimage.label(free.reshape(grid, grid))
     place = np.clip(((plane.start - low) / (high - low) * grid).astype(int), 0, grid - 1)
     near = labels[max(place[0] - 1, 0) : place[0] + 2, max(place[1] - 1, 0) : place[1] + 2]

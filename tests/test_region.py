@@ -35,6 +35,15 @@ ARM = """<robot name="arm" xmlns:pinbound="urn:pinbound:1">
   </pinbound:annotations>
 </robot>"""
 
+HEXAGON = (  # (q2, q3) in degrees, re-derived from the reference data
+    (70.001229130, 1.496605072),
+    (70.001229130, 68.981699122),
+    (36.552579147, 68.981699122),
+    (-10.145750656, 22.283369318),
+    (-10.145750656, -8.462041074),
+    (60.042582985, -8.462041074),
+)
+
 
 def arm(tmp_path: Path, tip: float, post: str, *pairs: tuple[str, str]) -> pb.Robot:
     boundaries = "".join(f'<pinbound:boundary name="{a}_{b}" a="{a}" b="{b}"/>' for a, b in pairs)
@@ -162,7 +171,12 @@ def test_minervabot_is_exact(distance: float) -> None:
     assert region.accuracy == 0.0
     if distance == 0.0:
         assert region.area == pytest.approx(1.5434743997, abs=5e-11)
-        np.testing.assert_allclose(np.degrees(region.centroid), [34.841862996, 25.623336708], atol=1e-9)
+        expected = np.array(HEXAGON)
+        np.testing.assert_allclose(np.degrees(region.vertices), expected, rtol=0, atol=1e-9)
+        after = np.roll(expected, -1, axis=0)
+        weight = expected[:, 0] * after[:, 1] - expected[:, 1] * after[:, 0]
+        centroid = weight @ (expected + after) / (3.0 * weight.sum())
+        np.testing.assert_allclose(np.degrees(region.centroid), centroid, rtol=0, atol=1e-9)
         assert sum(component.area for component in region.components) == pytest.approx(4 * np.pi**2, abs=1e-12)
         return
     Q = region.plane.lift(np.random.default_rng(1).uniform(-np.pi, np.pi, (20000, 2)))
