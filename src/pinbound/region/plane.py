@@ -242,16 +242,14 @@ def _slab(source: str, normal: Array, lower: float, upper: float) -> list[HalfPl
 def _contact(boundary: Boundary, start: Array, indices: Sequence[int], margin: float) -> Strips | Curve | None:
     """Return what a boundary is in the plane; None if it never comes into contact there."""
     threshold, tolerance = boundary.threshold + margin, boundary.contact_tolerance
-    whole = boundary.contact if margin == 0.0 else None
+    whole = one_angle_strip(boundary.path.minimal, threshold, tolerance)
     if whole is not None:  # one effective angle in the robot: its contact angle, moved by what is held
-        normal = whole.coefficients[list(indices)]
+        coefficients, strip = whole
+        normal = coefficients[list(indices)]
         if np.any(normal):
-            rest = float(whole.coefficients @ start) - float(normal @ start[list(indices)])
-            return (
-                None
-                if whole.half_width is None
-                else Strips(boundary.name, normal, whole.angle - rest, whole.half_width)
-            )
+            rest = float(coefficients @ start) - float(normal @ start[list(indices)])
+            half_width = strip.half_width
+            return None if half_width is None else Strips(boundary.name, normal, strip.angle - rest, half_width)
     chain = restrict(boundary.path.minimal, start, indices)
     if not chain.coordinates:
         norm = float(numeric.norm(numeric.positions(chain, np.zeros((1, _PLANE))))[0])

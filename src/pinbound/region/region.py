@@ -8,7 +8,7 @@ between them found (`arrangement`), to a stated accuracy. `docs/regions.md` has 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, cast
@@ -17,17 +17,15 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.boundary import one_configuration
 from pinbound.coupling import as_configurations
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.region import convex, margins
-from pinbound.region.arrangement import Arrangement, Corner, Edge, Line, arrange, arranged_loops
+from pinbound.region.arrangement import Corner, Edge, Line
 from pinbound.region.halfplanes import HalfPlane, Support, intersect, support
-from pinbound.region.plane import Plane, plane_of
-from pinbound.robot import Robot
+from pinbound.region.plane import Plane
 from pinbound.tolerances import REGION_ACCURACY
 
-__all__ = ["Corner", "Edge", "Region", "feasible_region"]
+__all__ = ["Corner", "Edge", "Region", "convex_region"]
 
 Array = NDArray[np.float64]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
@@ -321,6 +319,8 @@ class Region:
             raise DimensionError(f"the margin {margin} is not a finite length of zero or more")
         low, high = self.plane.window
         window = {name: (float(low[i]), float(high[i])) for i, name in enumerate(self.coordinates)}
+        from pinbound.region.feasible import feasible_region  # which makes what this module describes
+
         accuracy = self.accuracy or REGION_ACCURACY
         return feasible_region(
             self.plane.robot, self.coordinates, self.at, window, accuracy, self.plane.margin + margin
@@ -388,7 +388,7 @@ class Region:
         return Region(self.plane, (edges,), margins.loop_corners((edges,)), 0.0, (*self.plane.box, *planes))
 
     def _with(self, planes: Any) -> Region:
-        return _convex(self.plane, tuple(planes))
+        return convex_region(self.plane, tuple(planes))
 
     def _moved(self, move: Callable[[Array], Array]) -> Region:
         loops = tuple(
@@ -412,9 +412,10 @@ class Region:
         return (self, *(self._others() if self._others else ()))
 
 
-def _convex(
+def convex_region(
     plane: Plane, planes: tuple[HalfPlane, ...], others: Callable[[], tuple[Region, ...]] | None = None
 ) -> Region:
+    """Return the intersection of half-planes, the first four of which bound it, as a region."""
     vertices, sides = intersect(planes)
     ends = np.roll(vertices, -1, axis=0)
     edges = tuple(
@@ -425,16 +426,6 @@ def _convex(
     return Region(plane, loops, margins.loop_corners(loops), 0.0, planes, (), others)
 
 
-def _of_face(arrangement: Arrangement, face: Any, accuracy: float, faces: Sequence[Any] = ()) -> Region:
-    loops, corners = arranged_loops(arrangement, face, accuracy)
-
-    def others() -> tuple[Region, ...]:
-        return tuple(_of_face(arrangement, other, accuracy) for other in faces)
-
-    error = arrangement.chord_error
-    return Region(arrangement.plane, loops, corners, error, (), arrangement.lines, others)
-
-
 def _of_loops(plane: Plane, parts: Sequence[Loops], accuracy: float) -> Region:
     """Return the first of several parts, the others as its components."""
     regions = tuple(Region(plane, loops, margins.loop_corners(loops), accuracy) for loops in parts)
@@ -442,63 +433,3 @@ def _of_loops(plane: Plane, parts: Sequence[Loops], accuracy: float) -> Region:
         return Region(plane, (), (), accuracy)
     first = regions[0]
     return Region(plane, first.loops, first.corners, accuracy, (), (), lambda: regions[1:])
-
-
-def feasible_region(
-    robot: Robot,
-    coordinates: Sequence[str] | None = None,
-    at: ArrayLike | None = None,
-    window: Mapping[str, tuple[float, float]] | None = None,
-    accuracy: float = REGION_ACCURACY,
-    margin: float = 0.0,
-) -> Region:
-    """Return the connected component, containing home, of the joint limits less the contacts.
-
-    Args:
-        robot: The robot.
-        coordinates: The two coordinates of the plane; None: those that the boundaries use.
-        at: (n,) where the other coordinates are held, and the start point; home by default.
-        window: Ends [rad] within which to look, by coordinate; needed for coordinates without limits.
-        accuracy: [rad], the largest distance allowed between a curved edge and its polyline. Straight edges are exact.
-        margin: [m], added to every threshold.
-
-    Returns:
-        The region, with a named edge for every boundary or limit that is active; `components` has the others.
-
-    Raises:
-        UnknownNameError: If the robot has no such coordinate.
-        UnsupportedError: If there are not two coordinates, or a contact curve is degenerate along its length.
-        DimensionError: If a coordinate is without limits, or `at` is in contact or out of limits, or the accuracy or
-            the margin is no usable number.
-
-    References:
-        The paper's Fig. 9; `docs/regions.md`.
-
-    Example:
-        >>> import pinbound as pb
-        >>> region = pb.feasible_region(pb.load("minervabot_v3"), coordinates=("q2", "q3"))
-        >>> [edge.name for edge in region.edges]
-        ['beta_7', 'beta_3', 'beta_4', 'beta_10', 'beta_9', 'beta_8']
-        >>> round(region.area, 10)
-        1.5434743997
-    """
-    if not 0.0 < accuracy < 1.0:
-        raise DimensionError(f"the accuracy {accuracy} is not between 0 and 1 rad")
-    if not 0.0 <= margin < math.inf:
-        raise DimensionError(f"the margin {margin} is not a finite length of zero or more")
-    start = np.array(robot.home if at is None else one_configuration(at, robot.coordinates), dtype=np.float64)
-    plane = plane_of(robot, coordinates, start, dict(window or {}), margin)
-    if plane.curves:
-        arrangement = arrange(plane, accuracy)
-        return _of_face(arrangement, arrangement.faces[0], accuracy, arrangement.faces[1:])
-    planes = [*plane.box, *plane.limits]
-    for strip in plane.strips:
-        lower, upper = strip.gap(plane.start)
-        planes.append(HalfPlane(strip.name, strip.name, strip.normal, upper, True))
-        planes.append(HalfPlane(strip.name, strip.name, -strip.normal, -lower, True))
-
-    def others() -> tuple[Region, ...]:
-        arrangement = arrange(plane, accuracy)
-        return tuple(_of_face(arrangement, face, accuracy) for face in arrangement.faces[1:])
-
-    return _convex(plane, tuple(planes), others)
