@@ -1,144 +1,204 @@
-"""Planar regions of boundaries with one effective angle, against brute force."""
+"""Planar regions against brute force: membership, area, components, corners, on robots with holes and islands."""
 
-from collections.abc import Callable
+import importlib.util
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from scipy import ndimage
 
 import pinbound as pb
-from robots import joint, robot_xml
+from pinbound.tolerances import VERTEX
 
-Load = Callable[..., pb.Robot]
+CAMPAIGN = Path(__file__).parents[1] / "benchmarks" / "planar_mechanisms.py"
+spec = importlib.util.spec_from_file_location("planar_mechanisms", CAMPAIGN)
+campaign = importlib.util.module_from_spec(spec)
+sys.modules["planar_mechanisms"] = campaign
+spec.loader.exec_module(campaign)
 
+ARM = """<robot name="arm" xmlns:pinbound="urn:pinbound:1">
+  <link name="base"/><link name="upper"/><link name="fore"/><link name="mast"/>
+  <joint name="q1" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+  <joint name="q2" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0 0 0.3"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+  <joint name="q3" type="revolute"><parent link="base"/><child link="mast"/><origin xyz="0.2 0 0"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+  <pinbound:annotations>
+    <pinbound:point name="tip" link="fore" xyz="0 0 0.25" radius="{tip}"/>
+    <pinbound:point name="elbow" link="fore" xyz="0 0 0" radius="0.03"/>
+    <pinbound:point name="post" link="base" xyz="{post}" radius="0"/>
+    <pinbound:point name="flag" link="mast" xyz="0 0 0.2" radius="0.04"/>
+    {boundaries}
+  </pinbound:annotations>
+</robot>"""
 
-def flood_fill(robot: pb.Robot, region: pb.Region, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return grid points (count^2, 2) and whether each is connected with home, by contact lines crossed on a grid.
-
-    A zero-threshold contact is a line, which no grid point hits: a step between neighbours is blocked if an
-    effective angle passes a contact on the way, which the sign of sin((phi - phi*) / 2) tells.
-    """
-    plane = [robot.coordinates.index(name) for name in region.coordinates]
-    low, high = robot.lower[plane], robot.upper[plane]
-    axes = [np.linspace(a, b, count) for a, b in zip(low, high, strict=True)]
-    x, y = np.meshgrid(*axes, indexing="ij")
-    Q = np.repeat(robot.home[None], x.size, axis=0)
-    Q[:, plane] = np.column_stack((x.ravel(), y.ravel()))
-    free = np.ones((count, count), dtype=bool)
-    cell = np.zeros((count, count), dtype=np.int64)
-    for k, boundary in enumerate(robot.boundaries):
-        contact = boundary.contact
-        assert contact is not None
-        turns = np.floor((Q @ contact.coefficients - contact.angle) / (2 * np.pi)).astype(np.int64)
-        cell += (turns.reshape(count, count) + 4) * 16**k
-        free &= boundary.clearance(Q).reshape(count, count) > 0
-    at_home = [int(np.argmin(np.abs(axis - robot.home[i]))) for axis, i in zip(axes, plane, strict=True)]
-    same = free & (cell == cell[tuple(at_home)])
-    labels, _ = ndimage.label(same)
-    return Q[:, plane], (labels == labels[tuple(at_home)]).ravel()
-
-
-TWO_STOPS = robot_xml(
-    [joint("q2", "revolute", "base", "a", limit="-2 2"), joint("q3", "revolute", "a", "b", limit="-2.5 2.5")],
-    {"p": ("base", "0.3 0 0"), "s": ("a", "0 0 0.3"), "t": ("a", "0.2 0.05 0"), "u": ("b", "0 0.05 0.2")},
-    [],
-    '<pinbound:boundary name="shoulder" a="p" b="s" min_distance="0.05"/>'
-    '<pinbound:boundary name="elbow" a="t" b="u" min_distance="0.02"/>',
+HEXAGON = (  # (q2, q3) in degrees, re-derived from the reference data
+    (70.001229130, 1.496605072),
+    (70.001229130, 68.981699122),
+    (36.552579147, 68.981699122),
+    (-10.145750656, 22.283369318),
+    (-10.145750656, -8.462041074),
+    (60.042582985, -8.462041074),
 )
 
 
-def test_membership_equals_brute_force_with_thresholds(load_text: Load) -> None:
-    robot = load_text(TWO_STOPS)
-    region = pb.feasible_region(robot)
-    points, expected = flood_fill(robot, region, 201)
-    distance = region.signed_distance(points)
-    far = np.abs(distance) > 1e-9
-    assert np.array_equal(region.contains(points)[far], expected[far])
-    assert expected.any()
-    assert not expected.all()
+def arm(tmp_path: Path, tip: float, post: str, *pairs: tuple[str, str]) -> pb.Robot:
+    boundaries = "".join(f'<pinbound:boundary name="{a}_{b}" a="{a}" b="{b}"/>' for a, b in pairs)
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM.format(tip=tip, post=post, boundaries=boundaries))
+    return pb.load(path)
 
 
-def test_membership_of_the_hexagon_equals_brute_force(minerva: pb.Robot) -> None:
-    region = pb.feasible_region(minerva)
-    points, expected = flood_fill(minerva, region, 301)
-    far = np.abs(region.signed_distance(points)) > 1e-9
-    assert np.array_equal(region.contains(points)[far], expected[far])
+def check_corners(region: pb.Region) -> int:
+    """Return how many corners are polished.
 
-
-def test_clearance_at_edges_is_zero_and_turns_negative_beyond(load_text: Load) -> None:
-    robot = load_text(TWO_STOPS)
-    for edge in pb.feasible_region(robot).edges:
-        if not edge.is_contact:
+    At each corner both named functions vanish to `VERTEX` in angle, or the corner says that it is not polished.
+    """
+    robot = region.plane.robot
+    limits = {p.name: p for p in (*region.plane.box, *region.plane.limits)}
+    columns = [robot.coordinates.index(name) for name in region.coordinates]
+    for corner in region.corners:
+        if not corner.polished:
             continue
-        middle = (edge.start + edge.end) / 2
-        along = edge.end - edge.start
-        outwards = np.array([along[1], -along[0]]) / np.linalg.norm(along)
-        boundary = robot.boundaries[edge.name]
-        assert abs(boundary.clearance(middle)) < 1e-13
-        assert boundary.clearance(middle + 1e-6 * outwards) < 0 < boundary.clearance(middle - 1e-6 * outwards)
+        q = region.plane.lift(corner.point[None])[0]
+        for name in (corner.before, corner.after):
+            if name in limits:
+                off = abs(limits[name].normal @ corner.point - limits[name].bound)
+            else:
+                boundary = robot.boundaries[name]
+                if boundary.contact is not None:
+                    continue
+                slope = np.linalg.norm(boundary.gradient(q)[columns])
+                threshold = max(boundary.threshold, boundary.contact_tolerance)
+                off = abs(boundary.norm(q) - threshold) / slope
+            assert off <= 20 * VERTEX
+    return sum(corner.polished for corner in region.corners)
 
 
-def test_followers_limits_bind_their_primaries(load_text: Load) -> None:
-    joints = [
-        joint("q1", "revolute", "base", "a", limit="-3 3"),
-        joint("q2", "revolute", "base", "b", limit="-3 3"),
-        joint("f1", "revolute", "a", "c", mimic="q1 2 0.1", limit="-0.5 0.7"),
-    ]
-    region = pb.feasible_region(load_text(robot_xml(joints, {}, [])), coordinates=("q1", "q2"))
-    assert [edge.name for edge in region.edges if edge.source == "f1"] == ["f1 lower", "f1 upper"]
-    assert region.vertices[:, 0].min() == pytest.approx(-0.3)
-    assert region.vertices[:, 0].max() == pytest.approx(0.3)
+@pytest.mark.parametrize(
+    ("style", "seed", "boundaries"), [("planar", 7, None), ("spatial", 8, None), ("planar", 9, 12)]
+)
+def test_random_mechanisms_agree_with_brute_force(style: str, seed: int, boundaries: int, tmp_path: Path) -> None:
+    rng = np.random.default_rng(seed)
+    count = 10 if boundaries else 30
+    corners = polished = 0
+    for robot, names in campaign.free_robots(rng, tmp_path, count, style, boundaries):
+        region = pb.feasible_region(robot, names)
+        one = campaign.compare(region)
+        assert one.disagreements == 0
+        corners, polished = corners + len(region.corners), polished + check_corners(region)
+        assert all(edge.name in region.supports() for edge in region.edges)
+    assert polished >= 0.98 * corners > 0
 
 
-def test_halfspaces_distance_and_membership_agree(minerva: pb.Robot) -> None:
-    region = pb.feasible_region(minerva)
-    A, b = region.halfspaces()
-    points = np.random.default_rng(3).uniform(-1, 2, (500, 2))
-    inside = np.all(points @ A.T < b, axis=1)
-    assert np.array_equal(region.contains(points), inside)
-    from shapely import Point
-
-    for point, distance in zip(points[:50], region.signed_distance(points[:50]), strict=True):
-        expected = region.polygon.exterior.distance(Point(point)) * (1 if region.polygon.contains(Point(point)) else -1)
-        assert distance == pytest.approx(expected, abs=1e-12)
-
-
-def test_q1_is_ignored_and_non_finite_rows_are_outside(minerva: pb.Robot) -> None:
-    region = pb.feasible_region(minerva)
-    rows = np.array([[5.0, 0, 0], [np.nan, 0, 0], [0, np.inf, 0], [0, 0, 2.0]])
-    assert region.contains(rows).tolist() == [True, False, False, False]
-    assert np.isnan(region.signed_distance(rows)[[1, 2]]).all()
+@pytest.mark.parametrize("seed", range(4))
+def test_components_are_those_of_the_flood(seed: int, tmp_path: Path) -> None:
+    robot, names = next(iter(campaign.free_robots(np.random.default_rng([4, seed]), tmp_path, 1, "planar", 8)))
+    region = pb.feasible_region(robot, names)
+    grid = 401
+    X, free, _ = campaign.oracle(region, grid)
+    labels, _ = ndimage.label(free.reshape(grid, grid))
+    labels = labels.ravel()
+    held = np.array([component.contains(region.plane.lift(X)) for component in region.components])
+    assert held.sum(axis=0).max() == 1  # no point in two components
+    lost = free & ~held.any(axis=0)
+    contour = shapely.union_all([component.polygon.boundary for component in region.components])
+    assert np.all(shapely.distance(shapely.points(X[lost]), contour) <= region.accuracy)
+    for label in range(1, labels.max() + 1):
+        assert np.count_nonzero(held[:, labels == label].any(axis=1)) <= 1  # what the grid connects is one component
 
 
-def test_scaling_and_inset(minerva: pb.Robot) -> None:
-    region = pb.feasible_region(minerva)
-    scaled = region.scale(0.9)
-    expected = region.centroid + 0.9 * (region.vertices - region.centroid)
-    assert scaled.vertices == pytest.approx(expected, abs=1e-12)
-    assert scaled.centroid == pytest.approx(region.centroid, abs=1e-12)
-    inset = region.inset(0.05)
-    assert region.signed_distance(inset.vertices).min() == pytest.approx(0.05, abs=1e-12)
-    assert region.inset(2.0).is_empty
-    assert not region.inset(2.0).contains([0.0, 0.0, 0.0])
-    for wrong in (0.0, 1.1, np.nan):
-        with pytest.raises(pb.DimensionError):
-            region.scale(wrong)
+def test_area_converges_to_the_oracles(tmp_path: Path) -> None:
+    robot = arm(tmp_path, 0.05, "0.35 0 0.1", ("tip", "post"), ("elbow", "post"))
+    region = pb.feasible_region(robot, ("q1", "q2"))
+    errors = [campaign.compare(region, (grid,)).area_difference for grid in (50, 200, 800)]
+    assert errors[2] < 0.002 * region.area
+    assert errors[2] < errors[0]
+    fine = pb.feasible_region(robot, ("q1", "q2"), accuracy=1e-7)
+    assert abs(fine.area - region.area) <= region.area_error + fine.area_error
 
 
-def test_questions_that_cannot_be_answered_say_why(minerva: pb.Robot, load_text: Load) -> None:
-    with pytest.raises(pb.UnknownNameError, match="q1, q2, q3"):
-        pb.feasible_region(minerva, coordinates=("q2", "q4"))
-    with pytest.raises(pb.UnsupportedError, match="two coordinates"):
-        pb.feasible_region(minerva, coordinates=("q2",))
-    with pytest.raises(pb.DimensionError, match="beta_10"):
-        pb.feasible_region(minerva, at=[0.0, -0.5, 0.0])
-    free = load_text(robot_xml([joint("q1", "continuous", "base", "a"), joint("q2", "continuous", "a", "b")], {}, []))
-    with pytest.raises(pb.DimensionError, match="window"):
-        pb.feasible_region(free, coordinates=("q1", "q2"))
-    window = pb.feasible_region(free, ("q1", "q2"), window={"q1": (-1, 1), "q2": (-2, 2)})
-    assert window.area == pytest.approx(8.0)
+def test_a_hole_of_a_ten_thousandth_of_a_radian(tmp_path: Path) -> None:
+    """Two bare points meet at one elbow angle: the contact tolerance of 0.02 mm leaves a hole of 1e-4 rad."""
+    robot = arm(tmp_path, 0.0, "0.4 0 0.1", ("tip", "post"))
+    region = pb.feasible_region(robot, ("q1", "q2"))
+    assert len(region.loops) == 3  # elbow up and elbow down
+    for loop in region.loops[1:]:
+        assert [edge.name for edge in loop] == ["tip_post"]
+        hole = loop[0].points
+        assert 1e-5 < np.ptp(hole, axis=0).max() < 1e-3
+        centre = region.plane.lift(hole.mean(axis=0)[None])[0]
+        assert robot.boundaries["tip_post"].norm(centre) < 1e-6  # a twentieth of the hole's radius
+        assert not region.contains(centre)
+        assert region.signed_distance(centre) < 0.0
 
 
-def test_every_other_turn_has_a_region_of_its_own(minerva: pb.Robot) -> None:
-    wide = {"q2": (-10.0, 10.0), "q3": (-10.0, 10.0)}
-    assert pb.feasible_region(minerva, window=wide).area == pytest.approx(1.5434743997, abs=1e-9)
+def test_branched_boundaries_in_the_plane_of_two_branches(tmp_path: Path) -> None:
+    robot = arm(tmp_path, 0.03, "0.4 0 0.1", ("elbow", "flag"), ("tip", "flag"))
+    region = pb.feasible_region(robot, ("q1", "q3"))
+    assert campaign.compare(region).disagreements == 0
+    assert {"elbow_flag"} <= {edge.name for edge in region.edges}
+    check_corners(region)
+
+
+def test_the_order_of_the_coordinates_only_mirrors_the_plane(tmp_path: Path) -> None:
+    robot = arm(tmp_path, 0.05, "0.35 0 0.1", ("tip", "post"))
+    one, other = pb.feasible_region(robot, ("q1", "q2")), pb.feasible_region(robot, ("q2", "q1"))
+    assert one.area == pytest.approx(other.area, abs=2 * one.area_error)
+    Q = np.random.default_rng(0).uniform(-3, 3, (3000, 3))
+    Q[:, 2] = 0.0
+    differ = one.contains(Q) != other.contains(Q)
+    assert np.all(np.abs(one.signed_distance(Q[differ])) <= one.accuracy)
+
+
+def test_what_is_held_moves_the_region(tmp_path: Path) -> None:
+    robot = arm(tmp_path, 0.03, "0.4 0 0.1", ("tip", "flag"))
+    areas = [pb.feasible_region(robot, ("q1", "q2"), at=[0.0, 0.0, a]).area for a in (-0.5, 0.0, 0.8)]
+    assert len({round(area, 6) for area in areas}) == 3
+    region = pb.feasible_region(robot, ("q1", "q2"), at=[0.0, 0.0, 0.8])
+    assert campaign.compare(region).disagreements == 0
+    assert np.isnan(region.signed_distance([0.0, 0.0, 0.7]))  # another slice
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.005])
+def test_minervabot_is_exact(distance: float) -> None:
+    robot = pb.load("minervabot_v3")
+    region = pb.feasible_region(robot, ("q2", "q3"), margin=distance)
+    assert region.is_convex
+    assert region.accuracy == 0.0
+    if distance == 0.0:
+        assert region.area == pytest.approx(1.5434743997, abs=5e-11)
+        expected = np.array(HEXAGON)
+        np.testing.assert_allclose(np.degrees(region.vertices), expected, rtol=0, atol=1e-9)
+        after = np.roll(expected, -1, axis=0)
+        weight = expected[:, 0] * after[:, 1] - expected[:, 1] * after[:, 0]
+        centroid = weight @ (expected + after) / (3.0 * weight.sum())
+        np.testing.assert_allclose(np.degrees(region.centroid), centroid, rtol=0, atol=1e-9)
+        assert sum(component.area for component in region.components) == pytest.approx(4 * np.pi**2, abs=1e-12)
+        return
+    Q = region.plane.lift(np.random.default_rng(1).uniform(-np.pi, np.pi, (20000, 2)))
+    clear = np.all(robot.boundaries.norms(Q) > [b.threshold + distance for b in robot.boundaries], axis=1)
+    assert not np.any(region.contains(Q) & ~clear)
+    held = np.array([c.contains(Q) for c in region.components])
+    np.testing.assert_array_equal(held.any(axis=0), clear)
+
+
+def test_bad_input_is_refused(tmp_path: Path) -> None:
+    robot = arm(tmp_path, 0.05, "0.35 0 0.1", ("tip", "post"))
+    q = [1.0, 0.7, 0.0]
+    clear = robot.boundaries["tip_post"].clearance(q)
+    with pytest.raises(pb.DimensionError, match="tip_post"):
+        pb.feasible_region(robot, ("q1", "q2"), at=q, margin=clear + 1e-9)
+    with pytest.raises(pb.DimensionError, match="accuracy"):
+        pb.feasible_region(robot, ("q1", "q2"), accuracy=0.0)
+    with pytest.raises(pb.DimensionError, match="finite"):
+        pb.feasible_region(robot, ("q1", "q2"), at=[0.0, np.nan, 0.0])
+    with pytest.raises(pb.DimensionError, match="room"):
+        pb.feasible_region(robot, ("q1", "q2"), window={"q1": (1.0, 1.0)})
+    with pytest.raises(pb.DimensionError, match="margin"):
+        pb.feasible_region(robot, ("q1", "q2"), margin=float("inf"))
+    with pytest.raises(pb.UnsupportedError, match="convex"):
+        pb.feasible_region(robot, ("q1", "q2")).halfspaces()

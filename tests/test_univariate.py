@@ -1,72 +1,274 @@
-"""Contact strips in closed form, at degenerate places: equal and unequal arms, grazing thresholds, no arm."""
+"""Allowed arcs: round-trip laws on robots we did not make, and oracles for every way a path may use a coordinate."""
+
+import importlib.metadata
+import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pinbound.interpreters.univariate import AllowedArcs, strip
+import pinbound as pb
+from pinbound.interpreters import numeric
+from pinbound.interpreters.isolation import common_period
+from pinbound.interpreters.univariate import AllowedArcs, allowed_arcs, allowed_arcs_table
+from pinbound.path import Chain
 
-Y = np.array([0.0, 1.0, 0.0])
-
-
-def rotated(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return a random rotation and the axis that it makes of y."""
-    turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
-    turn *= np.sign(np.linalg.det(turn))
-    return turn, turn @ Y
-
-
-@pytest.mark.parametrize("seed", range(50))
-def test_equal_arms_touch_even_without_a_tolerance(seed: int) -> None:
-    """Rounding must not make equal arms unequal: that would be a wrong "safe"."""
-    turn, axis = rotated(seed)
-    angle = np.random.default_rng(seed).uniform(-3, 3)
-    p = turn @ [0.3, 0.0, 0.1]
-    s = turn @ [np.hypot(0.3, 0.1) * np.cos(angle), 0.0, np.hypot(0.3, 0.1) * np.sin(angle)]
-    found = strip(p, s, axis, 0.0, 0.0)
-    assert found.half_width is not None
+ROBOTS = Path(str(importlib.metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share")))
+ARMS = {
+    "ur5": ("ur_description/urdf/ur5_robot.urdf", ("shoulder_link", "forearm_link", "wrist_2_link", "wrist_3_link")),
+    "panda": ("panda_description/urdf/panda.urdf", ("panda_link1", "panda_link3", "panda_link5", "panda_hand")),
+    "talos": (
+        "talos_data/robots/talos_left_arm.urdf",
+        ("arm_left_1_link", "arm_left_3_link", "arm_left_5_link", "arm_left_7_link"),
+    ),
+}
+END = 1e-10  # m, the clearance allowed at an end
+STEP = 1e-7  # rad, to either side of it
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_a_strip_is_where_the_norm_is_at_most_the_threshold(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    turn, axis = rotated(seed)
-    p, s = turn @ rng.normal(size=3), turn @ rng.normal(size=3)
-    phi = np.linspace(-np.pi, np.pi, 20_001)
-    along = axis * (axis @ s)
-    r = p + along + np.outer(np.cos(phi), s - along) + np.outer(np.sin(phi), np.cross(axis, s))
-    norms = np.linalg.norm(r, axis=1)
-    for threshold in (0.5 * norms.min(), 0.5 * (norms.min() + norms.max()), 1.1 * norms.max()):
-        found = strip(p, s, axis, threshold, 0.0)
-        expected = norms <= threshold
-        if found.half_width is None:
-            assert not expected.any()
+@pytest.fixture(scope="module", params=sorted(ARMS))
+def arm(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> pb.Robot:
+    """A spatial robot with spheres on four links, every pair of them a boundary."""
+    file, links = ARMS[request.param]
+    rng = np.random.default_rng(5)
+    lines = ["points:"]
+    for i, link in enumerate(links):
+        x, y, z = rng.uniform(-0.05, 0.05, 3)
+        lines.append(f"- {{name: p{i}, link: {link}, xyz: [{x:.4f}, {y:.4f}, {z:.4f}], radius: {0.03 + 0.02 * i:.3f}}}")
+    lines.append("boundaries:")
+    for a, b in itertools.combinations(range(len(links)), 2):
+        if b > a + 1:
+            lines.append(f"- {{name: beta_{a}{b}, a: p{a}, b: p{b}, min_distance: 0.08}}")
+    lines.append("home: {}")
+    sidecar = tmp_path_factory.mktemp("arm") / "marks.yaml"
+    sidecar.write_text("\n".join(lines).replace("home: {}", ""))
+    return pb.load(ROBOTS / "example-robot-data" / "robots" / file, annotations=sidecar)
+
+
+def ends_of(arcs: AllowedArcs) -> list[tuple[float, float]]:
+    """Return each finite end with the direction that leads inside, ends of the window left out."""
+    found = []
+    for lower, upper in arcs.intervals:
+        if np.isfinite(lower) and lower > arcs.window[0]:
+            found.append((lower, 1.0))
+        if np.isfinite(upper) and upper < arcs.window[1]:
+            found.append((upper, -1.0))
+    return found
+
+
+def test_arcs_end_in_contact_on_spatial_robots(arm: pb.Robot) -> None:
+    rng = np.random.default_rng(11)
+    low, high = np.maximum(arm.lower, -3.0), np.minimum(arm.upper, 3.0)
+    Q = rng.uniform(low, high, (150, len(low)))
+    seen = 0
+    for boundary in arm.boundaries:
+        for name in boundary.coordinates:
+            index = arm.coordinates.index(name)
+            table = boundary.limits(name, Q, window=(-4.0, 4.0))
+            for row, q in enumerate(Q):
+                for end, inwards in ends_of(table[row]):
+                    at, inside, outside = np.tile(q, (3, 1))
+                    at[index], inside[index], outside[index] = end, end + inwards * STEP, end - inwards * STEP
+                    clearance = boundary.clearance(np.stack((at, inside, outside)))
+                    assert abs(clearance[0]) < END
+                    slope = abs(boundary.gradient(at)[index])
+                    if slope * STEP > 1e-11:  # otherwise it grazes, and there is no outside at this step
+                        assert clearance[1] > 0.0 > clearance[2]
+                        seen += 1
+    assert seen > 300
+
+
+def test_arcs_agree_with_dense_sampling(arm: pb.Robot) -> None:
+    rng = np.random.default_rng(12)
+    grid = np.linspace(-3.0, 3.0, 2001)
+    for boundary in arm.boundaries:
+        for name in boundary.coordinates:
+            index = arm.coordinates.index(name)
+            q = rng.uniform(-1.5, 1.5, len(arm.coordinates))
+            Q = np.tile(q, (len(grid), 1))
+            Q[:, index] = grid
+            clearance = boundary.clearance(Q)
+            arcs = boundary.limits(name, q, window=(-3.1, 3.1))
+            allowed = np.array([arcs.contains(x) for x in grid])
+            sure = np.abs(clearance) > 1e-9
+            np.testing.assert_array_equal(allowed[sure], clearance[sure] > 0.0)
+
+
+def test_many_equals_one(arm: pb.Robot) -> None:
+    Q = np.random.default_rng(13).uniform(-1.5, 1.5, (40, len(arm.coordinates)))
+    for boundary in arm.boundaries:
+        for name in boundary.coordinates:
+            index = arm.coordinates.index(name)
+            table = boundary.limits(name, Q)
+            around = table.around(Q[:, index])
+            for row, q in enumerate(Q):
+                one = boundary.limits(name, q)
+                np.testing.assert_array_equal(table[row].intervals, one.intervals)
+                assert (one.around(q[index]) or (np.nan, np.nan)) == pytest.approx(tuple(around[row]), nan_ok=True)
+
+
+def test_limits_of_a_set_agree_one_by_one_and_in_a_table(arm: pb.Robot) -> None:
+    Q = np.random.default_rng(14).uniform(np.maximum(arm.lower, -2), np.minimum(arm.upper, 2), (60, len(arm.lower)))
+    for name in arm.coordinates:
+        ends, stops = arm.boundaries.limits_table(name, Q)
+        for row, q in enumerate(Q):
+            one = arm.boundaries.limits(name, q)
+            np.testing.assert_allclose(ends[row], [one.lower, one.upper], rtol=0, atol=1e-14)
+            assert (one.lower_stop or "", one.upper_stop or "") == tuple(stops[row])
+
+
+def chain(kind: str, rng: np.random.Generator) -> tuple[Chain, float]:
+    """Return a random chain of one coordinate used in several ways, and a threshold near its norms."""
+    factors = {
+        "twice": [1.0, 1.0],
+        "thrice": [1.0, -2.0, 0.5],
+        "incommensurate": [1.0, 2.0**0.5],
+        "screw": [1.0],
+        "slider": [],
+    }[kind]
+    k = len(factors)
+    axes = rng.normal(size=(k, 3))
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    slides = np.zeros((k + 1, 3, 1))
+    if kind in ("screw", "slider"):
+        slides[-1, :, 0] = rng.normal(size=3) * 0.1
+    offsets = rng.normal(size=(k + 1, 3)) * 0.2
+    made = Chain(offsets, slides, axes.reshape(k, 3), np.array(factors).reshape(k, 1), 1.0)
+    norms = numeric.norm(numeric.positions(made, rng.uniform(-3, 3, (200, 1))))
+    return made, float(rng.uniform(norms.min(), norms.max()))
+
+
+@pytest.mark.parametrize("kind", ["twice", "thrice", "incommensurate", "screw", "slider"])
+@pytest.mark.parametrize("seed", range(12))
+def test_every_use_of_a_coordinate(kind: str, seed: int) -> None:
+    rng = np.random.default_rng([seed, len(kind)])
+    made, threshold = chain(kind, rng)
+    arcs = allowed_arcs(made, 0, "q", np.zeros(1), threshold, 1e-9, window=(-5.0, 5.0))
+    grid = np.linspace(-4.99, 4.99, 4001)
+    clearance = numeric.norm(numeric.positions(made, grid[:, None])) - threshold
+    sure = np.abs(clearance) > 1e-9
+    allowed = np.array([arcs.contains(x) for x in grid])
+    np.testing.assert_array_equal(allowed[sure], clearance[sure] > 0.0)
+    for end, _ in ends_of(arcs):
+        assert abs(float(numeric.norm(numeric.positions(made, np.array([[end]])))[0]) - threshold) < END
+
+
+def test_angles_of_several_coordinates_end_in_contact() -> None:
+    """MinervaBotV3's elbow turns by q3 - q2: the other coordinate shifts the arc."""
+    robot = pb.load("minervabot_v3")
+    Q = np.random.default_rng(17).uniform(-3.0, 3.0, (50, 3))
+    for boundary in robot.boundaries:
+        for name in boundary.coordinates:
+            index = robot.coordinates.index(name)
+            table = allowed_arcs_table(boundary.path.minimal, index, name, Q, 0.005, 2e-5)
+            for row, q in enumerate(Q):
+                for end, inwards in ends_of(table[row]):
+                    at = np.tile(q, (3, 1))
+                    at[:, index] = end + inwards * np.array([0.0, STEP, -STEP])
+                    clearance = boundary.norm(at) - 0.005
+                    assert abs(clearance[0]) < END
+                    assert clearance[1] > 0.0 > clearance[2]
+
+
+def test_commensurate_contacts_repeat() -> None:
+    made, threshold = chain("thrice", np.random.default_rng(3))
+    arcs = allowed_arcs(made, 0, "q", np.zeros(1), threshold, 1e-9)
+    assert arcs.period == pytest.approx(4 * np.pi)
+    grid = np.linspace(-30, 30, 3001)
+    clearance = numeric.norm(numeric.positions(made, grid[:, None])) - threshold
+    sure = np.abs(clearance) > 1e-9
+    np.testing.assert_array_equal(np.array([arcs.contains(x) for x in grid])[sure], clearance[sure] > 0.0)
+
+
+@pytest.mark.parametrize("depth", [1e-6, 1e-9, 1e-11, 0.0, -1e-6])
+def test_roots_that_almost_or_just_touch(depth: float) -> None:
+    """R(q) R(q) about one axis and a tilted one: the norm's minimum is lowered to the threshold, and past it."""
+    made, _ = chain("twice", np.random.default_rng(8))
+    grid = np.linspace(-np.pi, np.pi, 200001)
+    norms = numeric.norm(numeric.positions(made, grid[:, None]))
+    i = int(np.argmin(norms))
+    fine = np.linspace(grid[i - 1], grid[i + 1], 200001)
+    least = numeric.norm(numeric.positions(made, fine[:, None])).min()
+    arcs = allowed_arcs(made, 0, "q", np.zeros(1), float(least + depth), 1e-12)
+    if depth < 0.0:
+        assert np.isinf(arcs.intervals).all()
+    elif depth >= 1e-11:
+        width = arcs.period - (arcs.intervals[0, 1] - arcs.intervals[0, 0])
+        assert len(arcs.intervals) == 1
+        assert 0.0 < width < 50 * depth**0.5
+        beyond = (arcs.intervals[0, 0] - grid[i]) % arcs.period  # contact begins at the minimum, not elsewhere
+        assert min(beyond, arcs.period - beyond) < width + 1e-4
+    else:  # at rounding: contact there or not, but nothing else is lost
+        width = 0.0 if np.isinf(arcs.intervals).all() else arcs.period - float(np.ptp(arcs.intervals))
+        assert width < 1e-5
+
+
+def test_a_slider_is_stopped_in_closed_form() -> None:
+    slides = np.zeros((1, 3, 1))
+    slides[0, :, 0] = 1.0, 0.0, 0.0
+    made = Chain(np.array([[0.1, 0.03, 0.0]]), slides, np.empty((0, 3)), np.empty((0, 1)), 1.0)
+    arcs = allowed_arcs(made, 0, "q", np.zeros(1), 0.05, 2e-5)
+    np.testing.assert_allclose(arcs.intervals, [[-np.inf, -0.14], [-0.06, np.inf]])
+    assert allowed_arcs(made, 0, "q", np.zeros(1), 0.02, 2e-5).contains(-0.1)
+    cut = allowed_arcs(made, 0, "q", np.zeros(1), 0.03, 2e-5)  # grazes: one point is cut out
+    assert not cut.contains(-0.1)
+    assert cut.contains(-0.1 + 1e-9)
+
+
+def test_no_window_for_contacts_that_never_repeat() -> None:
+    made, threshold = chain("screw", np.random.default_rng(1))
+    with pytest.raises(pb.UnsupportedError, match="window"):
+        allowed_arcs(made, 0, "q", np.zeros(1), threshold, 1e-9)
+
+
+def test_no_configuration_gives_no_row() -> None:
+    made, threshold = chain("twice", np.random.default_rng(1))
+    assert len(allowed_arcs_table(made, 0, "q", np.empty((0, 1)), threshold, 1e-9)) == 0
+
+
+def test_common_period_of_irrational_angles_is_none() -> None:
+    assert common_period(np.array([1.0, np.pi])) is None
+    assert common_period(np.array([2.0, 3.0])) == pytest.approx(2 * np.pi)
+
+
+def test_bad_input_is_refused() -> None:
+    boundary = pb.load("minervabot_v3").boundaries["beta_4"]
+    with pytest.raises(pb.UnknownNameError, match="q9"):
+        boundary.limits("q9", [0.0, 0.0, 0.0])
+    with pytest.raises(pb.DimensionError, match="finite"):
+        boundary.limits("q3", [0.0, np.nan, 0.0])
+    with pytest.raises(pb.UnsupportedError, match="does not depend"):
+        boundary.limit_expressions("q1")
+
+
+def test_symbolic_limits_equal_the_numbers(arm: pb.Robot) -> None:
+    rng = np.random.default_rng(21)
+    checked = 0
+    for _ in range(200):
+        boundary = arm.boundaries[int(rng.integers(len(arm.boundaries)))]
+        name = boundary.coordinates[int(rng.integers(len(boundary.coordinates)))]
+        q = rng.uniform(np.maximum(arm.lower, -3.0), np.minimum(arm.upper, 3.0))
+        arcs = boundary.limits(name, q)
+        if not len(arcs.intervals) or not np.isfinite(arcs.intervals).all():
             continue
-        off = np.abs((phi - found.angle + np.pi) % (2 * np.pi) - np.pi)
-        sure = np.abs(off - found.half_width) > 1e-9
-        assert np.array_equal(expected[sure], (off <= found.half_width)[sure])
-        assert found.smallest == pytest.approx(norms.min(), abs=1e-6)
+        found = boundary.limit_expressions(name)
+        values = dict(zip(arm.coordinates, q.tolist(), strict=True))
+        substitution = {s: values[s.name] for s in (found.upper + found.period).free_symbols}
+        for symbolic, number in ((found.upper, arcs.intervals[0, 0]), (found.lower, arcs.intervals[0, 1])):
+            difference = float(symbolic.subs(substitution)) - number
+            assert abs((difference + np.pi) % (2 * np.pi) - np.pi) < 1e-7
+        assert r"\operatorname{a" in found.latex()
+        checked += 1
+        if checked == 2:
+            return
+    pytest.fail("no configuration with contacts was drawn")
 
 
-def test_a_threshold_that_just_grazes() -> None:
-    p, s = np.array([0.2, 0.0, 0.0]), np.array([0.1, 0.0, 0.0])
-    assert strip(p, s, Y, 0.1 - 1e-6, 0.0).half_width is None
-    grazing = strip(p, s, Y, 0.1, 0.0)
-    assert grazing.half_width == pytest.approx(0.0, abs=1e-7)
-    wide = strip(p, s, Y, 0.1 + 1e-12, 0.0).half_width
-    assert wide is not None
-    assert 2 * 0.02 * (1 - np.cos(wide)) == pytest.approx(2 * 0.1 * 1e-12, rel=1e-3)
-
-
-def test_the_tolerance_never_makes_a_threshold_less_strict() -> None:
-    p, s = np.array([0.2, 0.0, 0.0]), np.array([0.2 + 1.5e-5, 0.0, 0.0])
-    zero = strip(p, s, Y, 0.0, 2e-5)
-    small = strip(p, s, Y, 1e-5, 2e-5)
-    assert zero.half_width == small.half_width == 0.0
-
-
-def test_arcs_of_a_sliding_coordinate_do_not_repeat() -> None:
-    arcs = AllowedArcs("x", np.array([[-np.inf, 0.1], [0.4, np.inf]]), np.inf)
-    assert arcs.around(0.0) == (-np.inf, 0.1)
-    assert arcs.around(0.2) is None
-    assert arcs.around(1.0) == (0.4, np.inf)
-    assert arcs.around(np.nan) is None
+def test_the_ten_contacts_in_symbols() -> None:
+    robot = pb.load("minervabot_v3")
+    for boundary in robot.boundaries:
+        contact = boundary.contact
+        found = boundary.limit_expressions(boundary.coordinates[-1])
+        others = dict.fromkeys(found.aligned.free_symbols, 0)
+        assert float(found.aligned.subs(others)) == pytest.approx(contact.angle, abs=1e-13)
+        assert found.half_width == 0

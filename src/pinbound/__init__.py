@@ -17,21 +17,24 @@ from pinbound.document import packaged_robots
 from pinbound.exceptions import (
     DimensionError,
     InputError,
+    LeavesRegionError,
     PinboundError,
     UnknownNameError,
     UnsupportedError,
 )
-from pinbound.interpreters.univariate import AllowedArcs
+from pinbound.interpreters.univariate import AllowedArcs, AllowedArcsTable
 from pinbound.inverse_kinematics import InverseKinematics, solve_ik
 from pinbound.marking import Proposal, propose_marks
 from pinbound.motion import Motion, MotionHistory, history, read_motion
 from pinbound.path import Kind
 from pinbound.region import (
+    Corner,
     Edge,
     Membership,
     Place,
     Region,
     Section,
+    SmallestClearance,
     SweptBody,
     classify,
     feasible_region,
@@ -45,6 +48,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AllowedArcs",
+    "AllowedArcsTable",
     "Annotations",
     "Boundary",
     "BoundaryMark",
@@ -56,12 +60,14 @@ __all__ = [
     "ClosureMark",
     "ContactAngle",
     "CoordinateLimits",
+    "Corner",
     "DimensionError",
     "Edge",
     "FollowerMark",
     "InputError",
     "InverseKinematics",
     "Kind",
+    "LeavesRegionError",
     "LimitMark",
     "Membership",
     "Motion",
@@ -73,6 +79,7 @@ __all__ = [
     "Region",
     "Robot",
     "Section",
+    "SmallestClearance",
     "SweptBody",
     "UnknownNameError",
     "UnsupportedError",

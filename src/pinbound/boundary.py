@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import itemgetter
 from typing import Any, Literal, overload
 
 import numpy as np
@@ -15,7 +16,7 @@ from pinbound.annotations import Point
 from pinbound.coupling import LinearLimit, as_configurations, linear_text
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import numeric, univariate
-from pinbound.interpreters.univariate import AllowedArcs
+from pinbound.interpreters.univariate import AllowedArcs, AllowedArcsTable
 from pinbound.path import Kind, RelativePath
 
 __all__ = ["Boundary", "BoundarySet", "ContactAngle", "CoordinateLimits"]
@@ -205,19 +206,25 @@ class Boundary:
 
         return symbolic.latex(self.expression(frame))
 
-    def limits(self, coordinate: str, q: ArrayLike) -> AllowedArcs:
-        """Return the allowed values of one coordinate in closed form, the others as in q.
+    def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> Any:
+        """Return the allowed values of one coordinate, the others as in q.
 
-        `|r|^2 = a + b cos q_j + c sin q_j`, so the allowed set is one arc a turn.
+        Used in one rotation, `|r|^2 = a + b cos q_j + c sin q_j`, so the allowed set is one arc a turn; used to slide
+        only, it is all but one interval: closed forms. Used otherwise: every contact isolated with a proof.
 
         Args:
             coordinate: An active coordinate of the robot.
-            q: (n,) configuration; its entry for the coordinate does not matter.
+            q: (n,) configuration, or (N, n); its entry for the coordinate does not matter.
+            window: Within which to look, needed only where the coordinate never repeats: it both turns and slides, or
+                turns by angles without a common period.
+
+        Returns:
+            `AllowedArcs` for one q, `AllowedArcsTable` for many.
 
         Raises:
             UnknownNameError: If the robot has no such coordinate.
-            DimensionError: If q is not one finite configuration.
-            UnsupportedError: If the path uses the coordinate more than once.
+            DimensionError: If q is not finite or of another shape.
+            UnsupportedError: If a window is needed and not given.
 
         Example:
             >>> import pinbound as pb
@@ -227,11 +234,35 @@ class Boundary:
         """
         if coordinate not in self.robot_coordinates:
             raise UnknownNameError("coordinate", coordinate, self.robot_coordinates)
-        point = one_configuration(q, self.robot_coordinates)
+        points = as_configurations(q, self.robot_coordinates)
+        if not np.all(np.isfinite(points)):
+            raise DimensionError("q holds a number that is not finite")
         index = self.robot_coordinates.index(coordinate)
-        return univariate.allowed_arcs(
-            self.path.minimal, index, coordinate, point, self.threshold, self.contact_tolerance
+        rows = points.reshape(-1, len(self.robot_coordinates))
+        table = univariate.allowed_arcs_table(
+            self.path.minimal, index, coordinate, rows, self.threshold, self.contact_tolerance, window
         )
+        return table if points.ndim > 1 else table[0]
+
+    def limit_expressions(self, coordinate: str) -> Any:
+        """Return the two contacts of one coordinate in terms of the others, in SymPy and LaTeX: Eqs. (18)-(20).
+
+        Raises:
+            UnknownNameError: If the robot has no such coordinate.
+            UnsupportedError: If the path does not use the coordinate in exactly one rotation.
+
+        Example:
+            >>> import pinbound as pb
+            >>> found = pb.load("minervabot_v3").boundaries["beta_9"].limit_expressions("q3")
+            >>> round(float(found.aligned.evalf()) * 180 / np.pi, 9)
+            -8.462041074
+        """
+        from pinbound.interpreters import symbolic
+
+        if coordinate not in self.robot_coordinates:
+            raise UnknownNameError("coordinate", coordinate, self.robot_coordinates)
+        index = self.robot_coordinates.index(coordinate)
+        return symbolic.limit_expressions(self.path.minimal, index, self.robot_coordinates, self.threshold)
 
 
 def one_configuration(q: ArrayLike, coordinates: Sequence[str]) -> Array:
@@ -346,15 +377,21 @@ class BoundarySet(Sequence[Boundary]):
         point = one_configuration(q, self._coordinates)
         return tuple(boundary.name for boundary in self if boundary.parts(self._home, point))
 
-    def limits(self, coordinate: str, q: ArrayLike) -> CoordinateLimits:
+    def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> CoordinateLimits:
         """Return how far one coordinate can move from q, the others standing still, and what stops it.
 
         All boundaries and all joint limits, those of followers too, are intersected.
 
+        Args:
+            coordinate: An active coordinate of the robot.
+            q: (n,) configuration.
+            window: Within which to look; by default what the joint limits leave. Needed only for a coordinate without
+                limits whose contacts never repeat.
+
         Raises:
             UnknownNameError: If the robot has no such coordinate.
             DimensionError: If q is not one finite configuration.
-            UnsupportedError: If a path uses the coordinate more than once.
+            UnsupportedError: If a window is needed and not given.
 
         Example:
             >>> import pinbound as pb
@@ -367,14 +404,24 @@ class BoundarySet(Sequence[Boundary]):
         point = one_configuration(q, self._coordinates)
         index = self._coordinates.index(coordinate)
         value = float(point[index])
-        spans = [(boundary.name, boundary.limits(coordinate, point).around(value)) for boundary in self]
-        spans += [(limit.joint, _linear_span(limit, index, point)) for limit in self._limits]
+        spans = [(limit.joint, _linear_span(limit, index, point)) for limit in self._limits]
+        if window is None:
+            held = [span for _, span in spans if span]
+            window = max((s[0] for s in held), default=-math.inf), min((s[1] for s in held), default=math.inf)
+        for boundary in self:
+            arcs: AllowedArcs = boundary.limits(coordinate, point, window)
+            span = arcs.around(value)
+            if span is not None:  # the ends of the window are joint limits, not contacts
+                ends = arcs.window
+                span = (-math.inf if span[0] <= ends[0] else span[0], math.inf if span[1] >= ends[1] else span[1])
+            spans.append((boundary.name, span))
         blocked = tuple(name for name, span in spans if span is None)
         beyond = self.beyond(point)
         if blocked:
             return CoordinateLimits(coordinate, value, math.nan, math.nan, None, None, blocked, beyond)
-        lower, lower_stop = max(((span[0], name) for name, span in spans if span), default=(-math.inf, ""))
-        upper, upper_stop = min(((span[1], name) for name, span in spans if span), default=(math.inf, ""))
+        first = itemgetter(0)  # of several at one place the first is named: joint limits, then boundaries, in order
+        lower, lower_stop = max(((span[0], name) for name, span in spans if span), default=(-math.inf, ""), key=first)
+        upper, upper_stop = min(((span[1], name) for name, span in spans if span), default=(math.inf, ""), key=first)
         return CoordinateLimits(
             coordinate,
             value,
@@ -384,6 +431,70 @@ class BoundarySet(Sequence[Boundary]):
             upper_stop if math.isfinite(upper) else None,
             beyond=beyond,
         )
+
+    def limits_table(self, coordinate: str, Q: ArrayLike) -> tuple[Array, NDArray[np.str_]]:
+        """Return how far one coordinate can move from each of many q, and what stops it.
+
+        Args:
+            coordinate: An active coordinate of the robot.
+            Q: (N, n) finite configurations.
+
+        Returns:
+            Ends (N, 2) [rad or m], NaN where the value itself is not allowed, infinite where nothing stops it; and the
+            names (N, 2) of the stops, empty where there is none.
+
+        Raises:
+            UnknownNameError: If the robot has no such coordinate.
+            DimensionError: If Q is not finite or of another shape.
+            UnsupportedError: If a coordinate without limits has contacts that never repeat.
+
+        Example:
+            >>> import pinbound as pb
+            >>> ends, stops = pb.load("minervabot_v3").boundaries.limits_table("q2", np.zeros((5, 3)))
+            >>> stops[0].tolist(), np.degrees(ends[0]).round(6).tolist()
+            (['beta_10', 'beta_8'], [-10.145751, 68.504624])
+        """
+        if coordinate not in self._coordinates:
+            raise UnknownNameError("coordinate", coordinate, self._coordinates)
+        rows = as_configurations(Q, self._coordinates).reshape(-1, len(self._coordinates))
+        if not np.all(np.isfinite(rows)):
+            raise DimensionError("Q holds a number that is not finite")
+        index = self._coordinates.index(coordinate)
+        value = rows[:, index]
+        ends = np.tile([-math.inf, math.inf], (len(rows), 1))
+        stops = np.full((len(rows), 2), "", dtype=object)
+        for limit in self._limits:
+            _tighten(ends, stops, limit.joint, _linear_spans(limit, index, rows))
+        held = float(np.fmin.reduce(ends[:, 0], initial=math.inf)), float(np.fmax.reduce(ends[:, 1], initial=-math.inf))
+        for boundary in self:
+            arcs: AllowedArcsTable = boundary.limits(coordinate, rows, held)
+            spans = arcs.around(value)
+            low, high = arcs.window
+            spans[spans[:, 0] <= low, 0] = -math.inf
+            spans[spans[:, 1] >= high, 1] = math.inf
+            _tighten(ends, stops, boundary.name, spans)
+        return ends, stops.astype(np.str_)
+
+
+def _tighten(ends: Array, stops: NDArray[np.object_], name: str, spans: Array) -> None:
+    """Intersect intervals (N, 2) with others, in place; NaN, which is no interval, stays."""
+    lower, upper = spans[:, 0] > ends[:, 0], spans[:, 1] < ends[:, 1]
+    ends[lower, 0], ends[upper, 1] = spans[lower, 0], spans[upper, 1]
+    stops[lower, 0], stops[upper, 1] = name, name
+    nothing = np.any(np.isnan(spans), axis=1)
+    ends[nothing] = np.nan
+    stops[np.any(np.isnan(ends), axis=1)] = ""
+
+
+def _linear_spans(limit: LinearLimit, index: int, Q: Array) -> Array:
+    """Return the intervals (N, 2) of coordinate `index` that one joint limit allows; NaN where Q is outside it."""
+    theta = Q @ limit.coefficients + limit.offset
+    c = float(limit.coefficients[index])
+    spans = np.tile([-math.inf, math.inf], (len(Q), 1))
+    if c != 0.0:
+        spans = np.sort(Q[:, index, None] + (np.array([limit.lower, limit.upper]) - theta[:, None]) / c, axis=1)
+    spans[(theta < limit.lower) | (theta > limit.upper)] = np.nan
+    return spans
 
 
 def _linear_span(limit: LinearLimit, index: int, q: Array) -> tuple[float, float] | None:

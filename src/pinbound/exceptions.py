@@ -5,10 +5,12 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 __all__ = [
     "DimensionError",
     "InputError",
+    "LeavesRegionError",
     "PinboundError",
     "Problem",
     "Problems",
@@ -80,6 +82,26 @@ class UnknownNameError(PinboundError, KeyError):
 
 class DimensionError(PinboundError, ValueError):
     """An array whose shape does not fit the robot, or that holds numbers that are not finite."""
+
+
+class LeavesRegionError(PinboundError, ValueError):
+    """A region scaled about its centroid that would leave the feasible one, as one that is not convex may.
+
+    Attributes:
+        factor: The factor that was asked for.
+        coordinates: The two coordinates of the plane.
+        point: (2,) a point of the scaled region that is outside.
+        witness: (n,) the same as a configuration.
+    """
+
+    def __init__(self, factor: float, coordinates: tuple[str, str], point: Any, witness: Any) -> None:
+        """Say where the scaled region leaves."""
+        self.factor, self.coordinates, self.point, self.witness = factor, coordinates, point, witness
+        place = ", ".join(f"{name} = {value:.6g}" for name, value in zip(coordinates, point, strict=True))
+        super().__init__(
+            f"scaled by {factor} about its centroid the region leaves the feasible one, at {place}; "
+            "use inset(angle) or with_clearance(metres), or scale inscribed_polygon()"
+        )
 
 
 class UnsupportedError(PinboundError):

@@ -6,6 +6,8 @@ __all__ = [
     "CHORD",
     "CLOSURE",
     "CONTACT",
+    "CONTOUR_ROUNDING",
+    "CONTOUR_TURN",
     "EVALUATION",
     "FIRST_CONTACT",
     "FOLDING",
@@ -21,6 +23,8 @@ __all__ = [
     "REACHED",
     "REDUCTION",
     "REDUCTION_ROUNDOFFS",
+    "REGION_ACCURACY",
+    "ROOT",
     "SOLVES",
     "SYMBOLIC_DIGITS",
     "UNIT_ROUNDOFF",
@@ -98,3 +102,16 @@ REACHED: Final = 1e-10
 SOLVES: Final = 1e-12
 """Metres. A printed limit solves its component equation if it leaves less: rounding in arms of 0.1 m leaves 1e-16, a
 wrong quadrant millimetres."""
+REGION_ACCURACY: Final = 1e-5
+"""Radians. Default chord error of a traced contact curve: a sixth of the least step of a 16-bit encoder (9.6e-5)."""
+
+CONTOUR_ROUNDING: Final = 1e-13
+"""Relative to the reach of a path (or its square): what rounding may add to a norm of up to a hundred operations."""
+
+CONTOUR_TURN: Final = 0.25
+"""Radians. A chord of a traced curve subtends at most this turn, so that islands smaller than the accuracy keep
+their shape."""
+
+ROOT: Final = 1e-13
+"""Relative to the size of a coordinate (1 rad at least). Where contact cannot be told from freedom in an interval
+of this half-width, it is taken for contact: the width at which rounding hides a triple root."""

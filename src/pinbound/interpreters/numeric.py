@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pinbound.path import Chain
 
-__all__ = ["derivative", "gradient", "hessian", "norm", "positions"]
+__all__ = ["along", "derivative", "gradient", "hessian", "jacobian", "norm", "positions"]
 
 Array = NDArray[np.float64]
 
@@ -27,6 +27,18 @@ def positions(chain: Chain, Q: Array) -> Array:
 def derivative(chain: Chain, Q: Array) -> Array:
     """Return the derivative (N, 3, n) [m/rad, or 1 for slides] of the chain's value for Q (N, n)."""
     return _derivatives(chain, Q, order=1)[1]
+
+
+def jacobian(chain: Chain, Q: Array) -> tuple[Array, Array]:
+    """Return the chain's value (N, 3) [m] and its Jacobian (N, 3, n) [m/rad]; smooth everywhere, contact included."""
+    r, J, _ = _derivatives(chain, Q, order=1)
+    return r, J
+
+
+def along(chain: Chain, index: int, Q: Array) -> tuple[Array, Array, Array]:
+    """Return the chain's value and its first and second derivative along one coordinate, each (N, 3)."""
+    r, J, H = _derivatives(chain, Q, order=2)
+    return r, J[:, :, index], H[:, :, index, index]
 
 
 def norm(r: Array) -> Array:

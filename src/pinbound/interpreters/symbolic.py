@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import reduce
 from typing import Any, cast
 
@@ -14,10 +15,22 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from pinbound.exceptions import UnsupportedError
 from pinbound.path import Chain, RelativePath, are_parallel
 from pinbound.tolerances import SYMBOLIC_DIGITS
 
-__all__ = ["ancestor_vector", "latex", "lines", "mathml", "minimal_vector", "operations", "symbols", "unreduced_vector"]
+__all__ = [
+    "LimitExpressions",
+    "ancestor_vector",
+    "latex",
+    "limit_expressions",
+    "lines",
+    "mathml",
+    "minimal_vector",
+    "operations",
+    "symbols",
+    "unreduced_vector",
+]
 
 Array = NDArray[np.float64]
 sp = cast(Any, sympy)  # SymPy carries only part of its types
@@ -50,10 +63,11 @@ def unreduced_vector(place_a: Chain, place_b: Chain, coordinates: Sequence[str])
     return _vector(place_a, 0, q, merge=False) - _vector(place_b, 0, q, merge=False)
 
 
-def latex(vector: Any, digits: int = 6) -> str:
-    """Return a vector as LaTeX, numbers as decimals in metres."""
+def latex(vector: Any, digits: int = 6, entry: bool = False) -> str:
+    """Return a vector, or its first entry alone, as LaTeX, numbers as decimals in metres."""
     decimals = {number: sp.Float(number, digits) for number in vector.atoms(sp.Rational) if not number.is_Integer}
-    return str(sp.latex(vector.xreplace(decimals)))
+    found = vector.xreplace(decimals)
+    return str(sp.latex(found[0] if entry else found))
 
 
 def lines(vector: Any, digits: int = 6) -> tuple[str, ...]:
@@ -79,6 +93,88 @@ def mathml(vector: Any, digits: int = 6) -> tuple[str, ...]:
     bodies = [str(cast(Any, to_mathml)(equation, printer="presentation")) for equation in equations]
     bodies = [body.replace("<mo>&InvisibleTimes;</mo>", '<mspace width="0.17em"/>') for body in bodies]
     return tuple(f'<math xmlns="http://www.w3.org/1998/Math/MathML">{body}</math>' for body in bodies)
+
+
+@dataclass(frozen=True)
+class LimitExpressions:
+    """Where one coordinate comes into contact, as SymPy expressions of the others: quadrant-safe, every turn.
+
+    Attributes:
+        coordinate: Its name.
+        aligned: The value at which the two arms align, the norm being smallest: `(phi* - rest) / c`, phi* an atan2.
+        half_width: `w / |c|`, an acos of lengths; zero if the boundary has no threshold, so that contact is alignment.
+        period: `2 pi / |c|`.
+    """
+
+    coordinate: str
+    aligned: Any
+    half_width: Any
+    period: Any
+
+    @property
+    def lower(self) -> Any:
+        """The contact below the aligned value: the upper end of an allowed arc."""
+        return self.aligned - self.half_width
+
+    @property
+    def upper(self) -> Any:
+        """The contact above the aligned value: the lower end of an allowed arc."""
+        return self.aligned + self.half_width
+
+    def latex(self, digits: int = 6) -> str:
+        """Return `q = aligned +- half_width + period k` as LaTeX, numbers as decimals in metres and radians."""
+        head = sp.latex(sp.Symbol(self.coordinate))
+        aligned = latex(sp.Matrix([self.aligned]), digits, entry=True)
+        width = "" if self.half_width == 0 else rf" \pm {latex(sp.Matrix([self.half_width]), digits, entry=True)}"
+        return rf"{head} = {aligned}{width} + {sp.latex(self.period)} k, \quad k \in \mathbb{{Z}}"
+
+
+def limit_expressions(chain: Chain, index: int, coordinates: Sequence[str], threshold: float) -> LimitExpressions:
+    """Return the contacts of a coordinate that turns one rotation: `r = p + R(u, phi) s`, `phi = c q_j + rest`.
+
+    With p and s across u, of lengths P and S, and h the sum of both along u, contact at the distance t is at
+
+        phi = atan2(u . (p x s), -p . s) +- acos((h^2 + P^2 + S^2 - t^2) / (2 P S)).
+
+    Raises:
+        UnsupportedError: If the path does not use the coordinate in exactly one rotation.
+    """
+    turned = np.flatnonzero(chain.coefficients[:, index])
+    name = coordinates[index]
+    if len(turned) != 1 or np.any(chain.slides[:, :, index]):
+        how = "does not depend on it" if not len(chain.coordinates) or index not in chain.coordinates else "uses it"
+        how += "" if how.startswith("does") else " more than once, or slides along it"
+        raise UnsupportedError(
+            f"no closed form for {name!r}: the path {how}; limits(...) gives its values, numerically and all of them"
+        )
+    place, q = int(turned[0]), symbols(coordinates)
+    before = Chain(
+        chain.offsets[: place + 1].copy(),
+        chain.slides[: place + 1].copy(),
+        chain.axes[:place].copy(),
+        chain.coefficients[:place].copy(),
+        chain.scale,
+    )
+    behind = Chain(
+        chain.offsets[place + 1 :].copy(),
+        chain.slides[place + 1 :].copy(),
+        chain.axes[place + 1 :].copy(),
+        chain.coefficients[place + 1 :].copy(),
+        chain.scale,
+    )
+    axis = _constants(chain.axes[place], 1.0)
+    p, s = _vector(before, place, q), _vector(behind, 0, q)
+    height = sp.expand(axis.dot(p + s))
+    p, s = p - axis * axis.dot(p), s - axis * axis.dot(s)
+    c = [sp.Rational(f"{value:.{SYMBOLIC_DIGITS}g}") for value in chain.coefficients[place]]
+    rest = sum((c[i] * q[i] for i in range(len(q)) if i != index), sp.S.Zero)
+    phi = sp.atan2(sp.expand(axis.dot(p.cross(s))), sp.expand(-p.dot(s)))
+    squares = sp.expand(p.dot(p)), sp.expand(s.dot(s))
+    t = sp.Rational(f"{threshold:.{SYMBOLIC_DIGITS}g}")
+    width = sp.S.Zero
+    if threshold > 0.0:
+        width = sp.acos((height**2 + squares[0] + squares[1] - t**2) / (2 * sp.sqrt(squares[0] * squares[1])))
+    return LimitExpressions(name, (phi - rest) / c[index], width / abs(c[index]), 2 * sp.pi / abs(c[index]))
 
 
 def _vector(chain: Chain, position: int, q: Sequence[Any], merge: bool = True) -> Any:

@@ -1,4 +1,4 @@
-"""One coordinate at a time: contact angles and allowed arcs in closed form.
+"""One coordinate at a time: contact angles and allowed arcs.
 
 If a coordinate turns one rotation of a chain, then for the other coordinates fixed `r = p + R(u, phi) s` and
 
@@ -6,7 +6,9 @@ If a coordinate turns one rotation of a chain, then for the other coordinates fi
 
 with p and s taken across u, h the sum of both along u, and phi* the angle at which R s points against p. The norm
 is smallest at phi*; it is at or below a threshold t on the strip `phi* +- w`, sin^2(w / 2) = (t^2 - m^2) / (4 |p| |s|),
-where m is the smallest norm. The form in sin^2 keeps full accuracy near contact. See `docs/contacts.md`.
+where m is the smallest norm. The form in sin^2 keeps full accuracy near contact. If a coordinate only slides,
+`r = p + d x` and contact is where `|x - x*| <= sqrt(t^2 - m^2) / |d|`. Both are evaluated for many q at once; every
+other use of a coordinate goes to `isolation`, which finds all roots with a proof. See `docs/limits.md`.
 """
 
 from __future__ import annotations
@@ -17,11 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.exceptions import UnsupportedError
-from pinbound.path import Chain, rotation_matrix
+from pinbound.interpreters import numeric
+from pinbound.path import Chain
 from pinbound.tolerances import REDUCTION
 
-__all__ = ["AllowedArcs", "Strip", "allowed_arcs", "one_angle_strip", "strip"]
+__all__ = ["AllowedArcs", "AllowedArcsTable", "Strip", "allowed_arcs", "allowed_arcs_table", "one_angle_strip", "strip"]
 
 Array = NDArray[np.float64]
 
@@ -47,8 +49,10 @@ class AllowedArcs:
 
     Attributes:
         coordinate: Its name.
-        intervals: (k, 2) open intervals [rad or m] of one period, ascending; ends are contacts or infinite.
+        intervals: (k, 2) open intervals [rad or m] of one period, ascending; ends are contacts, infinite, or ends of
+            the window.
         period: [rad]; the intervals repeat every period, or not at all if it is infinite.
+        window: Within which the intervals were found; infinite unless the coordinate never repeats.
 
     Example:
         >>> arcs = AllowedArcs("q1", np.array([[-1.0, 2.0]]), 2 * np.pi)
@@ -59,6 +63,7 @@ class AllowedArcs:
     coordinate: str
     intervals: Array
     period: float
+    window: tuple[float, float] = (-math.inf, math.inf)
 
     def around(self, value: float) -> tuple[float, float] | None:
         """Return the allowed interval that holds `value`, or None."""
@@ -75,29 +80,77 @@ class AllowedArcs:
         return self.around(value) is not None
 
 
-def strip(p: Array, s: Array, axis: Array, threshold: float, tolerance: float) -> Strip:
-    """Return the contact strip of `|p + R(axis, phi) s| <= threshold` (formula: this module's).
+@dataclass(frozen=True)
+class AllowedArcsTable:
+    """The allowed values of one coordinate, for many configurations of the others.
+
+    Attributes:
+        coordinate: Its name.
+        intervals: (N, k, 2) as in `AllowedArcs`; rows with fewer than k intervals end in NaN.
+        period: (N,) [rad].
+        window: As in `AllowedArcs`.
+    """
+
+    coordinate: str
+    intervals: Array
+    period: Array
+    window: tuple[float, float] = (-math.inf, math.inf)
+
+    def __len__(self) -> int:
+        """Return N."""
+        return len(self.intervals)
+
+    def __getitem__(self, row: int) -> AllowedArcs:
+        """Return the arcs of one configuration."""
+        intervals = self.intervals[row]
+        return AllowedArcs(self.coordinate, intervals[~np.isnan(intervals[:, 0])], float(self.period[row]), self.window)
+
+    def around(self, values: Array) -> Array:
+        """Return the allowed interval (N, 2) that holds each value (N,); NaN where the value is not allowed."""
+        found = np.full((len(self), 2), np.nan)
+        with np.errstate(invalid="ignore"):
+            for slot in range(self.intervals.shape[1]):
+                lower, upper = self.intervals[:, slot, 0], self.intervals[:, slot, 1]
+                repeats = np.isfinite(self.period) & np.isfinite(lower)
+                turns = np.where(repeats, self.period * np.floor((values - lower) / self.period), 0.0)
+                lower, upper = lower + turns, upper + turns
+                holds = (lower < values) & (values < upper)
+                found[holds] = np.stack((lower, upper), axis=1)[holds]
+        return found
+
+
+def strips(p: Array, s: Array, axis: Array, threshold: float, tolerance: float) -> tuple[Array, Array, Array]:
+    """Return `phi*` (N,), `w` (N,) and `m` (N,) of the contact strips `|p + R(axis, phi) s| <= threshold`.
 
     Args:
-        p: (3,) [m], the part that stands still.
-        s: (3,) [m], the part that turns.
+        p: (N, 3) [m], the parts that stand still.
+        s: (N, 3) [m], the parts that turn.
         axis: (3,) unit vector.
         threshold: t [m].
         tolerance: [m]. A smallest norm up to this still counts as contact, at the aligned angle: data are rounded.
+
+    Returns:
+        Angles in (-pi, pi], half widths (NaN: no contact; 0: the arms just align; pi: always) and smallest norms [m].
     """
-    height = float(axis @ (p + s))
-    p_across, s_across = p - axis * (axis @ p), s - axis * (axis @ s)
-    length_p, length_s = float(np.linalg.norm(p_across)), float(np.linalg.norm(s_across))
-    smallest = math.hypot(height, length_p - length_s)
-    angle = math.atan2(float(axis @ np.cross(s_across, -p_across)), float(-s_across @ p_across))
-    rounding = REDUCTION * (length_p + length_s + abs(height))
-    if smallest > max(threshold, tolerance) + rounding:  # equal arms must not come out unequal by an ulp
-        return Strip(angle, None, smallest)
-    if threshold <= smallest:
-        return Strip(angle, 0.0, smallest)
+    height = (p + s) @ axis
+    p_across, s_across = p - np.outer(p @ axis, axis), s - np.outer(s @ axis, axis)
+    length_p, length_s = np.linalg.norm(p_across, axis=1), np.linalg.norm(s_across, axis=1)
+    smallest = np.hypot(height, length_p - length_s)
+    angle = np.arctan2(np.cross(s_across, -p_across) @ axis, -np.einsum("ni,ni->n", s_across, p_across))
     room, reach = (threshold - smallest) * (threshold + smallest), 4.0 * length_p * length_s
-    half_width = math.pi if room >= reach else 2.0 * math.asin(math.sqrt(room / reach))
-    return Strip(angle, half_width, smallest)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.sqrt(np.clip(room / reach, 0.0, 1.0))
+    half_width = np.where(room >= reach, math.pi, 2.0 * np.arcsin(np.nan_to_num(share)))
+    half_width = np.where(threshold <= smallest, 0.0, half_width)
+    rounding = REDUCTION * (length_p + length_s + np.abs(height))  # equal arms must not come out unequal by an ulp
+    half_width[~(smallest <= max(threshold, tolerance) + rounding)] = np.nan
+    return angle, half_width, smallest
+
+
+def strip(p: Array, s: Array, axis: Array, threshold: float, tolerance: float) -> Strip:
+    """Return one contact strip, of p (3,) and s (3,); see `strips`."""
+    angle, half_width, smallest = (float(x[0]) for x in strips(p[None], s[None], axis, threshold, tolerance))
+    return Strip(angle, None if math.isnan(half_width) else half_width, smallest)
 
 
 def one_angle_strip(chain: Chain, threshold: float, tolerance: float) -> tuple[Array, Strip] | None:
@@ -112,52 +165,120 @@ def one_angle_strip(chain: Chain, threshold: float, tolerance: float) -> tuple[A
     return sign * c + 0.0, strip(chain.offsets[0], chain.offsets[1], sign * axis, threshold, tolerance)
 
 
-def allowed_arcs(chain: Chain, index: int, name: str, q: Array, threshold: float, tolerance: float) -> AllowedArcs:
-    """Return the values of coordinate `index` with `|r| > threshold`, the other coordinates as in q.
+def allowed_arcs(
+    chain: Chain,
+    index: int,
+    name: str,
+    q: Array,
+    threshold: float,
+    tolerance: float,
+    window: tuple[float, float] | None = None,
+) -> AllowedArcs:
+    """Return the values of coordinate `index` with `|r| > threshold`, the other coordinates as in q (n,).
 
     Raises:
-        UnsupportedError: If the path uses the coordinate more than once, or slides along it.
+        UnsupportedError: As `allowed_arcs_table`.
+    """
+    return allowed_arcs_table(chain, index, name, q[None], threshold, tolerance, window)[0]
+
+
+def allowed_arcs_table(
+    chain: Chain,
+    index: int,
+    name: str,
+    Q: Array,
+    threshold: float,
+    tolerance: float,
+    window: tuple[float, float] | None = None,
+) -> AllowedArcsTable:
+    """Return the values of coordinate `index` with `|r| > threshold`, the other coordinates as in Q (N, n).
+
+    Where the path uses the coordinate more than once, contact is `|r| <= max(threshold, tolerance)`, as for the contact
+    curves of a region.
+
+    Args:
+        chain: The reduced path.
+        index: The coordinate.
+        name: Its name.
+        Q: (N, n) finite.
+        threshold: t [m].
+        tolerance: [m]
+        window: Within which to look, where the coordinate never repeats.
+
+    Raises:
+        UnsupportedError: If the coordinate both turns and slides, or turns by angles without a common period, and no
+            finite window is given.
     """
     turned = np.flatnonzero(chain.coefficients[:, index])
-    everything = np.array([[-math.inf, math.inf]])
-    if np.any(chain.slides[:, :, index]) or len(turned) > 1:
-        raise UnsupportedError(
-            f"the path uses {name!r} more than once, or slides along it; closed-form arcs need one rotation"
-        )
+    slides = bool(np.any(chain.slides[:, :, index]))
+    if len(turned) == 1 and not slides:
+        return _turning(chain, index, int(turned[0]), name, Q, threshold, tolerance)
     if not len(turned):
-        allowed = float(np.linalg.norm(_parts(chain, -1, q)[0])) > max(threshold, tolerance)
-        return AllowedArcs(name, everything if allowed else np.empty((0, 2)), math.inf)
-    place = int(turned[0])
+        return _sliding(chain, index, name, Q, threshold, tolerance)
+    from pinbound.interpreters import isolation
+
+    rows = [isolation.arcs(chain, index, name, q, max(threshold, tolerance), window) for q in Q]
+    most = max((len(row[0]) for row in rows), default=0)
+    intervals = np.full((len(rows), max(most, 1), 2), np.nan)
+    for number, (found, _, _) in enumerate(rows):
+        intervals[number, : len(found)] = found
+    ends = rows[0][2] if rows else (-math.inf, math.inf)
+    return AllowedArcsTable(name, intervals, np.array([period for _, period, _ in rows]), ends)
+
+
+def _turning(
+    chain: Chain, index: int, place: int, name: str, Q: Array, threshold: float, tolerance: float
+) -> AllowedArcsTable:
     c = float(chain.coefficients[place, index])
-    rest = float(np.delete(chain.coefficients[place], index) @ np.delete(q, index))
-    found = strip(*_parts(chain, place, q), chain.axes[place], threshold, tolerance)
-    if found.half_width is None:
-        return AllowedArcs(name, everything, math.inf)
-    if found.half_width >= math.pi:
-        return AllowedArcs(name, np.empty((0, 2)), math.inf)
+    others = chain.coefficients[place].copy()
+    others[index] = 0.0
+    angle, half_width, _ = strips(*_parts(chain, place, Q), chain.axes[place], threshold, tolerance)
     period = 2.0 * math.pi / abs(c)
-    centre, half_width = (found.angle - rest) / c, found.half_width / abs(c)
-    lower = centre + half_width
-    lower -= period * math.floor((lower + period / 2) / period)
-    return AllowedArcs(name, np.array([[lower, lower + period - 2.0 * half_width]]), period)
+    lower = (angle - Q @ others) / c + half_width / abs(c)
+    lower -= period * np.floor((lower + period / 2) / period)
+    intervals = np.stack((lower, lower + period - 2.0 * half_width / abs(c)), axis=1)
+    free, blocked = np.isnan(half_width), half_width >= math.pi
+    intervals[free] = -math.inf, math.inf
+    intervals[blocked] = np.nan
+    return AllowedArcsTable(name, intervals[:, None, :], np.where(free | blocked, math.inf, period))
 
 
-def _parts(chain: Chain, place: int, q: Array) -> tuple[Array, Array]:
-    """Return p and s of `r = p + R s`, R being the rotation at `place`, in the frame just before it.
+def _sliding(chain: Chain, index: int, name: str, Q: Array, threshold: float, tolerance: float) -> AllowedArcsTable:
+    """`r = p + d x`; with d zero, r is p and the norm decides."""
+    rest = Q.copy()
+    rest[:, index] = 0.0
+    p, J = numeric.jacobian(chain, rest)
+    d = J[:, :, index]
+    speed = np.linalg.norm(d, axis=1)
+    moves = speed > REDUCTION
+    with np.errstate(invalid="ignore", divide="ignore"):
+        nearest = np.where(moves, -np.einsum("ni,ni->n", p, d) / (speed * speed), 0.0)
+        smallest = np.linalg.norm(p + d * nearest[:, None], axis=1)
+        room = (threshold - smallest) * (threshold + smallest)
+        half_width = np.where(moves, np.sqrt(np.maximum(room, 0.0)) / speed, math.inf)
+    intervals = np.full((len(Q), 2, 2), np.nan)
+    free = ~(smallest <= max(threshold, tolerance))
+    intervals[free, 0] = -math.inf, math.inf
+    cut = ~free & moves
+    intervals[cut, 0, 0], intervals[cut, 0, 1] = -math.inf, (nearest - half_width)[cut]
+    intervals[cut, 1, 0], intervals[cut, 1, 1] = (nearest + half_width)[cut], math.inf
+    return AllowedArcsTable(name, intervals, np.full(len(Q), math.inf))
 
-    For place -1 the whole of r is p.
-    """
-    blocks = chain.offsets + chain.slides @ q
-    s = np.zeros(3)
-    for i in reversed(range(max(place, 0), chain.rotations)):
-        s = blocks[i + 1] + _turn(chain, i + 1, q) @ s if i + 1 < chain.rotations else blocks[i + 1]
-    if place < 0:
-        return blocks[0] + (_turn(chain, 0, q) @ s if chain.rotations else 0.0), np.zeros(3)
-    p = blocks[0]
-    for i in range(place):
-        p = _turn(chain, i, q).T @ p + blocks[i + 1]
-    return p, s
 
-
-def _turn(chain: Chain, index: int, q: Array) -> Array:
-    return rotation_matrix(chain.axes[index], float(chain.coefficients[index] @ q))
+def _parts(chain: Chain, place: int, Q: Array) -> tuple[Array, Array]:
+    """Return p and s (N, 3) of `r = p + R s`, R being the rotation at `place`, in the frame just before it."""
+    behind = Chain(
+        chain.offsets[place + 1 :].copy(),
+        chain.slides[place + 1 :].copy(),
+        chain.axes[place + 1 :].copy(),
+        chain.coefficients[place + 1 :].copy(),
+        chain.scale,
+    )
+    before = Chain(  # the same chain read from its other end: p = b_i + R_i^T (b_{i-1} + R_{i-1}^T (...))
+        chain.offsets[place::-1].copy(),
+        chain.slides[place::-1].copy(),
+        -chain.axes[:place][::-1],
+        chain.coefficients[:place][::-1].copy(),
+        chain.scale,
+    )
+    return numeric.positions(before, Q), numeric.positions(behind, Q)

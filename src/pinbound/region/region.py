@@ -1,14 +1,15 @@
 """The feasible region in the plane of two coordinates, its edges named.
 
-For boundaries of one effective angle the free set is cut by strips `c . q in [phi* - w, phi* + w]`, every turn. The
-component that holds home is the intersection of the gaps around home with the joint limits: a convex polygon, exact.
+Two ways lead to it. If every boundary has one effective angle in the plane, the component that holds home is an
+intersection of half-planes: convex, closed form, exact. Otherwise contact curves are traced (`contours`) and the faces
+between them found (`arrangement`), to a stated accuracy. `docs/regions.md` has the mathematics of both.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, cast
 
@@ -16,90 +17,100 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.boundary import Boundary
 from pinbound.coupling import as_configurations
-from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
+from pinbound.exceptions import DimensionError, UnsupportedError
+from pinbound.region import convex, margins
+from pinbound.region.arrangement import Corner, Edge, Line
 from pinbound.region.halfplanes import HalfPlane, Support, intersect, support
-from pinbound.robot import Robot
+from pinbound.region.plane import Plane
+from pinbound.tolerances import REGION_ACCURACY
 
-__all__ = ["Edge", "Region", "feasible_region"]
+__all__ = ["Corner", "Edge", "Region", "convex_region"]
 
 Array = NDArray[np.float64]
+gis = cast(Any, shapely)  # its stubs know only part of what its functions take
+Loops = tuple[tuple[Edge, ...], ...]
 
 _PLANE = 2
 
 
 @dataclass(frozen=True)
-class Edge:
-    """One edge of a region: which boundary or joint limit it is, and its two ends.
-
-    Attributes:
-        name: Boundary name, or joint and end, e.g. ``"q2 upper"``.
-        source: Boundary name, or joint name.
-        is_contact: True for a boundary, False for a joint limit.
-        start: (2,) [rad].
-        end: (2,) [rad]; the region lies to the left of start -> end.
-    """
-
-    name: str
-    source: str
-    is_contact: bool
-    start: Array
-    end: Array
-
-
-@dataclass(frozen=True)
 class Region:
-    """A convex cell of the free set, in the plane of two coordinates.
+    """A connected part of the free set, in the plane of two coordinates. Made by `feasible_region`.
 
     Attributes:
-        coordinates: The two coordinates of the plane.
-        robot_coordinates: All active coordinates of the robot.
-        at: (n,) where the other coordinates are held.
-        planes: Every half-plane that bounds the cell, edges and implied ones alike.
-        fixed: Other coordinates that some boundary or limit depends on: a q is in the region only if it has them as
-            in `at`. Coordinates that nothing depends on are ignored.
+        plane: The plane: robot, coordinates, limits and contacts.
+        loops: Named edges of the exterior, counter-clockwise, then of each hole, clockwise.
+        corners: Where two edges meet, in the order of the loops.
+        accuracy: [rad]; no point of the true contour is further than this from the edges. Zero if all is straight.
+        planes: Every half-plane that bounds it, edges and implied ones alike, if it is convex in closed form.
     """
 
-    coordinates: tuple[str, str]
-    robot_coordinates: tuple[str, ...]
-    at: Array
-    planes: tuple[HalfPlane, ...]
-    fixed: tuple[str, ...]
+    plane: Plane
+    loops: Loops
+    corners: tuple[Corner, ...]
+    accuracy: float
+    planes: tuple[HalfPlane, ...] = ()
+    _lines: tuple[Line, ...] = field(default=(), repr=False, compare=False)
+    _others: Callable[[], tuple[Region, ...]] | None = field(default=None, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        """Return the plane and the edges."""
+        names = ", ".join(dict.fromkeys(edge.name for edge in self.edges)) or "empty"
+        holes = f"; {len(self.loops) - 1} holes" if len(self.loops) > 1 else ""
+        return f"<Region ({', '.join(self.coordinates)}): {names}; area {self.area:.6g} rad^2{holes}>"
+
+    @property
+    def coordinates(self) -> tuple[str, str]:
+        """The two coordinates of the plane."""
+        return self.plane.coordinates
+
+    @property
+    def robot_coordinates(self) -> tuple[str, ...]:
+        """All active coordinates of the robot."""
+        return self.plane.robot.coordinates
+
+    @property
+    def at(self) -> Array:
+        """(n,) where the other coordinates are held."""
+        return self.plane.at
+
+    @property
+    def fixed(self) -> tuple[str, ...]:
+        """Other coordinates that some boundary or limit depends on: a q inside must have them as in `at`."""
+        return self.plane.fixed
+
+    @cached_property
+    def edges(self) -> tuple[Edge, ...]:
+        """All edges, those of the exterior first; the region lies to the left of each."""
+        return tuple(edge for loop in self.loops for edge in loop)
+
+    @cached_property
+    def vertices(self) -> Array:
+        """(k, 2) where each edge starts [rad], in the order of `edges`."""
+        return np.array([edge.start for edge in self.edges]).reshape(-1, _PLANE)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is left."""
+        return not self.loops
+
+    @property
+    def is_convex(self) -> bool:
+        """Whether it is a convex polygon with straight edges."""
+        if self.planes or self.is_empty:
+            return True
+        return all(len(edge.points) == _PLANE for edge in self.edges) and convex.is_convex(self.polygon)
 
     @cached_property
     def _cell(self) -> tuple[Array, tuple[HalfPlane, ...]]:
         return intersect(self.planes)
 
-    def __repr__(self) -> str:
-        """Return the plane and the edges."""
-        names = ", ".join(edge.name for edge in self.edges) or "empty"
-        return f"<Region ({', '.join(self.coordinates)}): {names}; area {self.area:.6g} rad^2>"
-
-    @property
-    def vertices(self) -> Array:
-        """(k, 2) vertices [rad], counter-clockwise; vertex i is where edge i - 1 and edge i meet."""
-        return self._cell[0]
-
-    @cached_property
-    def edges(self) -> tuple[Edge, ...]:
-        """The edges, counter-clockwise, edge i from vertex i to vertex i + 1."""
-        vertices, planes = self._cell
-        ends = np.roll(vertices, -1, axis=0)
-        return tuple(
-            Edge(plane.name, plane.source, plane.is_contact, start, end)
-            for plane, start, end in zip(planes, vertices, ends, strict=True)
-        )
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether nothing is left."""
-        return not len(self.vertices)
-
     @cached_property
     def polygon(self) -> Any:
-        """The region as a `shapely.Polygon`."""
-        return shapely.Polygon(self.vertices)
+        """The region as a `shapely.Polygon`, holes included."""
+        rings = [np.concatenate([edge.points[:-1] for edge in loop]) for loop in self.loops]
+        return gis.Polygon(rings[0], rings[1:]) if rings else gis.Polygon()
 
     @property
     def area(self) -> float:
@@ -107,12 +118,21 @@ class Region:
         return float(self.polygon.area)
 
     @property
+    def area_error(self) -> float:
+        """[rad^2], a bound of what the accuracy leaves open: accuracy times the length of the curved edges."""
+        curved = [edge.points for edge in self.edges if len(edge.points) > _PLANE]
+        return self.accuracy * float(sum(np.sum(np.linalg.norm(np.diff(p, axis=0), axis=1)) for p in curved))
+
+    @property
     def centroid(self) -> Array:
         """(2,) centre of area [rad]; NaN if the region is empty."""
         return np.array([self.polygon.centroid.x, self.polygon.centroid.y]) if not self.is_empty else np.full(2, np.nan)
 
     def supports(self) -> dict[str, Support]:
-        """Return, for every half-plane by name, its slack [rad] and the edges that imply it.
+        """Return, for everything that could bound the region, its slack [rad] and, if convex, the edges that imply it.
+
+        Slack is zero for an edge. For a convex region it is measured along the half-plane's normal; otherwise it is
+        the distance from the region to the limit or contact curve, and boundaries without a curve here are left out.
 
         Example:
             >>> import pinbound as pb
@@ -121,14 +141,25 @@ class Region:
             ('beta_4',)
         """
         found: dict[str, Support] = {}
-        for plane in self.planes:
-            one = support(self.vertices, self._cell[1], plane)
-            if plane.name not in found or one.slack < found[plane.name].slack:
-                found[plane.name] = one
+        if self.planes and not self.is_empty:
+            for plane in self.planes:
+                one = support(self.vertices, self._cell[1], plane)
+                if plane.name not in found or one.slack < found[plane.name].slack:
+                    found[plane.name] = one
+            return found
+        names = {edge.name for edge in self.edges}
+        found = {name: Support(0.0, ()) for name in names}
+        for line in self._lines:
+            slack = 0.0 if line.name in names else float(self.polygon.distance(gis.linestrings(line.points)))
+            if line.name not in found or slack < found[line.name].slack:
+                found[line.name] = Support(slack, ())
         return found
 
     def halfspaces(self) -> tuple[Array, Array]:
         """Return A (k, 2) and b (k,) with `A x <= b`, rows of unit length, one an edge.
+
+        Raises:
+            UnsupportedError: If the region is not a convex polygon; see `convex_parts` and `inscribed_polygon`.
 
         Example:
             >>> import pinbound as pb
@@ -137,16 +168,23 @@ class Region:
             >>> bool(np.all(A @ region.centroid < b))
             True
         """
-        planes = self._cell[1]
-        lengths = np.array([np.linalg.norm(plane.normal) for plane in planes])
-        normals = np.array([plane.normal for plane in planes]).reshape(-1, _PLANE)
-        return normals / lengths[:, None], np.array([plane.bound for plane in planes]) / lengths
+        if self.planes:
+            planes = self._cell[1]
+            lengths = np.array([np.linalg.norm(plane.normal) for plane in planes])
+            normals = np.array([plane.normal for plane in planes]).reshape(-1, _PLANE)
+            return normals / lengths[:, None], np.array([plane.bound for plane in planes]) / lengths
+        if not self.is_convex:
+            raise UnsupportedError(
+                "the region is not a convex polygon, so no A q <= b describes it; "
+                "use inscribed_polygon() for a convex part of it, or convex_parts() for all of it"
+            )
+        return convex.polygon_halfspaces(self.polygon)
 
     def points(self, Q: ArrayLike) -> Array:
         """Return the region's two coordinates (N, 2) of q's (N, n); rows of another slice become NaN."""
         array = np.asarray(Q, dtype=np.float64)
         if array.shape[-1:] == (_PLANE,) and len(self.robot_coordinates) != _PLANE:
-            return as_configurations(array, self.coordinates).reshape(-1, _PLANE)
+            return as_configurations(array, self.coordinates).reshape(-1, _PLANE).copy()
         rows = as_configurations(array, self.robot_coordinates).reshape(-1, len(self.robot_coordinates))
         points = rows[:, [self.robot_coordinates.index(name) for name in self.coordinates]]
         held = [self.robot_coordinates.index(name) for name in self.fixed]
@@ -157,15 +195,28 @@ class Region:
     def contains(self, Q: ArrayLike) -> Any:
         """Return whether q is inside: a bool, or (N,) bools; False on the contour and for non-finite rows.
 
+        A point counts as inside only if the exact clearances say so too, so that no chord ever hides a contact; a
+        point nearer to a curved edge than `accuracy` may count as outside.
+
         Args:
             Q: (n,) or (N, n) configurations of the robot, or (2,) or (N, 2) points of the plane. Coordinates that
                 no boundary and no coupled limit depends on are ignored; their own limits are not looked at.
         """
-        inside = self.signed_distance(Q) > 0.0
-        return inside if np.ndim(inside) else bool(inside)
+        points = self.points(Q)
+        inside = np.zeros(len(points), dtype=bool)
+        finite = np.flatnonzero(np.all(np.isfinite(points), axis=1))
+        if self.planes:
+            inside = self._distance(points) > 0.0
+        elif not self.is_empty:
+            gis.prepare(self.polygon)
+            within = finite[gis.contains_xy(self.polygon, points[finite])]
+            inside[within] = self.plane.free(points[within])
+        return inside if np.ndim(Q) > 1 else bool(inside[0])
 
     def signed_distance(self, Q: ArrayLike) -> Any:
         """Return the Euclidean distance to the contour in the plane [rad]: positive inside, negative outside.
+
+        For curved edges it is that to the polyline, right to `accuracy`; a point in contact never gets a positive one.
 
         Args:
             Q: As in `contains`.
@@ -179,25 +230,38 @@ class Region:
             >>> bool(region.contains([0.0, 0.0, 0.0])), region.contains([0.0, 0.0, np.radians(60)])
             (True, False)
         """
-        points = self.points(Q)
+        distance = self._distance(self.points(Q))
+        return distance if np.ndim(Q) > 1 else float(distance[0])
+
+    def _distance(self, points: Array) -> Array:
         finite = np.all(np.isfinite(points), axis=1)
         distance = np.full(len(points), np.nan)
         if self.is_empty:
             distance[finite] = -np.inf
-        else:
+        elif self.planes:
             A, b = self.halfspaces()
-            depth = np.min(b - points[finite] @ A.T, axis=1)
+            depth = np.asarray(np.min(b - points[finite] @ A.T, axis=1), dtype=np.float64)
             outside = depth < 0.0
-            far = cast(Any, shapely).distance(shapely.points(points[finite][outside]), self.polygon.exterior)
-            depth[outside] = -far
+            far = gis.distance(gis.points(points[finite][outside]), self.polygon.exterior)
+            depth[outside] = -np.asarray(far)
             distance[finite] = depth
-        return distance if np.ndim(Q) > 1 else float(distance[0])
+        else:
+            gis.prepare(self.polygon)
+            away = gis.distance(gis.points(points[finite]), self.polygon.boundary)
+            inside = gis.contains_xy(self.polygon, points[finite])
+            depth = np.asarray(np.where(inside, away, -away), dtype=np.float64)
+            depth[inside & ~self.plane.free(points[finite])] = 0.0
+            distance[finite] = depth
+        return distance
 
     def scale(self, factor: float) -> Region:
         """Return the region scaled about its centroid, the paper's safety margin; edges keep their names.
 
+        A convex region holds every smaller copy of itself. Another one need not, and then the copy is refused.
+
         Raises:
             DimensionError: If the factor is not in (0, 1]: beyond 1 the region would leave the feasible one.
+            LeavesRegionError: If the scaled region leaves the feasible one; `witness` is a q that does.
 
         Example:
             >>> import pinbound as pb
@@ -208,151 +272,164 @@ class Region:
         if not 0.0 < factor <= 1.0:
             raise DimensionError(f"the factor {factor} is not in (0, 1]; beyond 1 the region leaves the feasible one")
         centre = self.centroid
-        return self._with(
-            HalfPlane(
-                p.source,
-                p.name,
-                p.normal,
-                factor * p.bound + (1 - factor) * float(p.normal @ centre),
-                p.is_contact,
+        if self.planes:
+            return self._with(
+                HalfPlane(
+                    p.source,
+                    p.name,
+                    p.normal,
+                    factor * p.bound + (1 - factor) * float(p.normal @ centre),
+                    p.is_contact,
+                )
+                for p in self.planes
             )
-            for p in self.planes
-        )
+        margins.check_scaled(self.polygon, factor, self.plane, self.accuracy)
+        return self._moved(lambda x: centre + factor * (x - centre))
 
     def inset(self, angle: float) -> Region:
         """Return the points at least `angle` [rad] inside every edge; it may be empty.
+
+        Where edges are curved the inset is deeper by `accuracy` and its own rounding, so that "at least" holds. If it
+        falls apart, the part that holds the start is returned, or the largest; `components` has all.
 
         Raises:
             DimensionError: If the angle is negative or not finite.
         """
         if not 0.0 <= angle < math.inf:
             raise DimensionError(f"the inset {angle} is not a finite angle of zero or more")
-        return self._with(plane.inset(angle) for plane in self.planes)
+        if self.planes:
+            return self._with(plane.inset(angle) for plane in self.planes)
+        parts = margins.inset_parts(self.polygon, self.edges, angle, self.accuracy, self.plane.start)
+        return _of_loops(self.plane, parts, self.accuracy)
+
+    def with_clearance(self, margin: float) -> Region:
+        """Return the feasible region with every threshold raised by a margin [m]: the metric safety margin.
+
+        Raises:
+            DimensionError: If the margin is negative or not finite, or the start has less clearance than that.
+
+        Example:
+            >>> import pinbound as pb
+            >>> region = pb.feasible_region(pb.load("minervabot_v3"))
+            >>> near = region.with_clearance(0.005)
+            >>> near.area < region.area, near.clearance().lower > 0.00499
+            (True, True)
+        """
+        if not 0.0 <= margin < math.inf:
+            raise DimensionError(f"the margin {margin} is not a finite length of zero or more")
+        low, high = self.plane.window
+        window = {name: (float(low[i]), float(high[i])) for i, name in enumerate(self.coordinates)}
+        from pinbound.region.feasible import feasible_region  # which makes what this module describes
+
+        accuracy = self.accuracy or REGION_ACCURACY
+        return feasible_region(
+            self.plane.robot, self.coordinates, self.at, window, accuracy, self.plane.margin + margin
+        )
+
+    def clearance(self, gap: float = 1e-6) -> margins.SmallestClearance:
+        """Return proven bounds of the smallest clearance of any boundary over the region.
+
+        Args:
+            gap: [m], how far apart the two bounds may be.
+
+        Example:
+            >>> import pinbound as pb
+            >>> found = pb.feasible_region(pb.load("minervabot_v3")).scale(0.9).clearance()
+            >>> found.boundary, found.lower > 0.0, found.upper - found.lower <= 1e-6
+            ('beta_3', True, True)
+        """
+        return margins.smallest_clearance(self.plane, self.polygon, gap)
+
+    def inscribed_polygon(self, rim: float = 1e-3) -> Region:
+        """Return a large convex polygon inside the region; the region itself if it is a convex polygon.
+
+        Args:
+            rim: [rad], how far from the contour its simplified copy may stay, in which the polygon is grown.
+
+        Raises:
+            DimensionError: If the rim is not positive.
+        """
+        if self.is_convex:
+            return self
+        return self._part(convex.inscribed_polygon(self._inner(rim)))
+
+    def convex_parts(self, rim: float = 1e-3) -> tuple[Region, ...]:
+        """Return convex polygons that do not overlap and together are the region, less a rim.
+
+        Args:
+            rim: [rad], how far from the contour the parts may stay; less rim, more parts.
+
+        Raises:
+            DimensionError: If the rim is not positive.
+        """
+        if self.is_convex:
+            return (self,)
+        return tuple(self._part(part) for part in convex.convex_parts(self._inner(rim)))
+
+    def _inner(self, rim: float) -> Any:
+        if not 0.0 < rim < math.inf:
+            raise DimensionError(f"the rim {rim} is not a finite angle above zero")
+        return convex.inner(self.polygon, rim, self.accuracy)
+
+    def _part(self, polygon: Any) -> Region:
+        A, b = convex.polygon_halfspaces(polygon)
+        vertices = gis.get_coordinates(gis.orient_polygons(polygon).exterior)
+        middle = gis.points(0.5 * (vertices[1:] + vertices[:-1]))
+        tree = gis.STRtree([gis.linestrings(edge.points) for edge in self.edges])
+        near = [self.edges[int(i)] for i in np.asarray(tree.nearest(middle))]
+        edges = tuple(
+            Edge(e.name, e.source, e.is_contact, vertices[i], vertices[i + 1], vertices[i : i + 2])
+            for i, e in enumerate(near)
+        )
+        planes = tuple(
+            HalfPlane(e.source, e.name, normal, float(bound), e.is_contact)
+            for e, normal, bound in zip(near, A, b, strict=True)
+        )
+        return Region(self.plane, (edges,), margins.loop_corners((edges,)), 0.0, (*self.plane.box, *planes))
 
     def _with(self, planes: Any) -> Region:
-        return Region(self.coordinates, self.robot_coordinates, self.at, tuple(planes), self.fixed)
+        return convex_region(self.plane, tuple(planes))
 
-    @property
+    def _moved(self, move: Callable[[Array], Array]) -> Region:
+        loops = tuple(
+            tuple(Edge(e.name, e.source, e.is_contact, move(e.start), move(e.end), move(e.points)) for e in loop)
+            for loop in self.loops
+        )
+        corners = tuple(Corner(move(c.point), c.before, c.after, c.polished) for c in self.corners)
+        return Region(self.plane, loops, corners, self.accuracy)
+
+    @cached_property
     def components(self) -> tuple[Region, ...]:
-        """This region, the one component that holds home."""
-        return (self,)
+        """All connected components of the free set within the limits: this one first, then the largest first.
+
+        Of an inset: the parts that it fell into. Components thinner than `accuracy` are left out.
+
+        Example:
+            >>> import pinbound as pb
+            >>> len(pb.feasible_region(pb.load("minervabot_v3")).components)
+            47
+        """
+        return (self, *(self._others() if self._others else ()))
 
 
-def feasible_region(
-    robot: Robot,
-    coordinates: Sequence[str] | None = None,
-    at: ArrayLike | None = None,
-    window: Mapping[str, tuple[float, float]] | None = None,
+def convex_region(
+    plane: Plane, planes: tuple[HalfPlane, ...], others: Callable[[], tuple[Region, ...]] | None = None
 ) -> Region:
-    """Return the connected component, containing home, of the joint limits less the contacts.
-
-    Args:
-        robot: The robot.
-        coordinates: The two coordinates of the plane; None: those that the boundaries use.
-        at: (n,) where the other coordinates are held, home by default. It must be in the region itself: between it
-            and home there may be no contact.
-        window: Ends [rad] within which to look, by coordinate; needed for coordinates without limits.
-
-    Returns:
-        The region, with a named edge for every boundary or limit that is active.
-
-    Raises:
-        UnknownNameError: If the robot has no such coordinate.
-        UnsupportedError: If there are not two coordinates, or a boundary has more than one effective angle.
-        DimensionError: If a coordinate is without limits, or `at` is in contact or out of limits.
-
-    References:
-        The paper's Fig. 9; `docs/regions.md`.
-
-    Example:
-        >>> import pinbound as pb
-        >>> region = pb.feasible_region(pb.load("minervabot_v3"), coordinates=("q2", "q3"))
-        >>> [edge.name for edge in region.edges]
-        ['beta_7', 'beta_3', 'beta_4', 'beta_10', 'beta_9', 'beta_8']
-        >>> round(region.area, 10)
-        1.5434743997
-    """
-    names = _plane_coordinates(robot, coordinates)
-    start = np.array(robot.home if at is None else as_configurations(at, robot.coordinates), dtype=np.float64)
-    indices = [robot.coordinates.index(name) for name in names]
-    used = {robot.coordinates.index(name) for boundary in robot.boundaries for name in boundary.coordinates}
-    planes = _window_planes(robot, names, start, dict(window or {}))
-    for limit in robot.linear_limits:
-        c = limit.coefficients[indices]
-        if not np.any(c):
-            continue
-        used |= set(np.flatnonzero(limit.coefficients).tolist())
-        rest = limit.offset + float(limit.coefficients @ start) - float(c @ start[indices])
-        planes += _slab(limit.joint, c, limit.lower - rest, limit.upper - rest)
-    for boundary in robot.boundaries:
-        planes += _contact_planes(boundary, indices, start, robot.home)
-    for plane in planes:
-        if float(plane.normal @ start[indices]) >= plane.bound:
-            raise DimensionError(f"the start point is not free: {plane.name!r} forbids {start[indices].tolist()}")
-    fixed = tuple(robot.coordinates[index] for index in sorted(used - set(indices)))
-    return Region((names[0], names[1]), robot.coordinates, start, tuple(planes), fixed)
+    """Return the intersection of half-planes, the first four of which bound it, as a region."""
+    vertices, sides = intersect(planes)
+    ends = np.roll(vertices, -1, axis=0)
+    edges = tuple(
+        Edge(side.name, side.source, side.is_contact, start, end, np.stack((start, end)))
+        for side, start, end in zip(sides, vertices, ends, strict=True)
+    )
+    loops = (edges,) if edges else ()
+    return Region(plane, loops, margins.loop_corners(loops), 0.0, planes, (), others)
 
 
-def _plane_coordinates(robot: Robot, coordinates: Sequence[str] | None) -> tuple[str, ...]:
-    used = {name for boundary in robot.boundaries for name in boundary.coordinates}
-    names = tuple(name for name in robot.coordinates if name in used) if coordinates is None else tuple(coordinates)
-    for name in names:
-        if name not in robot.coordinates:
-            raise UnknownNameError("coordinate", name, robot.coordinates)
-    if len(names) != _PLANE or names[0] == names[1]:
-        whose = "the boundaries use" if coordinates is None else "you gave"
-        listed = ", ".join(names) or "none"
-        raise UnsupportedError(
-            f"a planar region needs two coordinates, and {whose} {len(names)} ({listed}); "
-            f"give coordinates=(..., ...) out of: {', '.join(robot.coordinates)}"
-        )
-    return names
-
-
-def _window_planes(
-    robot: Robot, names: Sequence[str], start: Array, window: dict[str, tuple[float, float]]
-) -> list[HalfPlane]:
-    """Return the box of the two coordinates: window, or joint limits; the first four half-planes of the cell."""
-    for name in window:
-        if name not in names:
-            raise UnknownNameError("coordinate of the window", name, names)
-    planes: list[HalfPlane] = []
-    for axis, name in enumerate(names):
-        index = robot.coordinates.index(name)
-        own = (float(robot.lower[index]), float(robot.upper[index]))
-        given = window.get(name, own)
-        lower, upper = max(own[0], given[0]), min(own[1], given[1])
-        if not math.isfinite(lower) or not math.isfinite(upper):
-            raise DimensionError(f"{name!r} has no limits; give window={{{name!r}: (lower, upper)}} around the start")
-        planes += _slab(name, np.eye(_PLANE)[axis], lower, upper)
-    return [planes[0], planes[2], planes[1], planes[3]]
-
-
-def _slab(source: str, normal: Array, lower: float, upper: float, is_contact: bool = False) -> list[HalfPlane]:
-    """Return `normal @ x <= upper` and `normal @ x >= lower`, those of the two that are finite."""
-    names = (source, source) if is_contact else (f"{source} upper", f"{source} lower")
-    sides = ((names[0], normal, upper), (names[1], -normal, -lower))
-    return [HalfPlane(source, name, n, bound, is_contact) for name, n, bound in sides if math.isfinite(bound)]
-
-
-def _contact_planes(boundary: Boundary, indices: Sequence[int], start: Array, home: Array) -> list[HalfPlane]:
-    """Return the two sides of the gap around home; none if the boundary does not depend on the plane."""
-    contact = boundary.contact
-    if contact is None:
-        if not boundary.coordinates or not set(indices) & set(boundary.path.minimal.coordinates):
-            if float(boundary.clearance(start)) <= 0.0:
-                raise DimensionError(f"the start point is not free: {boundary.name!r} is in contact")
-            return []
-        raise UnsupportedError(
-            f"boundary {boundary.name!r} has more than one effective angle (it depends on "
-            f"{', '.join(boundary.coordinates)}); planar regions are exact for one effective angle only"
-        )
-    if boundary.parts(home, start):
-        raise DimensionError(f"the start point is not free: a contact of {boundary.name!r} lies between it and home")
-    phi = float(contact.coefficients @ start)
-    lower, upper = contact.gap(phi)
-    c = contact.coefficients[list(indices)]
-    if not np.any(c):
-        return []
-    rest = phi - float(c @ start[list(indices)])
-    return _slab(boundary.name, c, lower - rest, upper - rest, is_contact=True)
+def _of_loops(plane: Plane, parts: Sequence[Loops], accuracy: float) -> Region:
+    """Return the first of several parts, the others as its components."""
+    regions = tuple(Region(plane, loops, margins.loop_corners(loops), accuracy) for loops in parts)
+    if not regions:
+        return Region(plane, (), (), accuracy)
+    first = regions[0]
+    return Region(plane, first.loops, first.corners, accuracy, (), (), lambda: regions[1:])

@@ -1,0 +1,215 @@
+"""Safety margins of a region: scaled, inset by an angle, and the smallest clearance as a proven number."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import affinity
+
+from pinbound.exceptions import DimensionError, LeavesRegionError
+from pinbound.interpreters import numeric
+from pinbound.interpreters.derivative_bounds import lever_arms
+from pinbound.interpreters.restriction import restrict
+from pinbound.interpreters.univariate import Strip, one_angle_strip
+from pinbound.path import Chain
+from pinbound.region.arrangement import Corner, Edge
+from pinbound.region.plane import Plane
+from pinbound.tolerances import CONTOUR_ROUNDING, IMPLIED
+
+__all__ = [
+    "SmallestClearance",
+    "check_scaled",
+    "inset_parts",
+    "loop_corners",
+    "named_loops",
+    "smallest_clearance",
+]
+
+Array = NDArray[np.float64]
+gis = cast(Any, shapely)  # its stubs know only part of what its functions take
+gis_affinity = cast(Any, affinity)
+Loops = tuple[tuple[Edge, ...], ...]
+
+_ARC_SEGMENTS = 64  # a quarter turn around a reflex corner
+_ROUNDS = 60
+_MOST_BOXES = 50_000
+
+
+@dataclass(frozen=True)
+class SmallestClearance:
+    """The smallest clearance of any boundary over a region, between two proven bounds.
+
+    Attributes:
+        lower: [m]; no q of the region has less.
+        upper: [m]; the clearance at `q`.
+        boundary: The boundary that is tightest at `q`; empty if there is none.
+        q: (n,) where it is; NaN if there is no boundary.
+    """
+
+    lower: float
+    upper: float
+    boundary: str
+    q: Array
+
+
+def check_scaled(polygon: Any, factor: float, plane: Plane, accuracy: float) -> None:
+    """Raise if a polygon scaled about its centroid leaves it.
+
+    Raises:
+        LeavesRegionError: With the configuration that is furthest outside, of the scaled contour's points.
+    """
+    scaled = gis_affinity.scale(polygon, factor, factor, origin=polygon.centroid)
+    beyond = gis.get_coordinates(scaled.difference(polygon))
+    if not len(beyond):
+        return
+    # what sticks out may be an island that the polygon has a hole for: look at its inside too
+    parts = np.asarray(gis.get_parts(scaled.difference(polygon)))
+    beyond = np.concatenate((gis.get_coordinates(gis.point_on_surface(parts)), beyond))
+    away = gis.distance(gis.points(beyond), polygon)
+    worst = int(np.argmax(away))
+    if float(away[worst]) > IMPLIED:
+        raise LeavesRegionError(factor, plane.coordinates, beyond[worst], plane.lift(beyond[worst][None])[0])
+
+
+def inset_parts(polygon: Any, edges: Sequence[Edge], angle: float, accuracy: float, start: Array) -> list[Loops]:
+    """Return the named loops of a polygon's points that are at least `angle` inside, part by part.
+
+    Around a reflex corner the inset contour is an arc, drawn by chords that come nearer to the corner by the factor
+    `cos(pi / (4 n))`; the depth is divided by it, and `accuracy` added.
+    """
+    depth = (angle + accuracy) / float(np.cos(np.pi / (4 * _ARC_SEGMENTS))) if angle else 0.0
+    shrunk = polygon.buffer(-depth, quad_segs=_ARC_SEGMENTS) if depth else polygon
+    parts = [part for part in gis.get_parts(shrunk) if part.area > 0.0]
+    home = gis.Point(start)
+    parts.sort(key=lambda part: (not part.contains(home), -part.area))
+    return [named_loops(part, edges, accuracy) for part in parts]
+
+
+def named_loops(polygon: Any, edges: Sequence[Edge], accuracy: float) -> Loops:
+    """Return a polygon's loops, each segment named after the nearest of the given edges."""
+    polygon = gis.orient_polygons(polygon)
+    tree = gis.STRtree([gis.linestrings(edge.points) for edge in edges])
+    loops: list[tuple[Edge, ...]] = []
+    for ring in (polygon.exterior, *polygon.interiors):
+        points = gis.get_coordinates(ring)
+        owner = np.asarray(tree.nearest(gis.points(0.5 * (points[1:] + points[:-1]))))
+        breaks = np.flatnonzero(owner != np.roll(owner, 1)).tolist() or [0]
+        loop: list[Edge] = []
+        for i, place in enumerate(breaks):
+            stop = breaks[(i + 1) % len(breaks)]
+            run = np.arange(place, stop + 1 if stop > place else stop + len(points))
+            line = points[run % (len(points) - 1)]
+            edge = edges[int(owner[place])]
+            loop.append(Edge(edge.name, edge.source, edge.is_contact, line[0], line[-1], line))
+        loops.append(tuple(loop))
+    return tuple(loops)
+
+
+def loop_corners(loops: Loops) -> tuple[Corner, ...]:
+    """Return where the edges of each loop meet."""
+    return tuple(
+        Corner(edge.start, loop[i - 1].name, edge.name, True)
+        for loop in loops
+        if len(loop) > 1
+        for i, edge in enumerate(loop)
+    )
+
+
+def smallest_clearance(plane: Plane, polygon: Any, gap: float) -> SmallestClearance:
+    """Bound the smallest clearance over a polygon from both sides.
+
+    One effective angle phi: its range over the polygon is that over the vertices, and the norm grows with the angle
+    between phi and phi*: closed form. Several: branch and bound. With `u = r(m) / |r(m)|` and `|r| >= u . r`,
+
+        |r(x)| >= |r(m)| + u . J(m) (x - m) - h^T A h / 2,   |x - m| <= h, A bounding the second derivatives;
+
+    the linear part is least at a vertex of the polygon's part in the box.
+
+    Raises:
+        DimensionError: If the gap is not positive, or the polygon is empty.
+    """
+    if not gap > 0.0 or polygon.is_empty:
+        raise DimensionError(f"the gap {gap} must be positive, and the region must not be empty")
+    indices = [plane.robot.coordinates.index(name) for name in plane.coordinates]
+    best = SmallestClearance(np.inf, np.inf, "", np.full(len(plane.at), np.nan))
+    lower = np.inf
+    for boundary in plane.robot.boundaries:
+        chain = restrict(boundary.path.minimal, plane.at, indices)
+        found = one_angle_strip(chain, boundary.threshold, 0.0)
+        if found is not None:
+            least, upper, point = _one_angle(chain, boundary.threshold, polygon, *found)
+        else:
+            least, upper, point = _branch_and_bound(chain, boundary.threshold, polygon, gap, best.upper)
+        lower = min(lower, least)
+        if upper < best.upper:
+            best = SmallestClearance(lower, upper, boundary.name, plane.lift(point[None])[0])
+    return SmallestClearance(min(lower, best.upper), best.upper, best.boundary, best.q)
+
+
+def _one_angle(chain: Chain, threshold: float, polygon: Any, c: Array, strip: Strip) -> tuple[float, float, Array]:
+    """Return lower and upper bound of a one-angle clearance over a polygon, which differ by rounding, and where."""
+    points = gis.get_coordinates(polygon)
+    phi = points @ c
+    aligned = strip.angle + 2.0 * np.pi * np.ceil((phi.min() - strip.angle) / (2.0 * np.pi))
+    if aligned <= phi.max():
+        foot, along = c * (aligned / float(c @ c)), np.array([-c[1], c[0]])
+        reach = float(np.max(np.abs(points))) / float(np.linalg.norm(c)) + 1.0
+        line = gis.linestrings(foot + np.array([[-reach], [reach]]) * along)
+        points = np.concatenate((points, gis.get_coordinates(polygon.intersection(line))))
+    values = _clearances(chain, threshold, points)
+    least = int(np.argmin(values))
+    upper = float(values[least])
+    lower = min(upper, strip.smallest - threshold) if aligned <= phi.max() else upper
+    return lower - CONTOUR_ROUNDING * chain.scale, upper, points[least]
+
+
+def _clearances(chain: Chain, threshold: float, X: Array) -> Array:
+    return numeric.norm(numeric.positions(chain, X)) - threshold
+
+
+def _branch_and_bound(
+    chain: Chain, threshold: float, polygon: Any, gap: float, known: float
+) -> tuple[float, float, Array]:
+    """Return lower and upper bound of a clearance over a polygon, and where the upper is attained."""
+    x0, y0, x1, y1 = polygon.bounds
+    arms = lever_arms(chain, np.maximum(np.abs([x0, y0]), np.abs([x1, y1])))
+    slack = CONTOUR_ROUNDING * (arms.length + threshold)
+    points = gis.get_coordinates(polygon)
+    values = _clearances(chain, threshold, points)
+    upper, point, settled = float(values.min()), points[int(np.argmin(values))], np.inf
+    half = 0.5 * np.array([x1 - x0, y1 - y0])
+    middle, parts = np.array([[x0 + x1, y0 + y1]]) / 2.0, np.array([polygon])
+    for _ in range(_ROUNDS):
+        r, J = numeric.jacobian(chain, middle)
+        length = numeric.norm(r)
+        unit = r / np.where(length > 0.0, length, 1.0)[:, None]
+        slope = np.einsum("ni,nia->na", unit, J)
+        inside, piece = gis.get_coordinates(parts, return_index=True)
+        linear = np.einsum("na,na->n", slope[piece], inside - middle[piece])
+        least = np.full(len(parts), np.inf)
+        np.minimum.at(least, piece, linear)
+        bounds = np.maximum(length + least - 0.5 * float(half @ arms.second @ half), 0.0) - threshold - slack
+        values = _clearances(chain, threshold, inside)
+        if values.min() < upper:
+            upper, point = float(values.min()), inside[int(np.argmin(values))]
+        undecided = bounds < min(upper, known) - gap
+        settled = min(settled, float(np.min(bounds[~undecided], initial=np.inf)))
+        if not np.any(undecided) or int(undecided.sum()) > _MOST_BOXES:
+            settled = min(settled, float(np.min(bounds)))
+            break
+        middle, parts = middle[undecided], parts[undecided]
+        axis = np.array([1.0, 0.0]) if arms.first @ (half * [1, -1]) >= 0.0 else np.array([0.0, 1.0])
+        half = half * (1.0 - 0.5 * axis)
+        middle = np.concatenate((middle - half * axis, middle + half * axis))
+        boxes = gis.box(*(middle - half).T, *(middle + half).T)
+        parts = gis.intersection(np.concatenate((parts, parts)), boxes)
+        kept = ~gis.is_empty(parts)
+        middle, parts = middle[kept], parts[kept]
+    else:
+        settled = -threshold
+    return min(settled, upper), upper, point
