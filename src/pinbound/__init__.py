@@ -1,6 +1,6 @@
 """pinbound: coupled joint limits and self-collision boundaries in closed form, from a URDF, beside Pinocchio."""
 
-from pinbound.boundary import Boundary, BoundarySet, ContactAngle, CoordinateLimits
+from pinbound.boundary import Boundary, BoundarySet, ContactAngle, CoordinateLimits, Smallest
 from pinbound.document import packaged_robots
 from pinbound.exceptions import (
     DimensionError,
@@ -29,6 +29,7 @@ __all__ = [
     "PinboundError",
     "Region",
     "Robot",
+    "Smallest",
     "UnknownNameError",
     "UnsupportedError",
     "feasible_region",

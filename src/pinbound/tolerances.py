@@ -2,7 +2,7 @@
 
 from typing import Final
 
-__all__ = ["CLOSURE", "CONTACT", "IMPLIED", "REDUCTION", "SYMBOLIC_DIGITS", "VERTEX"]
+__all__ = ["CLOSURE", "CONTACT", "IMPLIED", "KERNEL_CONSTANT", "REDUCTION", "SYMBOLIC_DIGITS", "VERTEX"]
 
 CONTACT: Final = 2e-5
 """Metres. Default `contact_tolerance`: two arms that should have equal lengths may differ by the rounding of
@@ -24,3 +24,7 @@ VERTEX: Final = 1e-12
 
 SYMBOLIC_DIGITS: Final = 15
 """Decimal digits that symbolic output keeps of a float64, so that 0.06827 - 0.1 prints as -0.03173."""
+
+KERNEL_CONSTANT: Final = 2.0**-52
+"""Relative to the length of a path, and absolute for entries of rotations: constants of the batch kernel that differ
+by this, the last digit of a float64, are one constant, so that what they stand for is computed once."""
