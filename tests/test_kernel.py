@@ -62,7 +62,7 @@ def panda(folder: Path) -> Robot:
     share = Path(str(importlib.metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share")))
     links = [f"panda_link{i}" for i in range(8)] + ["panda_hand"]
     rng = np.random.default_rng(7)
-    points = [(f"{link}_{k}", link, rng.uniform(-0.08, 0.08, 3).round(3)) for link in links for k in range(3)]
+    points = [(f"{link}_{k}", link, rng.uniform(-0.08, 0.08, 3).round(3)) for link in links for k in range(2)]
     pairs = [
         (a[0], b[0]) for i, a in enumerate(points) for b in points[i + 1 :] if links.index(b[1]) - links.index(a[1]) > 2
     ]
@@ -71,7 +71,7 @@ def panda(folder: Path) -> Robot:
         f"- {{name: {n}, link: {link}, xyz: {xyz.tolist()}, radius: 0.0{1 + i % 4}}}"
         for i, (n, link, xyz) in enumerate(points)
     ]
-    lines += ["boundaries:"] + [f"- {{name: c{i}, a: {a}, b: {b}}}" for i, (a, b) in enumerate(pairs[::5])]
+    lines += ["boundaries:"] + [f"- {{name: c{i}, a: {a}, b: {b}}}" for i, (a, b) in enumerate(pairs[::3])]
     sidecar = folder / "panda.yaml"
     sidecar.write_text("\n".join(lines))
     return pb.load(share / "example-robot-data/robots/panda_description/urdf/panda.urdf", annotations=sidecar)

@@ -14,32 +14,34 @@ numba = pytest.importorskip("numba")
 ULP = 2.0
 
 
-def compiled(text: str, real: str) -> Any:
-    """The loop body as a function; the bit casts as the kernel has them."""
-    from pinbound.interpreters.kernel.source import bit_casts
+def compiled(text: str, dtype: Any) -> Any:
+    """The loop body as a function of an array, lowered as in the kernel."""
+    from pinbound.interpreters.kernel.lowering import loop_body
 
-    body = "\n".join("        " + line for line in text.format(x="X[i]").splitlines())
-    source = (
-        "import math\nimport numpy as np\nfrom numba import njit\nF = np.float32\n"
-        + bit_casts()
-        + "\n@njit(error_model='numpy', fastmath={'contract'})\ndef run(X, S, C):\n    for i in range(len(X)):\n"
-        + body
-        + "\n        S[i] = sine\n        C[i] = cosine\n"
-    )
-    namespace: dict[str, Any] = {"__name__": "sincos_under_test"}
-    exec(source, namespace)
+    statements = text.format(x="w[0, i]") + "w[1, i] = sine\nw[2, i] = cosine\n"
+    tile = 1024
+    body = loop_body(statements, tile, dtype is np.float32)
 
-    def run(X: Any) -> tuple[Any, Any]:
-        S, C = np.empty_like(X), np.empty_like(X)
-        namespace["run"](X, S, C)
+    @numba.njit(error_model="numpy", fastmath={"contract"})
+    def run(w: Any) -> None:
+        for i in range(tile):
+            body(w, i)
+
+    def evaluate(X: Any) -> tuple[Any, Any]:
+        S, C, w = np.empty_like(X), np.empty_like(X), np.zeros((3, tile), dtype=dtype)
+        for start in range(0, len(X), tile):
+            part = X[start : start + tile]
+            w[0, : len(part)] = part
+            run(w)
+            S[start : start + tile], C[start : start + tile] = w[1, : len(part)], w[2, : len(part)]
         return S, C
 
-    return run
+    return evaluate
 
 
 @pytest.fixture(scope="module")
 def double() -> Any:
-    return compiled(sincos.SINCOS, "float64")
+    return compiled(sincos.SINCOS, np.float64)
 
 
 def ulps(found: Any, exact: Any) -> float:
@@ -93,7 +95,7 @@ def test_zero_keeps_its_value(double: Any) -> None:
 
 def test_single_precision_stays_below_two_units_of_one() -> None:
     X = np.random.default_rng(5).uniform(-sincos.REGULAR32, sincos.REGULAR32, 300_000).astype(np.float32)
-    S, C = compiled(sincos.SINCOS32, "float32")(X)
+    S, C = compiled(sincos.SINCOS32, np.float32)(X)
     unit = float(np.finfo(np.float32).eps)
     assert float(np.max(np.abs(S - np.sin(X.astype(np.float64))))) < unit
     assert float(np.max(np.abs(C - np.cos(X.astype(np.float64))))) < unit

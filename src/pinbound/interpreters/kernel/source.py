@@ -13,7 +13,7 @@ from pinbound.interpreters.kernel.program import Program
 from pinbound.interpreters.kernel.scalars import Graph
 from pinbound.interpreters.kernel.sincos import REGULAR, REGULAR32, SINCOS, SINCOS32
 
-__all__ = ["MODES", "bit_casts", "kernel_source", "scalar_source"]
+__all__ = ["MODES", "kernel_source", "scalar_source"]
 
 MODES = ("norms", "clearances", "gradients", "smallest", "least")
 """What a kernel writes; `least` is the smallest clearance without its boundary."""
@@ -23,6 +23,9 @@ _SCRATCH = 30_000
 
 _ROWS_PER_LOOP = 24
 """Output rows a loop: more would spill, fewer would reload what boundaries share."""
+
+_NODES_PER_LOOP = 250
+"""New nodes a loop: LLVM's time grows faster than the length of a loop, so that it is bounded."""
 
 _LANES = 16
 """Tiles are filled up to a multiple of this, so that vector loops have no scalar rest."""
@@ -47,6 +50,7 @@ class _Writer:
         self.program, self.graph, self.mode, self.single = program, program.graph, mode, single
         self.rows: dict[object, int] = {}
         self.lines: list[str] = []
+        self.loops: list[str] = []
         self.groups = list(_groups(program, mode))
         self.shared = self._shared_nodes()
 
@@ -75,10 +79,10 @@ class _Writer:
         self._store_smallest()
         body = "\n".join(self.lines)
         item = 4 if self.single else 8
-        tile = min(512, max(32, _SCRATCH // item // max(1, len(self.rows)) // 32 * 32))
+        tile = min(512, max(64, _SCRATCH // item // max(1, len(self.rows)) // 32 * 32))
         real = "np.float32" if self.single else "np.float64"
         return _FRAME.format(
-            casts=_CASTS,
+            loops="\n".join(self.loops),
             body=body,
             rows=max(1, len(self.rows)),
             tile=tile,
@@ -130,11 +134,11 @@ class _Writer:
 
     def _group(self, index: int, group: tuple[list[int], list[int]], done: set[int]) -> None:
         outputs, members = group
-        self.line("for i in range(padded):")
+        body, self.lines = self.lines, []
         turned = set[int]()
         for number in self._needed(outputs, done):
             if number in done:
-                self.line(f"v{number} = w[{self.row(('node', number))}, i]", 4)
+                self.line(f"v{number} = w[{self.row(('node', number))}, i]", 3)
                 continue
             node = self.graph.nodes[number]
             if node.kind in _TURNING:
@@ -142,20 +146,27 @@ class _Writer:
                     turned.add(node.args[0])
                     text = (SINCOS32 if self.single else SINCOS).format(x=f"w[{self.row(('angle', node.args[0]))}, i]")
                     for line in text.splitlines():
-                        self.line(line, 4)
-                    self.line(f"cos{node.args[0]} = cosine", 4)
-                    self.line(f"sin{node.args[0]} = sine", 4)
-                self.line(f"v{number} = {node.kind}{node.args[0]}", 4)
+                        self.line(line)
+                    self.line(f"cos{node.args[0]} = cosine", 3)
+                    self.line(f"sin{node.args[0]} = sine", 3)
+                self.line(f"v{number} = {node.kind}{node.args[0]}", 3)
             else:
                 sign = {"add": "+", "sub": "-", "mul": "*"}[node.kind]
-                self.line(f"v{number} = {self._operand(node.args[0])} {sign} {self._operand(node.args[1])}", 4)
+                self.line(f"v{number} = {self._operand(node.args[0])} {sign} {self._operand(node.args[1])}", 3)
             if number in self.shared:
-                self.line(f"w[{self.row(('node', number))}, i] = v{number}", 4)
+                self.line(f"w[{self.row(('node', number))}, i] = v{number}", 3)
                 done.add(number)
         if self.mode in ("smallest", "least"):
             self._minimum(index, members)
         else:
-            self._rows_out(members)
+            self._rows(members)
+        text = "\n".join(line.strip() for line in self.lines)
+        self.loops.append(f'body{index} = loop_body("""\\\n{text}\n""", TILE, F is np.float32)\n')
+        self.lines = body
+        self.line("for i in range(padded):")
+        self.line(f"body{index}(w, i)", 4)
+        if self.mode not in ("smallest", "least"):
+            self._store(members)
 
     def _needed(self, outputs: Iterable[int], done: set[int]) -> list[int]:
         """Return the nodes that a loop computes or loads: nothing below what is done already."""
@@ -170,48 +181,54 @@ class _Writer:
                 stack.extend(node.args)
         return sorted(needed)
 
-    def _rows_out(self, members: Sequence[int]) -> None:
-        width = self.program.n if self.mode == "gradients" else 1
+    @property
+    def _width(self) -> int:
+        return self.program.n if self.mode == "gradients" else 1
+
+    def _rows(self, members: Sequence[int]) -> None:
+        """Write norms, clearances or gradients of some boundaries into scratch."""
         gradients = self.program.gradients() if self.mode == "gradients" else []
         for slot, k in enumerate(members):
-            self.line(f"norm = math.sqrt({self._operand(self.program.squares[k])})", 4)
+            self.line(f"norm = math.sqrt({self._operand(self.program.squares[k])})")
             if self.mode == "gradients":
-                self.line(f"inverse = {self.number(1.0)} / norm", 4)
-                for j in range(width):
-                    row = self.row(("out", slot * width + j))
-                    self.line(f"w[{row}, i] = {self._operand(gradients[k][j])} * inverse", 4)
+                self.line(f"inverse = {self.number(1.0)} / norm")
+                for j, dot in enumerate(gradients[k]):
+                    row = self.row(("out", slot * self._width + j))
+                    self.line(f"w[{row}, i] = {self._operand(dot)} * inverse")
                 continue
             threshold = self.program.thresholds[k]
             less = f" - {self.number(threshold)}" if self.mode == "clearances" and threshold else ""
-            self.line(f"w[{self.row(('out', slot))}, i] = norm{less}", 4)
-        first = members[0] * width
+            self.line(f"w[{self.row(('out', slot))}, i] = norm{less}")
+
+    def _store(self, members: Sequence[int]) -> None:
         self.line("for i in range(n):")
-        for slot in range(len(members) * width):
-            self.line(f"out[start + i, {first + slot}] = w[{self.row(('out', slot))}, i]", 4)
+        for slot in range(len(members) * self._width):
+            row = self.row(("out", slot))
+            self.line(f"out[start + i, {members[0] * self._width + slot}] = w[{row}, i]", 4)
 
     def _minimum(self, index: int, members: Sequence[int]) -> None:
         """Take the least square of each threshold, one root a threshold; sqrt and the subtraction are monotone."""
         with_index = self.mode == "smallest"
         best, which = self.row("best"), self.row("which") if with_index else -1
-        self.line(f"best = {'INFINITY' if not index else f'w[{best}, i]'}", 4)
+        self.line(f"best = {'INFINITY' if not index else f'w[{best}, i]'}")
         if with_index:
-            self.line(f"which = {self.number(-1.0) if not index else f'w[{which}, i]'}", 4)
+            self.line(f"which = {self.number(-1.0) if not index else f'w[{which}, i]'}")
         for start, stop in _runs([self.program.thresholds[k] for k in members]):
-            self.line(f"least = {self._operand(self.program.squares[members[start]])}", 4)
+            self.line(f"least = {self._operand(self.program.squares[members[start]])}")
             if with_index:
-                self.line(f"at = {self.number(float(members[start]))}", 4)
+                self.line(f"at = {self.number(float(members[start]))}")
             for k in members[start + 1 : stop]:
                 square = self._operand(self.program.squares[k])
                 if with_index:
-                    self.line(f"at = pick({square} < least, {self.number(float(k))}, at)", 4)
-                self.line(f"least = pick({square} < least, {square}, least)", 4)
-            self.line(f"found = math.sqrt(least) - {self.number(self.program.thresholds[members[start]])}", 4)
+                    self.line(f"at = pick({square} < least, {self.number(float(k))}, at)")
+                self.line(f"least = pick({square} < least, {square}, least)")
+            self.line(f"found = math.sqrt(least) - {self.number(self.program.thresholds[members[start]])}")
             if with_index:
-                self.line("which = pick(found < best, at, which)", 4)
-            self.line("best = pick(found < best, found, best)", 4)
-        self.line(f"w[{best}, i] = best", 4)
+                self.line("which = pick(found < best, at, which)")
+            self.line("best = pick(found < best, found, best)")
+        self.line(f"w[{best}, i] = best")
         if with_index:
-            self.line(f"w[{which}, i] = which", 4)
+            self.line(f"w[{which}, i] = which")
 
     def _store_smallest(self) -> None:
         if self.mode not in ("smallest", "least"):
@@ -238,41 +255,17 @@ def _groups(program: Program, mode: str) -> Iterator[tuple[list[int], list[int]]
         order.sort(key=lambda k: program.thresholds[k])
     width = program.n if mode == "gradients" else 1
     gradients = program.gradients() if mode == "gradients" else []
-    count = max(1, _ROWS_PER_LOOP // max(1, width))
-    for start in range(0, len(order), count):
-        members = order[start : start + count]
-        outputs = [program.squares[k] for k in members]
-        yield outputs + [node for k in members for node in (gradients[k] if gradients else ())], members
-
-
-_CASTS = '''
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
-
-
-@intrinsic
-def bits(context, x):
-    """Return a float64 as the int64 of its bits."""
-    return types.int64(types.float64), lambda _, builder, __, args: builder.bitcast(args[0], ir.IntType(64))
-
-
-@intrinsic
-def pick(context, condition, x, y):
-    """Return x where the condition holds, else y, without a branch that Numba would have to analyse."""
-    return x(types.boolean, x, x), lambda _, builder, __, args: builder.select(*args)
-
-
-@intrinsic
-def real(context, x):
-    """Return an int64 as the float64 of its bits."""
-    return types.float64(types.int64), lambda _, builder, __, args: builder.bitcast(args[0], ir.DoubleType())
-'''
-
-
-def bit_casts() -> str:
-    """Return the source of `bits` and `real`, which reread a float64 as an int64 and back."""
-    return _CASTS
+    seen, outputs, members, size = set[int](), list[int](), list[int](), 0
+    for k in order:
+        wanted = [program.squares[k], *(gradients[k] if gradients else ())]
+        fresh = set(program.graph.reachable(wanted)) - seen
+        if members and (size + len(fresh) > _NODES_PER_LOOP or (len(members) + 1) * width > _ROWS_PER_LOOP):
+            yield outputs, members
+            outputs, members, size = [], [], 0
+        outputs, members, size = outputs + wanted, [*members, k], size + len(fresh)
+        seen |= fresh
+    if members:
+        yield outputs, members
 
 
 _FRAME = '''"""Generated by pinbound; do not edit."""
@@ -282,17 +275,21 @@ import math
 import numpy as np
 from numba import njit
 
-F = np.float32
-INFINITY = {real}(np.inf)
-REGULAR = {real}({regular})
-{casts}
+from pinbound.interpreters.kernel.lowering import loop_body
 
+F = {real}
+INFINITY = F(np.inf)
+REGULAR = F({regular})
+TILE = {tile}
+
+
+{loops}
 @njit(cache=CACHE, nogil=True, error_model="numpy", fastmath={{"contract"}}, boundscheck=False)
 def kernel(Q, out, index, lo, hi):
-    w = np.empty(({rows}, {tile}), {real})
+    w = np.empty(({rows}, TILE), {real})
     irregular = 0
-    for start in range(lo, hi, {tile}):
-        n = min({tile}, hi - start)
+    for start in range(lo, hi, TILE):
+        n = min(TILE, hi - start)
         padded = (n + {lanes} - 1) // {lanes} * {lanes}
 {body}
     return irregular

@@ -135,8 +135,9 @@ class LinearProgram:
         matrix = np.array([[form.get(feature, 0.0) for feature in self.features] for form in forms])
         matrix = matrix.reshape(len(program.vectors), 3, len(self.features)).swapaxes(0, 1)
         self.matrices = [part for part in matrix if np.any(part)]
-        terms = sum(len(form) for form in forms)
-        self.is_worthwhile = len(self.features) * len(forms) <= _DENSE * terms
+        components = [component for r in program.vectors for component in r]
+        inner = len(program.graph.reachable(components)) - len(program.graph.reachable(self.features))
+        self.is_worthwhile = len(self.features) * len(forms) <= _DENSE * inner
         rows = len(self.features) + len(program.squares) * (len(self.matrices) + 1)
         self.chunk = int(min(8192, max(512, _L2_BYTES // 8 // rows // 256 * 256)))
 
