@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from pinbound.cli import inspect
+from pinbound.cli import batch, inspect
 from pinbound.cli.shared import guarded
 
 __all__ = ["app", "main"]
@@ -17,7 +17,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-for command in (inspect.info, inspect.derive, inspect.limits, inspect.region):
+for command in (inspect.info, inspect.derive, inspect.limits, inspect.region, batch.batch):
     app.command(command.__name__)(guarded(command))
 
 
