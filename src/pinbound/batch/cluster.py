@@ -44,9 +44,10 @@ def results(
         threads = sum(client.nthreads().values())
         shared = client.scatter(evaluation, broadcast=True)
         pending = _tasks(client, shared, source, size, wanted)
-        running = distributed.as_completed()
-        for future in _take(pending, _TASKS_PER_THREAD * max(1, threads)):
-            running.add(future)
+        first = list(_take(pending, _TASKS_PER_THREAD * max(1, threads)))
+        if not first:
+            return
+        running = distributed.as_completed(first, loop=client.loop)
         for future in running:
             yield future.result()
             future.release()
