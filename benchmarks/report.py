@@ -297,7 +297,7 @@ neighbours and that do not overlap at home; exact signed clearances in float64.
 | --- | ---: | ---: | ---: |
 {panda_rows}
 
-{panda:.0f} ns for the exact smallest clearance of {pairs} pairs, {factor:.0f} times faster than Pinocchio's C++ batch on
+{panda:.0f} ns for the smallest clearance of {pairs} pairs, {factor:.0f} times faster than Pinocchio's C++ batch on
 the same spheres. For comparison, measured elsewhere on such a machine and not in this run: VAMP's hand-vectorised
 float32 check of a Panda of 59 spheres takes 85 ns for a yes or no. It has more spheres, and stops at the first contact.
 

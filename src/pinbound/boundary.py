@@ -337,7 +337,7 @@ class BoundarySet(Sequence[Boundary]):
         Args:
             Q: (n,) or (N, n).
             out: For many q, a buffer (N, m) of `dtype` to fill and return. A new array has contiguous columns.
-            threads: Over how many threads rows are split; results do not depend on it.
+            threads: Over how many threads rows are split; compiled results do not depend on it.
             backend: ``"compiled"`` (Numba, extra `fast`), ``"numpy"``, or ``"auto"``: compiled where the code exists
                 already in this process, or where there is enough work to pay for a compile of a second.
             dtype: float64, or float32: about twice as fast, with an error of 1e-6 of the paths' lengths.

@@ -113,7 +113,7 @@ def run(
             {"file": f"{_stem(i)}.parquet", **{k: r[k] for k in ("rows", "bytes", "sha256")}}
             for i, r in enumerate(records)
         ]
-        state = {"state": "complete", "rows": total.rows, "invalid": total.invalid, "chunks": chunks}
+        state: dict[str, Any] = {"state": "complete", "rows": total.rows, "invalid": total.invalid, "chunks": chunks}
         if total.verdicts:
             state["verdicts"] = dict(zip(VERDICTS, total.verdicts, strict=True))
         _write(folder / "manifest.json", _json({**manifest, **state}))

@@ -11,7 +11,6 @@ import hashlib
 import importlib.util
 import os
 import sys
-import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -48,6 +47,8 @@ def compile_source(source: str) -> Callable[..., int]:
 
 def _cached_file(name: str, text: str) -> Path | None:
     """Return a file with exactly this text; None if the cache cannot be written."""
+    import tempfile
+
     folder = _cache_folder()
     path = folder / f"{name}.py"
     try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import Any, Literal
 
@@ -161,6 +160,8 @@ class Kernel:
         if count == 1:
             irregular = work(0, len(Q))
         else:
+            from concurrent.futures import ThreadPoolExecutor
+
             ends = [round(len(Q) * part / count) for part in range(count + 1)]
             with ThreadPoolExecutor(count) as pool:
                 irregular = sum(pool.map(work, ends[:-1], ends[1:]))
@@ -281,7 +282,7 @@ def _real(dtype: Any) -> np.dtype[Any]:
     return kind
 
 
-def _buffer(out: Array | None, shape: tuple[int, ...], dtype: np.dtype[Any], columns: bool) -> Array:
+def _buffer(out: Any, shape: tuple[int, ...], dtype: np.dtype[Any], columns: bool) -> Array:
     """Return `out` if it fits, or a new array.
 
     Raises:

@@ -9,13 +9,14 @@ files import Numba.
 from __future__ import annotations
 
 import ast
+import importlib
 import math
 from typing import Any
 
-from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
+_ir: Any = importlib.import_module("llvmlite.ir")
+_types: Any = importlib.import_module("numba.types")
+_cgutils: Any = importlib.import_module("numba.core.cgutils")
+_intrinsic: Any = importlib.import_module("numba.extending").intrinsic
 
 __all__ = ["loop_body"]
 
@@ -38,21 +39,21 @@ def loop_body(text: str, tile: int, is_single: bool) -> Any:
 
     def body(_: Any, w: Any, i: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            array = cgutils.create_struct_proxy(signature.args[0])(context, builder, value=args[0])
+            array = _cgutils.create_struct_proxy(signature.args[0])(context, builder, value=args[0])
             _Lowering(builder, array.data, args[1], tile, is_single).run(tree)
             return context.get_dummy_value()
 
-        return types.void(w, types.intp), generate
+        return _types.void(w, _types.intp), generate
 
     body.__doc__ = "Run one loop body."
-    return intrinsic(body)
+    return _intrinsic(body)
 
 
 class _Lowering:
     def __init__(self, builder: Any, data: Any, index: Any, tile: int, is_single: bool) -> None:
         self.builder, self.data, self.index, self.tile = builder, data, index, tile
-        self.real: Any = ir.FloatType() if is_single else ir.DoubleType()
-        self.integer: Any = ir.IntType(64)
+        self.real: Any = _ir.FloatType() if is_single else _ir.DoubleType()
+        self.integer: Any = _ir.IntType(64)
         self.names: dict[str, Any] = {}
 
     def run(self, tree: ast.Module) -> None:
@@ -78,8 +79,8 @@ class _Lowering:
             return self.real(math.inf) if node.id == "INFINITY" else self.names[node.id]
         if isinstance(node, ast.Constant):
             return self.integer(node.value) if like is self.integer else self.real(node.value)
-        if isinstance(node, ast.UnaryOp) and isinstance(node.operand, ast.Constant):
-            return self.real(-node.operand.value)
+        if isinstance(node, ast.UnaryOp):
+            return self.real(ast.literal_eval(node))
         if isinstance(node, ast.Subscript):
             return self.builder.load(self.pointer(node))
         if isinstance(node, ast.BinOp):
@@ -111,9 +112,9 @@ class _Lowering:
         if name == "real":
             return self.builder.bitcast(values[0], self.real)
         if name == "math.sqrt":
-            kind = ir.FunctionType(self.real, [self.real])
-            root = cgutils.get_or_insert_function(
-                self.builder.module, kind, f"llvm.sqrt.{'f32' if self.real == ir.FloatType() else 'f64'}"
+            kind = _ir.FunctionType(self.real, [self.real])
+            root = _cgutils.get_or_insert_function(
+                self.builder.module, kind, f"llvm.sqrt.{'f32' if self.real == _ir.FloatType() else 'f64'}"
             )
             return self.builder.call(root, values)
         raise TypeError(name)
