@@ -116,8 +116,11 @@ def test_local_and_common_programs_give_the_same_norms(name: str, robots: dict[s
     kernel, n = robot.boundaries.kernel, len(robot.coordinates)
     Q = configurations(robot, 50, seed=8)
     common = robot.boundaries._common()
-    for program in (compile_program(kernel.pairs, n), engine.Kernel(kernel.pairs, n, lambda: common).program):
-        one = engine.Kernel(kernel.pairs, n, lambda: None)
+    for program in (
+        compile_program(kernel.pairs, n),
+        engine.Kernel(kernel.pairs, n, kernel.reference, lambda: common).program,
+    ):
+        one = engine.Kernel(kernel.pairs, n, kernel.reference, lambda: None)
         one.__dict__["program"] = program
         assert close(one.rows(Q, "norms", backend="numpy"), reference(robot, Q))
 

@@ -15,7 +15,7 @@ from pinbound.annotations import Point
 from pinbound.coupling import LinearLimit, as_configurations, linear_text
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import numeric, univariate
-from pinbound.interpreters.kernel import Backend, Kernel, Pair
+from pinbound.interpreters.kernel import Backend, Kernel, Pair, Reference
 from pinbound.interpreters.univariate import AllowedArcs
 from pinbound.path import Chain, Kind, RelativePath
 
@@ -167,7 +167,7 @@ class Boundary:
 
     def norm(self, q: ArrayLike) -> Any:
         """Return `beta = |r|` [m]: a float, or (N,)."""
-        return self._each(q, lambda Q: numeric.norm(numeric.positions(self.path.minimal, Q)))
+        return self._each(q, lambda Q: _norms(self.path.minimal, Q))
 
     def clearance(self, q: ArrayLike) -> Any:
         """Return `norm - threshold` [m]: positive is free, zero is contact."""
@@ -321,7 +321,7 @@ class BoundarySet(Sequence[Boundary]):
         pairs = [
             Pair(b.path.minimal, b.path.frame, b.threshold, (b.point_a.name, b.point_b.name)) for b in self._boundaries
         ]
-        return Kernel(pairs, len(self._coordinates), lambda: self._common() or None)
+        return Kernel(pairs, len(self._coordinates), _REFERENCE, lambda: self._common() or None)
 
     def norms(
         self,
@@ -494,6 +494,13 @@ class BoundarySet(Sequence[Boundary]):
             lower_stop if math.isfinite(lower) else None,
             upper_stop if math.isfinite(upper) else None,
         )
+
+
+def _norms(chain: Chain, Q: Array) -> Array:
+    return numeric.norm(numeric.positions(chain, Q))
+
+
+_REFERENCE = Reference(_norms, numeric.gradient)
 
 
 def _linear_span(limit: LinearLimit, index: int, q: Array) -> tuple[float, float] | None:

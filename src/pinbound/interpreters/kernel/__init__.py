@@ -6,6 +6,6 @@ compile for; `engine` chooses.
 """
 
 from pinbound.interpreters.kernel.engine import BACKENDS, Backend, Kernel
-from pinbound.interpreters.kernel.program import Pair
+from pinbound.interpreters.kernel.program import Pair, Reference
 
-__all__ = ["BACKENDS", "Backend", "Kernel", "Pair"]
+__all__ = ["BACKENDS", "Backend", "Kernel", "Pair", "Reference"]

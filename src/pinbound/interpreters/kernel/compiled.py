@@ -1,6 +1,7 @@
 """Machine code of a program: its source goes to a file of the user's cache, Numba compiles it and keeps the result.
 
-The file's name is a hash of its text, so that another robot, or another version of pinbound, never meets old code.
+The file's name is a hash of its text and of `lowering.py`, so that another robot, or another version of pinbound,
+never meets old code.
 The folder is `PINBOUND_CACHE_DIR`, else `XDG_CACHE_HOME/pinbound`, else `~/.cache/pinbound`; where it cannot be
 written, code is compiled for this process alone.
 """
@@ -27,6 +28,8 @@ def has_numba() -> bool:
 
 def compile_source(source: str) -> Callable[..., int]:
     """Return the `kernel` of a source; machine code comes from the cache where it is there."""
+    lowering = hashlib.sha256(Path(__file__).with_name("lowering.py").read_bytes()).hexdigest()
+    source = f"# lowering.py {lowering}\n{source}"
     digest = hashlib.sha256(source.encode()).hexdigest()[:24]
     name = f"pinbound_kernel_{digest}"
     path = _cached_file(name, "CACHE = True\n" + source)

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
-from pinbound.interpreters import numeric
 from pinbound.interpreters.kernel.compiled import compile_source, has_numba
-from pinbound.interpreters.kernel.program import Pair, Program, compile_program
+from pinbound.interpreters.kernel.program import Pair, Program, Reference, compile_program
 from pinbound.interpreters.kernel.source import kernel_source, scalar_source
 from pinbound.interpreters.kernel.vectorised import LinearProgram, VectorisedProgram
 from pinbound.path import Chain
@@ -43,26 +42,33 @@ class Kernel:
     the length of the paths near contact.
     """
 
-    def __init__(self, pairs: Sequence[Pair], n: int, common: Callable[[], Mapping[str, Chain] | None]) -> None:
+    def __init__(
+        self,
+        pairs: Sequence[Pair],
+        n: int,
+        reference: Reference,
+        common: Callable[[], Mapping[str, Chain] | None],
+    ) -> None:
         """Hold what to evaluate.
 
         Args:
             pairs: The boundaries.
             n: Number of active coordinates.
+            reference: Gives rows that are not finite.
             common: Returns each marked point's chain in one common frame, or None.
         """
         self.pairs, self.n = tuple(pairs), n
-        self._common = common
+        self.reference, self._common = reference, common
         self._scalar: dict[str, Callable[..., list[float]]] = {}
         self._compiled: dict[tuple[str, bool], Callable[..., int]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave machine code out; the receiver compiles or loads its own."""
-        return {"pairs": self.pairs, "n": self.n, "program": self.program}
+        return {"pairs": self.pairs, "n": self.n, "program": self.program, "reference": self.reference}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore what `__getstate__` kept."""
-        self.__init__(state["pairs"], state["n"], lambda: None)
+        self.__init__(state["pairs"], state["n"], state["reference"], _no_common)
         self.__dict__["program"] = state["program"]
 
     @cached_property
@@ -257,9 +263,9 @@ class Kernel:
         rows = Q[bad].astype(np.float64)
         if mode == "gradients":
             for k, pair in enumerate(self.pairs):
-                out[bad, k * self.n : (k + 1) * self.n] = numeric.gradient(pair.minimal, rows)
+                out[bad, k * self.n : (k + 1) * self.n] = self.reference.gradients(pair.minimal, rows)
             return
-        norms = np.column_stack([numeric.norm(numeric.positions(pair.minimal, rows)) for pair in self.pairs])
+        norms = np.column_stack([self.reference.norms(pair.minimal, rows) for pair in self.pairs])
         if mode == "norms":
             out[bad] = norms
             return
@@ -270,6 +276,10 @@ class Kernel:
         out[bad, 0] = np.min(clearances, axis=1)
         if mode == "smallest":
             index[bad] = np.where(np.any(np.isnan(clearances), axis=1), -1, np.argmin(clearances, axis=1))
+
+
+def _no_common() -> None:
+    """Return that there is no common frame."""
 
 
 _NO_INDEX = np.empty(0, dtype=np.int64)

@@ -17,7 +17,7 @@ a coordinate must stay with the boundaries that depend on it. `docs/kernel.md` h
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +27,7 @@ from pinbound.interpreters.kernel.scalars import Graph, Vector
 from pinbound.path import Chain
 from pinbound.tolerances import KERNEL_CONSTANT, REDUCTION
 
-__all__ = ["Pair", "Program", "compile_program"]
+__all__ = ["Pair", "Program", "Reference", "compile_program"]
 
 Array = NDArray[np.float64]
 Angle = tuple[float, ...]
@@ -48,6 +48,19 @@ class Pair:
     frame: int
     threshold: float
     points: tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The interpreter that the kernel has to equal, asked for rows that are not finite.
+
+    Attributes:
+        norms: (N,) norms of a chain at Q (N, n).
+        gradients: (N, n) gradients of the norm.
+    """
+
+    norms: Callable[[Chain, Array], Array]
+    gradients: Callable[[Chain, Array], Array]
 
 
 @dataclass(frozen=True)
