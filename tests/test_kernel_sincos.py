@@ -12,6 +12,10 @@ from pinbound.interpreters.kernel import sincos, vectorised
 numba = pytest.importorskip("numba")
 
 ULP = 2.0
+"""What is promised."""
+
+FOUND = 1.25
+"""What random arguments may show: 1.05 is found, and each rounding that the reduction carries, left out, shows 1.28."""
 
 
 def compiled(text: str, dtype: Any) -> Any:
@@ -55,8 +59,8 @@ def ulps(found: Any, exact: Any) -> float:
 def test_random_arguments_stay_below_two_ulp(reach: float, double: Any) -> None:
     X = np.random.default_rng(int(1 + reach)).uniform(-reach, reach, 200_000)
     S, C = double(X)
-    assert ulps(S, np.sin(X.astype(np.longdouble))) < ULP
-    assert ulps(C, np.cos(X.astype(np.longdouble))) < ULP
+    assert ulps(S, np.sin(X.astype(np.longdouble))) < FOUND
+    assert ulps(C, np.cos(X.astype(np.longdouble))) < FOUND
 
 
 def test_the_neighbours_of_multiples_of_half_pi_stay_below_two_ulp(double: Any) -> None:
