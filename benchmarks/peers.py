@@ -22,16 +22,21 @@ Call = Callable[[], object]
 SOURCE = Path(__file__).with_name("hand_written.c")
 
 
-def interleaved(calls: dict[str, tuple[Call, int]], repetitions: int) -> dict[str, np.ndarray]:
-    """Time all calls in turn, again and again; return ns a configuration, one entry a repetition."""
+def interleaved(calls: dict[str, tuple[Call, int]], repetitions: int, wall: bool = False) -> dict[str, np.ndarray]:
+    """Time all calls in turn, again and again; return ns a configuration, one entry a repetition.
+
+    Processor time, which a busy machine distorts least and which equals wall time for one thread on an idle one; or wall
+    time, for several threads.
+    """
+    clock = time.perf_counter if wall else time.process_time
     times: dict[str, list[float]] = {name: [] for name in calls}
     for call, _ in calls.values():
         call()
     for _ in range(repetitions):
         for name, (call, rows) in calls.items():
-            start = time.perf_counter()
+            start = clock()
             call()
-            times[name].append(1e9 * (time.perf_counter() - start) / rows)
+            times[name].append(1e9 * (clock() - start) / rows)
     return {name: np.array(values) for name, values in times.items()}
 
 

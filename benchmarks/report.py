@@ -10,6 +10,7 @@ import argparse
 import datetime
 import os
 import platform
+import resource
 import subprocess
 import sys
 import tempfile
@@ -112,7 +113,7 @@ def threads(repetitions: int) -> float:
     robot = robots.minervabot()
     Q = configurations(robot, 2_000_000)
     calls = {str(k): (peers.kernel(robot, Q, threads=k), len(Q)) for k in (1, 2)}
-    times = peers.interleaved(calls, repetitions)
+    times = peers.interleaved(calls, repetitions, wall=True)
     return float(np.median(times["1"] / times["2"]))
 
 
@@ -122,15 +123,15 @@ def single(repetitions: int = 20) -> float:
     B.norms(q)
     best = []
     for _ in range(repetitions):
-        start = time.perf_counter()
+        start = time.process_time()
         for _ in range(1000):
             B.norms(q)
-        best.append((time.perf_counter() - start) * 1e3)
+        best.append((time.process_time() - start) * 1e3)
     return float(np.median(best))
 
 
 def startup(repetitions: int) -> dict[str, float]:
-    """Seconds of fresh processes, interleaved; medians."""
+    """Seconds of processor time of fresh processes, interleaved; medians."""
     first = "import numpy as np, pinbound as pb\nB = pb.load('minervabot_v3').boundaries\nQ = np.ones((1000, 3))\n"
     programs = {
         "pinocchio": "import pinocchio",
@@ -141,9 +142,10 @@ def startup(repetitions: int) -> dict[str, float]:
     times: dict[str, list[float]] = {name: [] for name in programs}
     for _ in range(repetitions + 1):
         for name, code in programs.items():
-            start = time.perf_counter()
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
             subprocess.run([sys.executable, "-c", code], check=True)
-            times[name].append(time.perf_counter() - start)
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            times[name].append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
     return {name: float(np.median(values[1:])) for name, values in times.items()}
 
 
@@ -251,6 +253,8 @@ def main() -> None:
     repeated = [f"| {label} | {ratio(times, a, b):,.2f} | {ratio(again, a, b):,.2f} |" for label, a, b in key]
     page = PAGE.format(
         cpu=cpu(),
+        load=os.getloadavg()[0],
+        cores=os.cpu_count(),
         date=datetime.datetime.now(tz=datetime.timezone.utc).date(),
         versions=", ".join(f"{k} {v}" for k, v in versions.items()),
         repetitions=options.repetitions,
@@ -272,9 +276,11 @@ def main() -> None:
 PAGE = """\
 # Performance
 
-Written by `python -m benchmarks.report` on {date}: {cpu}; {versions}. One thread unless said. All rows of a table were
-run in turn, {repetitions} times over; a ratio is the median of the quotients of single repetitions. The machine is
-shared: trust the ratios, not the times. `docs/kernel.md` says how the kernel works and how exact it is.
+Written by `python -m benchmarks.report` on {date}: {cpu}; {versions}.
+One thread unless said. All rows of a table were run in turn, {repetitions} times over; a ratio is the median of the
+quotients of single repetitions. Times are processor time, and the load of the machine was {load:.1f} on its {cores} cores at
+the end of the run: others' work still shares caches and memory, so trust the ratios more than the times.
+`docs/kernel.md` says how the kernel works and how exact it is.
 
 ## MinervaBotV3, ten boundaries, N = 90,000 (fewer for slow peers)
 
@@ -305,7 +311,7 @@ float32 check of a Panda of 59 spheres takes 85 ns for a yes or no. It has more 
 
 | what | value |
 | --- | ---: |
-| two threads against one, ten norms, N = 2,000,000 | {two:.2f} times faster |
+| two threads against one, ten norms, N = 2,000,000, wall time (needs two idle cores) | {two:.2f} times faster |
 | one single q, `B.norms(q)` | {one:.1f} us |
 | `import pinbound` / `import pinocchio` | {imports:.2f} |
 | first compiled call from the cache, more than the same program in NumPy (Numba's import included) | {cached:.2f} s |
