@@ -25,8 +25,8 @@ SOURCE = Path(__file__).with_name("hand_written.c")
 def interleaved(calls: dict[str, tuple[Call, int]], repetitions: int, wall: bool = False) -> dict[str, np.ndarray]:
     """Time all calls in turn, again and again; return ns a configuration, one entry a repetition.
 
-    Processor time, which a busy machine distorts least and which equals wall time for one thread on an idle one; or wall
-    time, for several threads.
+    Processor time, which a busy machine distorts least and which equals wall time for one thread on an idle one; or
+    wall time, for several threads.
     """
     clock = time.perf_counter if wall else time.process_time
     times: dict[str, list[float]] = {name: [] for name in calls}

@@ -278,8 +278,8 @@ PAGE = """\
 
 Written by `python -m benchmarks.report` on {date}: {cpu}; {versions}.
 One thread unless said. All rows of a table were run in turn, {repetitions} times over; a ratio is the median of the
-quotients of single repetitions. Times are processor time, and the load of the machine was {load:.1f} on its {cores} cores at
-the end of the run: others' work still shares caches and memory, so trust the ratios more than the times.
+quotients of single repetitions. Times are processor time; the load was {load:.1f} on {cores} cores at the
+end of the run. Others' work shares caches and memory: trust the ratios more than the times.
 `docs/kernel.md` says how the kernel works and how exact it is.
 
 ## MinervaBotV3, ten boundaries, N = 90,000 (fewer for slow peers)

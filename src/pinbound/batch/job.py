@@ -208,7 +208,8 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def _manifest(evaluation: Evaluation, source: Source, chunk_rows: int) -> dict[str, Any]:
-    versions = {name: importlib.metadata.version(name) for name in ("pinbound", "numpy", "pyarrow")}
+    makers = ("pinbound", "numpy", "pyarrow", *(("numba",) if evaluation.backend == "compiled" else ()))
+    versions = {name: importlib.metadata.version(name) for name in makers}
     return {
         "format": FORMAT,
         "state": "running",
