@@ -1,7 +1,7 @@
 """pinbound: coupled joint limits and self-collision boundaries in closed form, from a URDF, beside Pinocchio."""
 
 from pinbound.annotations import Annotations, BoundaryMark, ClosureMark, FollowerMark, LimitMark, Point
-from pinbound.boundary import Boundary, BoundarySet, ContactAngle, CoordinateLimits
+from pinbound.boundary import Boundary, BoundarySet, ContactAngle, CoordinateLimits, Smallest
 from pinbound.certificates import (
     BoundedMotion,
     BoxCertificate,
@@ -79,6 +79,7 @@ __all__ = [
     "Region",
     "Robot",
     "Section",
+    "Smallest",
     "SmallestClearance",
     "SweptBody",
     "UnknownNameError",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -26,7 +26,7 @@ from pinbound.exceptions import (
 )
 from pinbound.interpreters import numeric
 from pinbound.parallelograms import settle
-from pinbound.path import absolute_chain, relative_path
+from pinbound.path import Chain, absolute_chain, relative_path
 from pinbound.tolerances import HOME
 from pinbound.tree import Tree
 from pinbound.urdf import Mimic, build_model, read_kinematics
@@ -255,7 +255,9 @@ def load(
         coupling=coupling,
         linear_limits=limits,
         closures=closures,
-        boundaries=BoundarySet(boundaries, coupling.coordinates, limits, home),
+        boundaries=BoundarySet(
+            boundaries, coupling.coordinates, limits, home, partial(_common_chains, tree, coupling, boundaries)
+        ),
         home=home,
         notes=(*kinematics.notes, *coupled, *notes),
         package_dirs=tuple(map(str, package_dirs)),
@@ -325,3 +327,12 @@ def _boundaries(tree: Tree, coupling: Coupling, marks: Annotations, home: Array,
             remedy = "Choose a free home, or mend the points and distances of this boundary"
             problems.add(message, remedy, marks.home_line or mark.line)
     return boundaries
+
+
+def _common_chains(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]) -> dict[str, Chain] | None:
+    """Return every marked point's chain in the root's frame; None if a joint of several coordinates lies between."""
+    points = [point for boundary in boundaries for point in (boundary.point_a, boundary.point_b)]
+    try:
+        return {point.name: absolute_chain(tree, coupling, point) for point in points}
+    except UnsupportedError:
+        return None

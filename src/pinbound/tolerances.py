@@ -30,6 +30,7 @@ __all__ = [
     "UNIT_ROUNDOFF",
     "VERTEX",
 ]
+__all__ = ["CLOSURE", "CONTACT", "IMPLIED", "KERNEL_CONSTANT", "REDUCTION", "SYMBOLIC_DIGITS", "VERTEX"]
 
 CONTACT: Final = 2e-5
 """Metres. Default `contact_tolerance`: two arms that should have equal lengths may differ by the rounding of
@@ -115,3 +116,6 @@ their shape."""
 ROOT: Final = 1e-13
 """Relative to the size of a coordinate (1 rad at least). Where contact cannot be told from freedom in an interval
 of this half-width, it is taken for contact: the width at which rounding hides a triple root."""
+KERNEL_CONSTANT: Final = 2.0**-52
+"""Relative to the length of a path, and absolute for entries of rotations: constants of the batch kernel that differ
+by this, the last digit of a float64, are one constant, so that what they stand for is computed once."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import typer
 
-from pinbound.cli import check, inspect, mark, report, reproduce
+from pinbound.cli import batch, check, inspect, mark, report, reproduce
 from pinbound.cli.shared import guarded
 
 __all__ = ["app", "main"]
@@ -28,6 +28,7 @@ _register(inspect.info)
 _register(inspect.derive)
 _register(inspect.limits)
 _register(inspect.region)
+_register(batch.batch)
 _register(check.check)
 _register(mark.mark)
 _register(report.report)

@@ -1,0 +1,228 @@
+"""What is asked of a chunk of configurations, as one value that a worker on another machine can be sent."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
+from pinbound.interpreters.kernel import Kernel
+from pinbound.region import Region, feasible_region
+from pinbound.robot import Robot
+
+__all__ = ["BINS", "COLUMNS", "VERDICTS", "Evaluation", "Statistics", "evaluation_of"]
+
+Array = NDArray[np.float64]
+
+COLUMNS = ("coordinates", "clearances", "smallest", "region", "verdict")
+"""Groups of columns that can be asked for; `row` is always there."""
+
+VERDICTS = ("inside", "free", "outside", "limit", "contact", "invalid")
+"""inside: free, within limits and in the region around home. free: the same, where no region is known. outside: free,
+but not in that region. limit: free, a joint limit is violated. contact: a clearance is zero or less. invalid: a number
+is not finite."""
+
+BINS = 1024
+"""Bins of each boundary's histogram in the summary: quantiles are good to a bin, the path's length over this."""
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Counts of one chunk, or of several merged.
+
+    Attributes:
+        rows: Rows.
+        invalid: Rows that are not finite.
+        verdicts: Rows a verdict, in the order of `VERDICTS`; empty if verdicts were not asked for.
+        minima: (m,) smallest clearance of each boundary [m]; empty without a summary.
+        contacts: (m,) rows with clearance zero or less.
+        histograms: (m, BINS) counts over each boundary's possible clearances.
+    """
+
+    rows: int
+    invalid: int
+    verdicts: list[int] = field(default_factory=list[int])
+    minima: list[float] = field(default_factory=list[float])
+    contacts: list[int] = field(default_factory=list[int])
+    histograms: list[list[int]] = field(default_factory=list[list[int]])
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A robot's boundaries, limits and region, and the columns that are wanted.
+
+    Attributes:
+        robot: The robot's name.
+        coordinates: Active coordinates.
+        boundaries: Names of the boundaries.
+        kernel: Evaluates them.
+        limits: (k, n), (k,), (k,), (k,): coefficients, offset, lower and upper of every joint limit.
+        region: The region around home; None if it is not known.
+        region_note: Why it is not known.
+        columns: Some of `COLUMNS`.
+        summary: Whether statistics of every boundary are kept.
+        backend: ``"compiled"`` or ``"numpy"``; fixed for a job, so that all chunks have the same bits.
+    """
+
+    robot: str
+    coordinates: tuple[str, ...]
+    boundaries: tuple[str, ...]
+    kernel: Kernel
+    limits: tuple[Array, Array, Array, Array]
+    region: Region | None
+    region_note: str
+    columns: tuple[str, ...]
+    summary: bool
+    backend: Literal["compiled", "numpy"]
+
+    @property
+    def spans(self) -> Array:
+        """(m, 2) [m] ends of each boundary's possible clearances; a path that slides may go beyond the upper one."""
+        lengths = np.array([pair.minimal.scale for pair in self.kernel.pairs]).reshape(-1)
+        return np.column_stack((-self.kernel.thresholds, lengths - self.kernel.thresholds))
+
+    def digest(self) -> str:
+        """Return a SHA-256 of everything that the numbers depend on: chains, thresholds, limits, region."""
+        known = hashlib.sha256()
+        known.update(json.dumps([self.robot, self.coordinates, self.boundaries]).encode())
+        for pair in self.kernel.pairs:
+            chain = pair.minimal
+            for array in (chain.offsets, chain.slides, chain.axes, chain.coefficients):
+                known.update(np.ascontiguousarray(array + 0.0).tobytes())
+            known.update(np.float64(pair.threshold).tobytes())
+        for array in self.limits:
+            known.update(np.ascontiguousarray(array + 0.0).tobytes())
+        known.update(b"" if self.region is None else np.ascontiguousarray(self.region.vertices).tobytes())
+        return known.hexdigest()
+
+    def table(self, Q: Array, start: int, threads: int = 1) -> tuple[Any, Statistics]:
+        """Return the Arrow table of a chunk and its statistics.
+
+        Args:
+            Q: (k, n) rows.
+            start: Number of the first row.
+            threads: Threads of the kernel.
+        """
+        arrow: Any = importlib.import_module("pyarrow")
+        threads = threads if self.backend == "compiled" else 1  # a split could change the last bits of NumPy's products
+        finite = np.all(np.isfinite(Q), axis=1)
+        out: dict[str, Any] = {"row": np.arange(start, start + len(Q), dtype=np.int64)}
+        if "coordinates" in self.columns:
+            out.update({name: Q[:, j] for j, name in enumerate(self.coordinates)})
+        everything = "clearances" in self.columns or self.summary
+        clearances = self.kernel.rows(Q, "clearances", None, threads, self.backend) if everything else None
+        if clearances is not None and "clearances" in self.columns:
+            out.update({f"clearance_{name}": clearances[:, k] for k, name in enumerate(self.boundaries)})
+        least: Any = None
+        if "smallest" in self.columns or "verdict" in self.columns:
+            with_index = "smallest" in self.columns
+            least, index = self.kernel.smallest(Q, with_index, None, threads, self.backend)
+            if with_index:
+                out["smallest_clearance"] = least
+                names = arrow.array([*self.boundaries, None], type=arrow.string())
+                where = np.where(index < 0, len(self.boundaries), index).astype(np.int32)
+                known = arrow.array(where, mask=index < 0)
+                out["smallest_boundary"] = arrow.DictionaryArray.from_arrays(known, names[:-1])
+        inside: Any = None
+        if self.region is not None and ("region" in self.columns or "verdict" in self.columns):
+            inside = self._inside(self.region, Q)
+            if "region" in self.columns:
+                out["inside_region"] = inside
+        counts: list[int] = []
+        if "verdict" in self.columns:
+            verdict = self._verdicts(Q, finite, least, inside)
+            counts = np.bincount(verdict, minlength=len(VERDICTS)).tolist()
+            out["verdict"] = arrow.DictionaryArray.from_arrays(arrow.array(verdict), arrow.array(VERDICTS))
+        invalid = int(np.count_nonzero(~finite))
+        statistics = Statistics(len(Q), invalid, counts)
+        if self.summary and clearances is not None:
+            statistics = self._statistics(statistics, clearances[finite])
+        return arrow.table(out), statistics
+
+    def _inside(self, region: Region, Q: Array) -> NDArray[np.bool_]:
+        """Return `region.contains(Q)`; rows outside its bounding box need no closer look."""
+        inside = np.zeros(len(Q), dtype=np.bool_)
+        if region.is_empty:
+            return inside
+        left, bottom, right, top = region.polygon.bounds
+        x, y = (Q[:, self.coordinates.index(name)] for name in region.coordinates)
+        near = np.flatnonzero((left <= x) & (x <= right) & (bottom <= y) & (y <= top))
+        if near.size:
+            inside[near] = region.contains(Q[near])
+        return inside
+
+    def _verdicts(self, Q: Array, finite: Any, least: Array, inside: Any) -> NDArray[np.int8]:
+        coefficients, offset, lower, upper = self.limits
+        verdict = np.full(len(Q), VERDICTS.index("free"), dtype=np.int8)
+        if inside is not None and self.region is not None:
+            verdict[:] = np.where(inside, VERDICTS.index("inside"), VERDICTS.index("outside"))
+        with np.errstate(invalid="ignore"):
+            for c, o, low, high in zip(coefficients, offset, lower, upper, strict=True):
+                used = np.flatnonzero(c)
+                theta = Q[:, used] @ c[used] + o
+                verdict[~((low <= theta) & (theta <= high))] = VERDICTS.index("limit")
+            verdict[~(least > 0.0)] = VERDICTS.index("contact")
+        verdict[~finite] = VERDICTS.index("invalid")
+        return verdict
+
+    def _statistics(self, counts: Statistics, clearances: Array) -> Statistics:
+        spans = self.spans
+        position = (clearances - spans[:, 0]) * (BINS / (spans[:, 1] - spans[:, 0]))
+        bins = np.clip(position, 0, BINS - 1).astype(np.int64)
+        histograms = [np.bincount(bins[:, k], minlength=BINS).tolist() for k in range(len(spans))]
+        minima = np.min(clearances, axis=0, initial=np.inf).tolist()
+        contacts = np.count_nonzero(clearances <= 0.0, axis=0).tolist()
+        return Statistics(counts.rows, counts.invalid, counts.verdicts, minima, contacts, histograms)
+
+
+def evaluation_of(
+    robot: Robot,
+    columns: Sequence[str] = ("coordinates", "smallest", "verdict"),
+    summary: bool = False,
+    backend: str = "auto",
+) -> Evaluation:
+    """Return what is asked of every chunk.
+
+    Raises:
+        UnknownNameError: If a group of columns is not one of `COLUMNS`.
+        UnsupportedError: If the region is asked for and this robot has none in a plane.
+    """
+    for name in columns:
+        if name not in COLUMNS:
+            raise UnknownNameError("group of columns", name, COLUMNS)
+    region, note = None, ""
+    if "region" in columns or "verdict" in columns:
+        try:
+            region = feasible_region(robot)
+        except (DimensionError, UnsupportedError) as error:
+            if "region" in columns:
+                raise
+            note = str(error)
+    kernel = robot.boundaries.kernel
+    chosen = kernel.prepare("least" if "smallest" not in columns else "smallest") if backend == "auto" else backend
+    limits = robot.linear_limits
+    n = len(robot.coordinates)
+    return Evaluation(
+        robot=robot.name,
+        coordinates=robot.coordinates,
+        boundaries=robot.boundaries.names,
+        kernel=kernel,
+        limits=(
+            np.array([limit.coefficients for limit in limits]).reshape(-1, n),
+            np.array([limit.offset for limit in limits]),
+            np.array([limit.lower for limit in limits]),
+            np.array([limit.upper for limit in limits]),
+        ),
+        region=region,
+        region_note=note,
+        columns=tuple(name for name in COLUMNS if name in columns),
+        summary=summary,
+        backend="compiled" if chosen == "compiled" else "numpy",
+    )

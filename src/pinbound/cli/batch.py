@@ -1,0 +1,217 @@
+"""`pinbound batch`: evaluate boundaries over files, grids, random or Sobol points, into Parquet."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from pinbound.batch import (
+    COLUMNS,
+    VERDICTS,
+    Evaluation,
+    GridSource,
+    Outcome,
+    RandomSource,
+    SobolSource,
+    Source,
+    evaluation_of,
+    open_source,
+    run,
+)
+from pinbound.cli.shared import (
+    Annotations,
+    AsJson,
+    PackageDirs,
+    RobotName,
+    XacroArgs,
+    console,
+    emit_json,
+    load_robot,
+    millimetres,
+    print_table,
+)
+from pinbound.exceptions import InputError, Problem, name_hint
+from pinbound.robot import Robot
+
+__all__ = ["batch"]
+
+QUANTILES = (0.01, 0.1, 0.5, 0.9)
+
+
+def batch(
+    robot: RobotName,
+    out: Annotated[Path, typer.Option(help="Folder for the Parquet files; that of an unfinished job is resumed.")],
+    file: Annotated[Path | None, typer.Option("--in", help="CSV, Parquet or NPY file, a column a coordinate.")] = None,
+    grid: Annotated[
+        str | None, typer.Option(help="q2=-1.5:1.5:301,q3=...: from, to, count; home where left out.")
+    ] = None,
+    random: Annotated[int | None, typer.Option(help="So many uniform points of the box of joint limits.")] = None,
+    sobol: Annotated[int | None, typer.Option(help="So many scrambled Sobol points of that box.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of --random and --sobol.")] = 0,
+    within: Annotated[str | None, typer.Option(help="q2=-3:3,...: another box for --random and --sobol.")] = None,
+    deg: Annotated[bool, typer.Option("--deg", help="Angles of --grid and --within are in degrees.")] = False,
+    columns: Annotated[str, typer.Option(help=f"Some of: {', '.join(COLUMNS)}.")] = "coordinates,smallest,verdict",
+    chunk_rows: Annotated[int, typer.Option(help="Rows a file; memory is a small multiple of one.", min=1)] = 1_000_000,
+    threads: Annotated[int, typer.Option(help="Threads of the kernel.", min=1)] = 1,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler that runs the chunks.")] = None,
+    summary: Annotated[
+        bool, typer.Option("--summary", help="Print each boundary's minimum, quantiles, contacts.")
+    ] = False,
+    annotations: Annotations = None,
+    package_dir: PackageDirs = None,
+    xacro_arg: XacroArgs = None,
+    as_json: AsJson = False,
+) -> None:
+    """Evaluate clearances, region and verdict of many configurations into Parquet files; resumes after a stop."""
+    loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    source = _source(loaded, file, grid, random, sobol, seed, within, deg)
+    names = tuple(name.strip() for name in columns.split(",") if name.strip())
+    evaluation = evaluation_of(loaded, names, summary)
+    fields = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*fields, console=console(stderr=True)) as progress:
+        task = progress.add_task(loaded.name, total=source.rows, rate="")
+
+        def advance(rows: int) -> None:
+            progress.advance(task, rows)
+            speed = progress.tasks[0].finished_speed or progress.tasks[0].speed
+            progress.update(task, rate=f"{speed / 1e6:.3g} M rows/s" if speed else "")
+
+        outcome = run(evaluation, source, out, chunk_rows, threads, scheduler, advance)
+    record = _record(evaluation, outcome)
+    if as_json:
+        emit_json(record)
+    else:
+        _print(evaluation, outcome)
+
+
+def _bad(option: str, message: str, remedy: str) -> InputError:
+    return InputError([Problem(message, remedy, option)])
+
+
+def _source(
+    robot: Robot,
+    file: Path | None,
+    grid: str | None,
+    random: int | None,
+    sobol: int | None,
+    seed: int,
+    within: str | None,
+    deg: bool,
+) -> Source:
+    given = [
+        name
+        for name, value in (("--in", file), ("--grid", grid), ("--random", random), ("--sobol", sobol))
+        if value is not None
+    ]
+    if len(given) != 1:
+        raise _bad("batch", f"{len(given)} sources of configurations", "Give one of --in, --grid, --random, --sobol")
+    if file is not None:
+        return open_source(file, robot.coordinates)
+    if grid is not None:
+        axes = [(float(value), float(value), 1) for value in robot.home]
+        for index, words in _parts(robot, "--grid", grid, 3, "NAME=FROM:TO:COUNT"):
+            low, high = _ends(robot, index, words, deg, "--grid")
+            if not words[2].isdigit() or int(words[2]) < 1:
+                raise _bad("--grid", f"{words[2]!r} is no count", "Write NAME=FROM:TO:COUNT, COUNT 1 or more")
+            axes[index] = (low, high, int(words[2]))
+        return GridSource(tuple(axes))
+    lower, upper = robot.lower.copy(), robot.upper.copy()
+    for index, words in _parts(robot, "--within", within or "", 2, "NAME=FROM:TO"):
+        lower[index], upper[index] = _ends(robot, index, words, deg, "--within")
+    for index, name in enumerate(robot.coordinates):
+        if not (math.isfinite(lower[index]) and math.isfinite(upper[index])):
+            raise _bad("--within", f"{name!r} has no limits", f"Give its box, e.g. --within {name}=-3.14:3.14")
+    count = random if random is not None else sobol
+    if count is None or count < 0:
+        raise _bad(given[0], f"{count} configurations", "Give 0 or more")
+    kind = RandomSource if random is not None else SobolSource
+    return kind(count, seed, tuple(lower.tolist()), tuple(upper.tolist()))
+
+
+def _parts(robot: Robot, option: str, text: str, count: int, form: str) -> list[tuple[int, list[str]]]:
+    found: list[tuple[int, list[str]]] = []
+    for part in filter(None, (word.strip() for word in text.split(","))):
+        name, _, rest = part.partition("=")
+        words = rest.split(":")
+        if name not in robot.coordinates or len(words) != count:
+            raise _bad(option, f"{part!r} is not {form}", f"Coordinates: {name_hint(name, robot.coordinates)}")
+        found.append((robot.coordinates.index(name), words))
+    return found
+
+
+def _ends(robot: Robot, index: int, words: list[str], deg: bool, option: str) -> tuple[float, float]:
+    try:
+        low, high = float(words[0]), float(words[1])
+    except ValueError:
+        low = high = math.nan
+    if not (math.isfinite(low) and math.isfinite(high) and low <= high):
+        raise _bad(option, f"{':'.join(words[:2])!r} is no interval", "Write FROM:TO, two finite numbers, FROM <= TO")
+    turns = deg and robot.turns(robot.coordinates[index])
+    return (math.radians(low), math.radians(high)) if turns else (low, high)
+
+
+def _record(evaluation: Evaluation, outcome: Outcome) -> dict[str, Any]:
+    statistics = outcome.statistics
+    record: dict[str, Any] = {
+        "folder": str(outcome.folder),
+        "rows": statistics.rows,
+        "invalid": statistics.invalid,
+        "chunks": outcome.chunks,
+        "resumed": outcome.resumed,
+        "bytes": outcome.bytes,
+        "backend": evaluation.backend,
+        "region_note": evaluation.region_note,
+        "verdicts": dict(zip(VERDICTS, statistics.verdicts, strict=True)) if statistics.verdicts else None,
+    }
+    if statistics.minima:
+        quantiles = outcome.quantiles(evaluation, QUANTILES)
+        widths = np.diff(evaluation.spans)[:, 0] / 1024
+        record["summary"] = [
+            {
+                "boundary": name,
+                "minimum": statistics.minima[k],
+                "contacts": statistics.contacts[k],
+                "quantiles": dict(zip(map(str, QUANTILES), quantiles[k].tolist(), strict=True)),
+                "quantile_resolution": float(widths[k]),
+            }
+            for k, name in enumerate(evaluation.boundaries)
+        ]
+    return record
+
+
+def _print(evaluation: Evaluation, outcome: Outcome) -> None:
+    statistics = outcome.statistics
+    rows = [("rows", f"{statistics.rows:,}"), ("invalid", f"{statistics.invalid:,}")]
+    if statistics.verdicts:
+        rows += [(name, f"{n:,}") for name, n in zip(VERDICTS, statistics.verdicts, strict=True) if name != "invalid"]
+    rows += [
+        ("files", f"{outcome.chunks:,} ({outcome.resumed:,} were there)"),
+        ("size", f"{outcome.bytes / 1e6:,.1f} MB"),
+    ]
+    print_table(f"{evaluation.robot} in {outcome.folder}", ("what", "count"), rows, evaluation.region_note)
+    if not statistics.minima:
+        return
+    quantiles = outcome.quantiles(evaluation, QUANTILES)
+    table = [
+        (
+            name,
+            millimetres(statistics.minima[k], 6),
+            *(millimetres(float(x), 2) for x in quantiles[k]),
+            f"{statistics.contacts[k]:,}",
+        )
+        for k, name in enumerate(evaluation.boundaries)
+    ]
+    heads = ("boundary", "minimum [mm]", *(f"{100 * level:g} % below [mm]" for level in QUANTILES), "contacts")
+    width = 1e3 * float(np.max(np.diff(evaluation.spans), initial=0.0)) / 1024
+    print_table("Clearances of finite rows", heads, table, f"quantiles to {width:.2f} mm or better, minima exact")

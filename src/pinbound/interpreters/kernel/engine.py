@@ -1,0 +1,314 @@
+"""The kernel of a boundary set: picks the backend, checks buffers, splits rows over threads."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
+from pinbound.interpreters.kernel.compiled import compile_source, has_numba
+from pinbound.interpreters.kernel.program import Pair, Program, Reference, compile_program
+from pinbound.interpreters.kernel.source import kernel_source, scalar_source
+from pinbound.interpreters.kernel.vectorised import LinearProgram, VectorisedProgram
+from pinbound.path import Chain
+
+__all__ = ["BACKENDS", "Backend", "Kernel"]
+
+Array = NDArray[Any]
+Backend = Literal["auto", "compiled", "numpy"]
+
+BACKENDS = ("auto", "compiled", "numpy")
+
+_WORTH_COMPILING = 3e7
+"""Counted operations (rows times cost) from which a first compile, about a second, pays in NumPy time saved."""
+
+_ROWS_PER_THREAD = 4096
+"""Fewer rows than this a thread, and starting the thread costs more than it saves."""
+
+_logger = logging.getLogger("pinbound")
+_noticed: list[str] = []
+
+
+class Kernel:
+    """Evaluates a set of boundaries. Made once a set; backends are compiled when first needed.
+
+    Values agree between backends, and with the reference interpreter, to rounding: 1e-12 relative, and 1e-15 of
+    the length of the paths near contact.
+    """
+
+    def __init__(
+        self,
+        pairs: Sequence[Pair],
+        n: int,
+        reference: Reference,
+        common: Callable[[], Mapping[str, Chain] | None],
+    ) -> None:
+        """Hold what to evaluate.
+
+        Args:
+            pairs: The boundaries.
+            n: Number of active coordinates.
+            reference: Gives rows that are not finite.
+            common: Returns each marked point's chain in one common frame, or None.
+        """
+        self.pairs, self.n = tuple(pairs), n
+        self.reference, self._common = reference, common
+        self._scalar: dict[str, Callable[..., list[float]]] = {}
+        self._compiled: dict[tuple[str, bool], Callable[..., int]] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave machine code out; the receiver compiles or loads its own."""
+        return {"pairs": self.pairs, "n": self.n, "program": self.program, "reference": self.reference}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore what `__getstate__` kept."""
+        self.__init__(state["pairs"], state["n"], state["reference"], _no_common)
+        self.__dict__["program"] = state["program"]
+
+    @cached_property
+    def program(self) -> Program:
+        """The expressions, local or common, whichever is cheaper."""
+        return compile_program(self.pairs, self.n, self._common())
+
+    @cached_property
+    def cost(self) -> float:
+        """Counted operations a configuration."""
+        return self.program.graph.cost(self.program.squares) + 8.0 * len(self.pairs)
+
+    @cached_property
+    def thresholds(self) -> NDArray[np.float64]:
+        """(m,) [m]."""
+        return np.array([pair.threshold for pair in self.pairs])
+
+    @cached_property
+    def _used(self) -> list[int]:
+        graph = self.program.graph
+        nodes = [graph.nodes[number] for number in graph.reachable(self.program.squares)]
+        used = {node.args[0] for node in nodes if node.kind == "coordinate"}
+        for node in nodes:
+            if node.kind in ("cos", "sin"):
+                used |= {j for j, c in enumerate(graph.angles[node.args[0]]) if c}
+        return sorted(used)
+
+    def one(self, q: NDArray[np.float64], mode: Literal["norms", "clearances"]) -> NDArray[np.float64] | None:
+        """Return norms or clearances (m,) of one finite configuration by plain Python; None if it is not finite."""
+        function = self._scalar.get(mode)
+        if function is None:
+            namespace: dict[str, Any] = {"sqrt": math.sqrt, "cos": math.cos, "sin": math.sin}
+            exec(scalar_source(self.program, mode), namespace)  # our own text, from numbers alone
+            function = self._scalar[mode] = namespace["function"]
+        values = q.tolist()
+        return np.array(function(*values)) if all(map(math.isfinite, values)) else None
+
+    def rows(
+        self,
+        Q: NDArray[np.float64],
+        mode: Literal["norms", "clearances", "gradients"],
+        out: Array | None = None,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> Array:
+        """Return norms or clearances (N, m), or gradients (N, m, n); new arrays have contiguous columns."""
+        m = len(self.pairs)
+        shape = (len(Q), m, self.n) if mode == "gradients" else (len(Q), m)
+        kind = _real(dtype)
+        result = _buffer(out, shape, kind, columns=mode != "gradients")
+        if not m or not len(Q):
+            return result
+        flat = result.reshape(len(Q), -1)
+        if not np.shares_memory(flat, result):
+            raise DimensionError("out is not laid out in memory as rows: give a C-contiguous array")
+        self._run(Q, mode, flat, _NO_INDEX, threads, backend, kind)
+        return result
+
+    def smallest(
+        self,
+        Q: NDArray[np.float64],
+        with_index: bool = True,
+        out: Array | None = None,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """Return each row's smallest clearance (N,) and which boundary has it (N,); NaN and -1 if one is NaN."""
+        kind = _real(dtype)
+        least = _buffer(out, (len(Q),), kind, columns=False)
+        index = np.full(len(Q) if with_index else 0, -1, dtype=np.int64)
+        if not self.pairs:
+            least[:] = np.inf
+        elif len(Q):
+            self._run(Q, "smallest" if with_index else "least", least[:, None], index, threads, backend, kind)
+        return least, index
+
+    def prepare(self, mode: str = "norms", dtype: Any = np.float64) -> str:
+        """Compile or load a mode now, and return the backend that it will run on."""
+        if not has_numba():
+            notice_without_numba()
+            return "numpy"
+        self._machine_code(mode, _real(dtype) == np.float32)
+        return "compiled"
+
+    def _run(
+        self, Q: Array, mode: str, out: Array, index: Array, threads: int, backend: Backend, dtype: np.dtype[Any]
+    ) -> None:
+        if threads < 1:
+            raise DimensionError(f"threads is {threads}; give 1 or more")
+        is_single = dtype == np.float32
+        work = self._work(Q, mode, out, index, backend, is_single)
+        count = min(threads, max(1, len(Q) // _ROWS_PER_THREAD))
+        if count == 1:
+            irregular = work(0, len(Q))
+        else:
+            from concurrent.futures import ThreadPoolExecutor
+
+            ends = [round(len(Q) * part / count) for part in range(count + 1)]
+            with ThreadPoolExecutor(count) as pool:
+                irregular = sum(pool.map(work, ends[:-1], ends[1:]))
+        if irregular:
+            self._mend(Q, mode, out, index)
+
+    def _work(
+        self, Q: Array, mode: str, out: Array, index: Array, backend: Backend, is_single: bool
+    ) -> Callable[[int, int], int]:
+        """Return a function of a range of rows that fills them and returns how many numbers were not finite."""
+        if backend not in BACKENDS:
+            raise UnknownNameError("backend", backend, BACKENDS)
+        if backend == "compiled" and not has_numba():
+            raise UnsupportedError(
+                "backend 'compiled' needs Numba; install pinbound[fast], or leave the choice to 'auto'"
+            )
+        large = len(Q) * self.cost >= _WORTH_COMPILING
+        compiled = backend == "compiled" or (
+            backend == "auto" and has_numba() and (large or (mode, is_single) in self._compiled)
+        )
+        if compiled:
+            function = self._machine_code(mode, is_single)
+            data = np.ascontiguousarray(Q, dtype=np.float32 if is_single else np.float64)
+            return lambda lo, hi: int(function(data, out, index, lo, hi))
+        if large and backend == "auto":
+            notice_without_numba()
+        return lambda lo, hi: self._in_numpy(Q, mode, out, index, lo, hi)
+
+    def _machine_code(self, mode: str, is_single: bool) -> Callable[..., int]:
+        key = (mode, is_single)
+        if key not in self._compiled:
+            self._compiled[key] = compile_source(kernel_source(self.program, mode, is_single))
+        return self._compiled[key]
+
+    @cached_property
+    def _linear(self) -> LinearProgram | None:
+        program = LinearProgram(self.program)
+        return program if program.is_worthwhile else None
+
+    @cached_property
+    def _values(self) -> VectorisedProgram:
+        return VectorisedProgram(self.program)
+
+    @cached_property
+    def _slopes(self) -> VectorisedProgram:
+        return VectorisedProgram(self.program, gradients=True)
+
+    def _in_numpy(self, Q: Array, mode: str, out: Array, index: Array, lo: int, hi: int) -> int:
+        part, target = Q[lo:hi], out[lo:hi]
+
+        def one(rows: slice, k: int, square: Any, dots: list[Any]) -> None:
+            """Take one boundary's squares, and its `r . dr/dq_j`."""
+            norm = np.sqrt(square)
+            if mode == "gradients":
+                for j, dot in enumerate(dots):
+                    target[rows, k * self.n + j] = dot / norm
+            elif mode == "norms":
+                target[rows, k] = norm
+            elif mode == "clearances":
+                target[rows, k] = norm - self.thresholds[k]
+            else:
+                clearance, least = norm - self.thresholds[k], target[rows, 0]
+                smaller = np.broadcast_to(clearance < least if k else np.True_, least.shape)
+                np.copyto(least, clearance, where=smaller, casting="same_kind")
+                if mode == "smallest":
+                    np.copyto(index[lo:hi][rows], k, where=smaller)
+
+        def several(rows: slice, squares: Any) -> None:
+            """Take all boundaries' squares."""
+            if mode == "norms":
+                np.sqrt(squares, out=target.T[:, rows], casting="same_kind")
+                return
+            np.sqrt(squares, out=squares)
+            squares -= self.thresholds[:, None]
+            if mode == "clearances":
+                target.T[:, rows] = squares
+                return
+            target[rows, 0] = np.min(squares, axis=0)
+            if mode == "smallest":
+                index[lo:hi][rows] = np.argmin(squares, axis=0)
+
+        if mode == "gradients":
+            self._slopes.run(part, one)
+        elif self._linear is not None:
+            self._linear.run(part, several)
+        else:
+            self._values.run(part, one)
+        return int(np.count_nonzero(~np.isfinite(part[:, self._used])))
+
+    def _mend(self, Q: Array, mode: str, out: Array, index: Array) -> None:
+        """Take rows with numbers that are not finite from the reference, boundary by boundary."""
+        bad = np.flatnonzero(~np.all(np.isfinite(Q[:, self._used]), axis=1))
+        rows = Q[bad].astype(np.float64)
+        if mode == "gradients":
+            for k, pair in enumerate(self.pairs):
+                out[bad, k * self.n : (k + 1) * self.n] = self.reference.gradients(pair.minimal, rows)
+            return
+        norms = np.column_stack([self.reference.norms(pair.minimal, rows) for pair in self.pairs])
+        if mode == "norms":
+            out[bad] = norms
+            return
+        clearances = norms - self.thresholds
+        if mode == "clearances":
+            out[bad] = clearances
+            return
+        out[bad, 0] = np.min(clearances, axis=1)
+        if mode == "smallest":
+            index[bad] = np.where(np.any(np.isnan(clearances), axis=1), -1, np.argmin(clearances, axis=1))
+
+
+def _no_common() -> None:
+    """Return that there is no common frame."""
+
+
+_NO_INDEX = np.empty(0, dtype=np.int64)
+
+
+def _real(dtype: Any) -> np.dtype[Any]:
+    kind = np.dtype(dtype)
+    if kind not in (np.dtype(np.float64), np.dtype(np.float32)):
+        raise DimensionError(f"dtype is {kind}; give float64 or float32")
+    return kind
+
+
+def _buffer(out: Any, shape: tuple[int, ...], dtype: np.dtype[Any], columns: bool) -> Array:
+    """Return `out` if it fits, or a new array.
+
+    Raises:
+        DimensionError: If out has another shape or type, or cannot be written.
+    """
+    if out is None:
+        return np.empty(shape, dtype=dtype, order="F" if columns else "C")
+    if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != dtype or not out.flags.writeable:
+        found = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
+        raise DimensionError(f"out is {found}; give a writeable {dtype} array of shape {shape}")
+    return out
+
+
+def notice_without_numba() -> None:
+    """Say once a process that Numba would make large batches faster."""
+    text = "pinbound: large batches run in NumPy, about 6 times slower than compiled; install pinbound[fast] for Numba"
+    if not has_numba() and text not in _noticed:
+        _noticed.append(text)
+        _logger.warning(text)
