@@ -210,7 +210,7 @@ class _first:
     """The first boundaries of a robot, spread over its pairs."""
 
     def __init__(self, robot: Any, size: int) -> None:
-        from pinbound.boundary import BoundarySet
+        from pinbound.boundary_set import BoundarySet
 
         order = np.random.default_rng(1).permutation(len(robot.boundaries))[:size]
         chosen = [robot.boundaries[int(k)] for k in sorted(order)]

@@ -185,11 +185,11 @@ def test_another_job_or_other_files_in_the_folder_are_refused(robot: Robot, tmp_
     [
         ((), "0 sources of configurations"),
         (("--random", "5", "--sobol", "5"), "2 sources"),
-        (("--grid", "q9=0:1:2"), "valid: q1, q2, q3"),
+        (("--grid", "q9=0:1:2"), "Valid: q1, q2, q3"),
         (("--grid", "q2=0:1"), "is not NAME=FROM:TO:COUNT"),
         (("--grid", "q2=0:1:0"), "is no count"),
         (("--random", "5", "--within", "q2=1:-1"), "is no interval"),
-        (("--random", "5", "--columns", "verdicts"), "did you mean 'verdict'"),
+        (("--random", "5", "--columns", "verdicts"), "Did you mean 'verdict'"),
         (("--in", "nowhere.csv"), "No such file"),
         (("--in", "bad.txt"), "Give a .csv, .parquet or .npy file"),
         (("--in", "bad.csv"), "has no column 'q3'"),

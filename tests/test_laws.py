@@ -43,9 +43,10 @@ def test_batch_equals_one_at_a_time(any_robot: pb.Robot) -> None:
     Q = random_q(any_robot, 7, seed=4)
     B = any_robot.boundaries
     for ask in (B.vectors, B.norms, B.clearances, B.gradients, B.hessians):
-        assert np.array_equal(ask(Q), np.stack([ask(q) for q in Q]))
+        assert np.allclose(ask(Q), np.stack([ask(q) for q in Q]), rtol=1e-12, atol=1e-14)
     for column, boundary in enumerate(B):
-        assert np.array_equal(B.norms(Q)[:, column], boundary.norm(Q))
+        assert np.allclose(B.norms(Q)[:, column], boundary.norm(Q), rtol=1e-12, atol=1e-14)
+        assert np.array_equal(boundary.norm(Q), [boundary.norm(q) for q in Q])
 
 
 def test_symbolic_equals_numeric(any_robot: pb.Robot) -> None:

@@ -1,7 +1,8 @@
 """pinbound: coupled joint limits and self-collision boundaries in closed form, from a URDF, beside Pinocchio."""
 
 from pinbound.annotations import Annotations, BoundaryMark, ClosureMark, FollowerMark, LimitMark, Point
-from pinbound.boundary import Boundary, BoundarySet, ContactAngle, CoordinateLimits, Smallest
+from pinbound.boundary import Boundary, ContactAngle
+from pinbound.boundary_set import BoundarySet, CoordinateLimits, Smallest
 from pinbound.certificates import (
     BoundedMotion,
     BoxCertificate,

@@ -39,6 +39,14 @@ class Document:
     root: etree._Element
     notes: tuple[str, ...] = ()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the XML as text, so that robots can be sent to other processes."""
+        return _restore, (self.label, self.path, etree.tostring(self.root), self.notes)
+
+
+def _restore(label: str, path: Path, text: bytes, notes: tuple[str, ...]) -> Document:
+    return Document(label, path, etree.fromstring(text, _parser()), notes)
+
 
 def packaged_robots() -> dict[str, Path]:
     """Return the robots that ship with pinbound, by name.

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinbound.annotations import Annotations, Point, RawItem, raw_items, read_inline, read_sidecar, read_srdf, validate
-from pinbound.boundary import Boundary, BoundarySet
+from pinbound.boundary import Boundary
+from pinbound.boundary_set import BoundarySet
 from pinbound.closures import Closure
 from pinbound.coupling import Coupling, LinearLimit, as_configurations, couple, linear_limits
 from pinbound.document import Document, read_document

@@ -16,7 +16,7 @@ import importlib.metadata
 import json
 import os
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,7 +61,7 @@ class Outcome:
         for k, (counts, (low, high)) in enumerate(zip(self.statistics.histograms, evaluation.spans, strict=True)):
             cumulative = np.cumsum(counts)
             if cumulative[-1]:
-                bins = np.searchsorted(cumulative, np.array(levels) * cumulative[-1])
+                bins = np.asarray(np.searchsorted(cumulative, np.array(levels) * cumulative[-1]), dtype=np.int64)
                 result[k] = low + (bins + 1) * (high - low) / BINS
         return result
 
@@ -178,9 +178,7 @@ def _record(folder: Path, index: int) -> dict[str, Any] | None:
 
 def _merge(evaluation: Evaluation, parts: list[Statistics]) -> Statistics:
     rows, invalid = sum(part.rows for part in parts), sum(part.invalid for part in parts)
-    verdicts = (
-        np.sum([part.verdicts for part in parts], axis=0).astype(int).tolist() if parts and parts[0].verdicts else []
-    )
+    verdicts = [sum(counts) for counts in zip(*(part.verdicts for part in parts), strict=True)]
     if not evaluation.summary or not parts:
         return Statistics(rows, invalid, verdicts)
     minima = np.min([part.minima for part in parts], axis=0).tolist()
@@ -259,7 +257,7 @@ _LOCK = ".lock"
 
 
 @contextmanager
-def _only_one(folder: Path) -> Iterator[None]:
+def _only_one(folder: Path) -> Generator[None, None, None]:
     """Keep a second process out of the folder; the system lets go of the lock when a process dies."""
     try:
         fcntl: Any = importlib.import_module("fcntl")

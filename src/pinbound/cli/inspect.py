@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pinbound.boundary import Boundary, CoordinateLimits
+from pinbound.boundary import Boundary
+from pinbound.boundary_set import CoordinateLimits
 from pinbound.cli.shared import (
     Annotations,
     AsJson,

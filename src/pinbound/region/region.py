@@ -398,6 +398,11 @@ class Region:
         corners = tuple(Corner(move(c.point), c.before, c.after, c.polished) for c in self.corners)
         return Region(self.plane, loops, corners, self.accuracy)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle the region without the way to its sister components, which is a closure."""
+        kept = {key: value for key, value in self.__dict__.items() if key != "components"}
+        return kept | {"_others": None if self._others is None else _left_behind}
+
     @cached_property
     def components(self) -> tuple[Region, ...]:
         """All connected components of the free set within the limits: this one first, then the largest first.
@@ -433,3 +438,7 @@ def _of_loops(plane: Plane, parts: Sequence[Loops], accuracy: float) -> Region:
         return Region(plane, (), (), accuracy)
     first = regions[0]
     return Region(plane, first.loops, first.corners, accuracy, (), (), lambda: regions[1:])
+
+
+def _left_behind() -> tuple[Region, ...]:
+    raise UnsupportedError("an unpickled region does not know its sister components; derive the region again")

@@ -6,7 +6,7 @@ import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -300,10 +300,11 @@ def _buffer(out: Any, shape: tuple[int, ...], dtype: np.dtype[Any], columns: boo
     """
     if out is None:
         return np.empty(shape, dtype=dtype, order="F" if columns else "C")
-    if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != dtype or not out.flags.writeable:
-        found = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
+    given: NDArray[Any] | None = cast(Any, out) if isinstance(out, np.ndarray) else None
+    if given is None or given.shape != shape or given.dtype != dtype or not given.flags.writeable:
+        found = "no array" if given is None else f"{given.dtype} {given.shape}"
         raise DimensionError(f"out is {found}; give a writeable {dtype} array of shape {shape}")
-    return out
+    return given
 
 
 def notice_without_numba() -> None:

@@ -262,7 +262,8 @@ def _spatial(angles: _Angles, pair: Pair) -> Vector:
 def _end(angles: _Angles, chain: Chain, rotations: range, sign: float) -> Vector:
     """Return one end of a chain, rotated inwards; the vector is carried in the basis of the last axis."""
     g = angles.graph
-    vector: Vector = (g.constant(0.0),) * 3
+    zero = g.constant(0.0)
+    vector: Vector = (zero, zero, zero)
     basis = np.eye(3)
     for index in rotations:
         source = index if sign > 0 else index - 1

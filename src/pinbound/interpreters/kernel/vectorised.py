@@ -50,7 +50,7 @@ class VectorisedProgram:
     def __init__(self, program: Program, gradients: bool = False) -> None:
         """Order the nodes, boundary by boundary, and find where each is used last."""
         self.program = program
-        inner = program.gradients() if gradients else [[] for _ in program.squares]
+        inner: Sequence[Sequence[int]] = program.gradients() if gradients else [()] * len(program.squares)
         self.outputs = [[square, *row] for square, row in zip(program.squares, inner, strict=True)]
         self.steps = self._order()
         self.last_use = self._last_use()

@@ -1,0 +1,427 @@
+"""All boundaries of a robot, evaluated together by one kernel; and how far each coordinate can move."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from operator import itemgetter
+from typing import Any, Literal, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinbound.boundary import Boundary, one_configuration
+from pinbound.coupling import LinearLimit, as_configurations
+from pinbound.exceptions import DimensionError, UnknownNameError
+from pinbound.interpreters import numeric
+from pinbound.interpreters.kernel import Backend, Kernel, Pair, Reference
+from pinbound.interpreters.univariate import AllowedArcs, AllowedArcsTable
+from pinbound.path import Chain
+
+__all__ = ["BoundarySet", "CoordinateLimits", "Smallest"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CoordinateLimits:
+    """How far one coordinate can move from a configuration, and what stops it.
+
+    Attributes:
+        coordinate: Its name.
+        value: Its value [rad or m].
+        lower: Lower end of the allowed interval around the value, may be -inf; NaN if the value is not allowed.
+        upper: Upper end, may be inf; NaN if the value is not allowed.
+        lower_stop: Boundary or joint limit at the lower end; None if there is none.
+        upper_stop: Boundary or joint limit at the upper end; None if there is none.
+        blocked_by: Boundaries and limits that forbid the value itself.
+        beyond: Boundaries whose contact lies between home and this configuration, which makes it unreachable.
+    """
+
+    coordinate: str
+    value: float
+    lower: float
+    upper: float
+    lower_stop: str | None
+    upper_stop: str | None
+    blocked_by: tuple[str, ...] = ()
+    beyond: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Smallest:
+    """The smallest clearance of a set, and which boundary has it.
+
+    Attributes:
+        clearance: [m], a float or (N,); inf if there is no boundary, NaN if one of them is NaN.
+        index: Position of that boundary in the set, an int or (N,); -1 if there is none, or a NaN. Between
+            boundaries whose clearances are equal to rounding it is one of them.
+    """
+
+    clearance: Any
+    index: Any
+
+
+class BoundarySet(Sequence[Boundary]):
+    """The boundaries of a robot, in order, evaluated together.
+
+    Example:
+        >>> import pinbound as pb
+        >>> B = pb.load("minervabot_v3").boundaries
+        >>> len(B), B.names[0], B["beta_1"] is B[0]
+        (10, 'beta_1', True)
+        >>> B.norms([0.0, 0.0, 0.0]).shape, B.norms(np.zeros((5, 3))).shape
+        ((10,), (5, 10))
+    """
+
+    def __init__(
+        self,
+        boundaries: Sequence[Boundary],
+        coordinates: Sequence[str],
+        limits: Sequence[LinearLimit] = (),
+        home: ArrayLike | None = None,
+        common: Callable[[], Mapping[str, Chain] | None] = dict[str, Chain],
+    ) -> None:
+        """Hold boundaries of one robot, with its joint limits and home for `limits`.
+
+        `common` returns the chain of each marked point in one common frame, by name; empty or None: there is none.
+        """
+        self._common = common
+        self._boundaries = tuple(boundaries)
+        self._index = {boundary.name: boundary for boundary in boundaries}
+        self._coordinates = tuple(coordinates)
+        self._limits = tuple(limits)
+        self._home = np.zeros(len(coordinates)) if home is None else as_configurations(home, coordinates)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names, in order."""
+        return tuple(self._index)
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self._boundaries)
+
+    def __iter__(self) -> Iterator[Boundary]:
+        """Iterate over them in order."""
+        return iter(self._boundaries)
+
+    @overload
+    def __getitem__(self, key: int | str) -> Boundary: ...
+    @overload
+    def __getitem__(self, key: slice) -> Sequence[Boundary]: ...
+    def __getitem__(self, key: int | str | slice) -> Boundary | Sequence[Boundary]:
+        """Return one boundary by name or position.
+
+        Raises:
+            UnknownNameError: If there is no boundary of that name.
+        """
+        if isinstance(key, str):
+            if key not in self._index:
+                raise UnknownNameError("boundary", key, self._index)
+            return self._index[key]
+        return self._boundaries[key]
+
+    def __repr__(self) -> str:
+        """Return the names."""
+        return f"<BoundarySet {', '.join(self.names)}>"
+
+    def vectors(self, Q: ArrayLike) -> Array:
+        """Return every r in its ancestor's frame: (m, 3) for one q, (N, m, 3) for many [m]."""
+        return self._stack(Q, Boundary.vector, (3,))
+
+    @cached_property
+    def kernel(self) -> Kernel:
+        """The batch kernel behind `norms`, `clearances`, `gradients`, `smallest` and `free`."""
+        pairs = [
+            Pair(b.path.minimal, b.path.frame, b.threshold, (b.point_a.name, b.point_b.name)) for b in self._boundaries
+        ]
+        return Kernel(pairs, len(self._coordinates), _REFERENCE, lambda: self._common() or None)
+
+    def norms(
+        self,
+        Q: ArrayLike,
+        out: Any = None,
+        *,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> Array:
+        """Return every `beta = |r|`: (m,) for one q, (N, m) for many [m]; a non-finite row gives NaN.
+
+        Args:
+            Q: (n,) or (N, n).
+            out: For many q, a buffer (N, m) of `dtype` to fill and return. A new array has contiguous columns.
+            threads: Over how many threads rows are split; compiled results do not depend on it.
+            backend: ``"compiled"`` (Numba, extra `fast`), ``"numpy"``, or ``"auto"``: compiled where the code exists
+                already in this process, or where there is enough work to pay for a compile of a second.
+            dtype: float64, or float32: about twice as fast, with an error of 1e-6 of the paths' lengths.
+
+        Raises:
+            DimensionError: If Q, out, threads or dtype do not fit.
+            UnsupportedError: If ``"compiled"`` is asked for and Numba is not installed.
+
+        Example:
+            >>> import pinbound as pb
+            >>> B = pb.load("minervabot_v3").boundaries
+            >>> bool(np.allclose(B.norms(np.zeros((2, 3)))[0], B.norms(np.zeros(3)), rtol=1e-14))
+            True
+        """
+        return self._rows(Q, "norms", out, threads, backend, dtype)
+
+    def clearances(
+        self,
+        Q: ArrayLike,
+        out: Any = None,
+        *,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> Array:
+        """Return every `norm - threshold`: (m,) or (N, m) [m]; positive is free, zero is contact.
+
+        Arguments and errors as for `norms`.
+        """
+        return self._rows(Q, "clearances", out, threads, backend, dtype)
+
+    def gradients(
+        self,
+        Q: ArrayLike,
+        out: Any = None,
+        *,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> Array:
+        """Return the gradients of the norms: (m, n) or (N, m, n) [m/rad]; NaN where a norm is zero.
+
+        Arguments and errors as for `norms`; `out` is (N, m, n) and C-contiguous.
+        """
+        return self._rows(Q, "gradients", out, threads, backend, dtype)
+
+    def _rows(
+        self,
+        Q: ArrayLike,
+        mode: Literal["norms", "clearances", "gradients"],
+        out: Any,
+        threads: int,
+        backend: Backend,
+        dtype: Any,
+    ) -> Array:
+        array = as_configurations(Q, self._coordinates)
+        if array.ndim == 1:
+            if mode != "gradients" and out is None and dtype is np.float64:
+                found = self.kernel.one(array, mode)
+                if found is not None:
+                    return found
+            return self.kernel.rows(array[None], mode, None if out is None else out[None], 1, backend, dtype)[0]
+        return self.kernel.rows(array, mode, out, threads, backend, dtype)
+
+    def smallest(
+        self,
+        Q: ArrayLike,
+        out: Any = None,
+        *,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> Smallest:
+        """Return the smallest clearance and its boundary, without making the others: floats, or (N,).
+
+        Arguments and errors as for `norms`; `out` is (N,) and takes the clearances.
+
+        Example:
+            >>> import pinbound as pb
+            >>> B = pb.load("minervabot_v3").boundaries
+            >>> found = B.smallest([0.0, 0.0, 0.0])
+            >>> B.names[found.index], round(1e3 * found.clearance, 6)
+            ('beta_9', 5.800034)
+        """
+        array = as_configurations(Q, self._coordinates)
+        if array.ndim == 1:
+            clearances = self.clearances(array, backend=backend, dtype=dtype)
+            if not len(clearances):
+                return Smallest(float("inf"), -1)
+            index = int(np.argmin(clearances))  # the first NaN, if there is one
+            return Smallest(float(clearances[index]), -1 if np.isnan(clearances[index]) else index)
+        least, index = self.kernel.smallest(array, True, out, threads, backend, dtype)
+        return Smallest(least, index)
+
+    def free(self, Q: ArrayLike, *, threads: int = 1, backend: Backend = "auto") -> Any:
+        """Return whether every clearance is positive: a bool, or (N,) bools; False for a row that is not finite.
+
+        It says nothing of joint limits, or of which side of a contact q is on: that is `Region.contains`.
+
+        Example:
+            >>> import pinbound as pb
+            >>> pb.load("minervabot_v3").boundaries.free([0.0, 0.0, 0.0])
+            True
+        """
+        array = as_configurations(Q, self._coordinates)
+        if array.ndim == 1:
+            return bool(np.all(self.clearances(array, backend=backend) > 0.0))
+        least, _ = self.kernel.smallest(array, False, None, threads, backend)
+        return least > 0.0
+
+    def hessians(self, Q: ArrayLike) -> Array:
+        """Return the Hessians of the norms: (m, n, n) or (N, m, n, n); NaN where a norm is zero."""
+        return self._stack(Q, Boundary.hessian, (len(self._coordinates),) * 2)
+
+    def _stack(self, Q: ArrayLike, ask: Callable[[Boundary, Array], Any], shape: tuple[int, ...]) -> Array:
+        array = as_configurations(Q, self._coordinates)
+        if not self._boundaries:
+            return np.empty((*array.shape[:-1], 0, *shape))
+        return np.stack([ask(boundary, array) for boundary in self], axis=array.ndim - 1)
+
+    def beyond(self, q: ArrayLike) -> tuple[str, ...]:
+        """Return the boundaries of one effective angle whose contact lies between home and q.
+
+        At such a q the marked points may be apart, but q cannot be reached: the way there leads through a contact.
+
+        Example:
+            >>> import pinbound as pb
+            >>> pb.load("minervabot_v3").boundaries.beyond([0.0, -0.5, 0.0])
+            ('beta_10',)
+        """
+        point = one_configuration(q, self._coordinates)
+        return tuple(boundary.name for boundary in self if boundary.parts(self._home, point))
+
+    def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> CoordinateLimits:
+        """Return how far one coordinate can move from q, the others standing still, and what stops it.
+
+        All boundaries and all joint limits, those of followers too, are intersected.
+
+        Args:
+            coordinate: An active coordinate of the robot.
+            q: (n,) configuration.
+            window: Within which to look; by default what the joint limits leave. Needed only for a coordinate without
+                limits whose contacts never repeat.
+
+        Raises:
+            UnknownNameError: If the robot has no such coordinate.
+            DimensionError: If q is not one finite configuration.
+            UnsupportedError: If a window is needed and not given.
+
+        Example:
+            >>> import pinbound as pb
+            >>> found = pb.load("minervabot_v3").boundaries.limits("q2", [0.0, 0.0, 0.0])
+            >>> found.lower_stop, round(float(np.degrees(found.lower)), 6)
+            ('beta_10', -10.145751)
+        """
+        if coordinate not in self._coordinates:
+            raise UnknownNameError("coordinate", coordinate, self._coordinates)
+        point = one_configuration(q, self._coordinates)
+        index = self._coordinates.index(coordinate)
+        value = float(point[index])
+        spans = [(limit.joint, _linear_span(limit, index, point)) for limit in self._limits]
+        if window is None:
+            held = [span for _, span in spans if span]
+            window = max((s[0] for s in held), default=-math.inf), min((s[1] for s in held), default=math.inf)
+        for boundary in self:
+            arcs: AllowedArcs = boundary.limits(coordinate, point, window)
+            span = arcs.around(value)
+            if span is not None:  # the ends of the window are joint limits, not contacts
+                ends = arcs.window
+                span = (-math.inf if span[0] <= ends[0] else span[0], math.inf if span[1] >= ends[1] else span[1])
+            spans.append((boundary.name, span))
+        blocked = tuple(name for name, span in spans if span is None)
+        beyond = self.beyond(point)
+        if blocked:
+            return CoordinateLimits(coordinate, value, math.nan, math.nan, None, None, blocked, beyond)
+        first = itemgetter(0)  # of several at one place the first is named: joint limits, then boundaries, in order
+        lower, lower_stop = max(((span[0], name) for name, span in spans if span), default=(-math.inf, ""), key=first)
+        upper, upper_stop = min(((span[1], name) for name, span in spans if span), default=(math.inf, ""), key=first)
+        return CoordinateLimits(
+            coordinate,
+            value,
+            lower,
+            upper,
+            lower_stop if math.isfinite(lower) else None,
+            upper_stop if math.isfinite(upper) else None,
+            beyond=beyond,
+        )
+
+    def limits_table(self, coordinate: str, Q: ArrayLike) -> tuple[Array, NDArray[np.str_]]:
+        """Return how far one coordinate can move from each of many q, and what stops it.
+
+        Args:
+            coordinate: An active coordinate of the robot.
+            Q: (N, n) finite configurations.
+
+        Returns:
+            Ends (N, 2) [rad or m], NaN where the value itself is not allowed, infinite where nothing stops it; and the
+            names (N, 2) of the stops, empty where there is none.
+
+        Raises:
+            UnknownNameError: If the robot has no such coordinate.
+            DimensionError: If Q is not finite or of another shape.
+            UnsupportedError: If a coordinate without limits has contacts that never repeat.
+
+        Example:
+            >>> import pinbound as pb
+            >>> ends, stops = pb.load("minervabot_v3").boundaries.limits_table("q2", np.zeros((5, 3)))
+            >>> stops[0].tolist(), np.degrees(ends[0]).round(6).tolist()
+            (['beta_10', 'beta_8'], [-10.145751, 68.504624])
+        """
+        if coordinate not in self._coordinates:
+            raise UnknownNameError("coordinate", coordinate, self._coordinates)
+        rows = as_configurations(Q, self._coordinates).reshape(-1, len(self._coordinates))
+        if not np.all(np.isfinite(rows)):
+            raise DimensionError("Q holds a number that is not finite")
+        index = self._coordinates.index(coordinate)
+        value = rows[:, index]
+        ends = np.tile([-math.inf, math.inf], (len(rows), 1))
+        stops = np.full((len(rows), 2), "", dtype=object)
+        for limit in self._limits:
+            _tighten(ends, stops, limit.joint, _linear_spans(limit, index, rows))
+        held = float(np.fmin.reduce(ends[:, 0], initial=math.inf)), float(np.fmax.reduce(ends[:, 1], initial=-math.inf))
+        for boundary in self:
+            arcs: AllowedArcsTable = boundary.limits(coordinate, rows, held)
+            spans = arcs.around(value)
+            low, high = arcs.window
+            spans[spans[:, 0] <= low, 0] = -math.inf
+            spans[spans[:, 1] >= high, 1] = math.inf
+            _tighten(ends, stops, boundary.name, spans)
+        return ends, stops.astype(np.str_)
+
+
+def _tighten(ends: Array, stops: NDArray[np.object_], name: str, spans: Array) -> None:
+    """Intersect intervals (N, 2) with others, in place; NaN, which is no interval, stays."""
+    lower, upper = spans[:, 0] > ends[:, 0], spans[:, 1] < ends[:, 1]
+    ends[lower, 0], ends[upper, 1] = spans[lower, 0], spans[upper, 1]
+    stops[lower, 0], stops[upper, 1] = name, name
+    nothing = np.any(np.isnan(spans), axis=1)
+    ends[nothing] = np.nan
+    stops[np.any(np.isnan(ends), axis=1)] = ""
+
+
+def _linear_spans(limit: LinearLimit, index: int, Q: Array) -> Array:
+    """Return the intervals (N, 2) of coordinate `index` that one joint limit allows; NaN where Q is outside it."""
+    theta = Q @ limit.coefficients + limit.offset
+    c = float(limit.coefficients[index])
+    spans = np.tile([-math.inf, math.inf], (len(Q), 1))
+    if c != 0.0:
+        spans = np.sort(Q[:, index, None] + (np.array([limit.lower, limit.upper]) - theta[:, None]) / c, axis=1)
+    spans[(theta < limit.lower) | (theta > limit.upper)] = np.nan
+    return spans
+
+
+def _norms(chain: Chain, Q: Array) -> Array:
+    return numeric.norm(numeric.positions(chain, Q))
+
+
+_REFERENCE = Reference(_norms, numeric.gradient)
+
+
+def _linear_span(limit: LinearLimit, index: int, q: Array) -> tuple[float, float] | None:
+    """Return the interval of coordinate `index` that one joint limit allows, the others as in q."""
+    theta = float(limit.coefficients @ q) + limit.offset
+    if not limit.lower <= theta <= limit.upper:
+        return None
+    c = float(limit.coefficients[index])
+    if c == 0.0:
+        return -math.inf, math.inf
+    ends = sorted(float(q[index]) + (end - theta) / c for end in (limit.lower, limit.upper))
+    return ends[0], ends[1]
