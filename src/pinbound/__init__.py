@@ -1,19 +1,11 @@
 """pinbound: coupled joint limits and self-collision boundaries in closed form, from a URDF, beside Pinocchio."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from pinbound.annotations import Annotations, BoundaryMark, ClosureMark, FollowerMark, LimitMark, Point
 from pinbound.boundary import Boundary, ContactAngle
 from pinbound.boundary_set import BoundarySet, CoordinateLimits, Smallest
-from pinbound.certificates import (
-    BoundedMotion,
-    BoxCertificate,
-    Budget,
-    Certificate,
-    Verdict,
-    certified_box,
-    certify,
-    certify_box,
-    signed_clearances,
-)
 from pinbound.document import packaged_robots
 from pinbound.exceptions import (
     DimensionError,
@@ -24,26 +16,39 @@ from pinbound.exceptions import (
     UnsupportedError,
 )
 from pinbound.interpreters.univariate import AllowedArcs, AllowedArcsTable
-from pinbound.inverse_kinematics import InverseKinematics, solve_ik
-from pinbound.marking import Proposal, propose_marks
-from pinbound.motion import Motion, MotionHistory, history, read_motion
 from pinbound.path import Kind
-from pinbound.region import (
-    Corner,
-    Edge,
-    Membership,
-    Place,
-    Region,
-    Section,
-    SmallestClearance,
-    SweptBody,
-    classify,
-    feasible_region,
-    region_membership,
-    swept_body,
-    workspace_section,
-)
 from pinbound.robot import Robot, load
+
+if TYPE_CHECKING:
+    from pinbound.certificates import (
+        BoundedMotion,
+        BoxCertificate,
+        Budget,
+        Certificate,
+        Verdict,
+        certified_box,
+        certify,
+        certify_box,
+        signed_clearances,
+    )
+    from pinbound.inverse_kinematics import InverseKinematics, solve_ik
+    from pinbound.marking import Proposal, propose_marks
+    from pinbound.motion import Motion, MotionHistory, history, read_motion
+    from pinbound.region import (
+        Corner,
+        Edge,
+        Membership,
+        Place,
+        Region,
+        Section,
+        SmallestClearance,
+        SweptBody,
+        classify,
+        feasible_region,
+        region_membership,
+        swept_body,
+        workspace_section,
+    )
 
 __version__ = "0.1.0"
 
@@ -102,3 +107,50 @@ __all__ = [
     "swept_body",
     "workspace_section",
 ]
+
+_LATER = {
+    "BoundedMotion": "pinbound.certificates",
+    "BoxCertificate": "pinbound.certificates",
+    "Budget": "pinbound.certificates",
+    "Certificate": "pinbound.certificates",
+    "Verdict": "pinbound.certificates",
+    "certified_box": "pinbound.certificates",
+    "certify": "pinbound.certificates",
+    "certify_box": "pinbound.certificates",
+    "signed_clearances": "pinbound.certificates",
+    "InverseKinematics": "pinbound.inverse_kinematics",
+    "solve_ik": "pinbound.inverse_kinematics",
+    "Proposal": "pinbound.marking",
+    "propose_marks": "pinbound.marking",
+    "Motion": "pinbound.motion",
+    "MotionHistory": "pinbound.motion",
+    "history": "pinbound.motion",
+    "read_motion": "pinbound.motion",
+    "Corner": "pinbound.region",
+    "Edge": "pinbound.region",
+    "Membership": "pinbound.region",
+    "Place": "pinbound.region",
+    "Region": "pinbound.region",
+    "Section": "pinbound.region",
+    "SmallestClearance": "pinbound.region",
+    "SweptBody": "pinbound.region",
+    "classify": "pinbound.region",
+    "feasible_region": "pinbound.region",
+    "region_membership": "pinbound.region",
+    "swept_body": "pinbound.region",
+    "workspace_section": "pinbound.region",
+}
+"""Rooms above the robot load when first asked for: `import pinbound` costs little more than `import pinocchio`."""
+
+
+def __getattr__(name: str) -> Any:
+    """Load a name of a room above the robot."""
+    if name not in _LATER:
+        raise AttributeError(f"module 'pinbound' has no attribute {name!r}")
+    value = globals()[name] = getattr(import_module(_LATER[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names, loaded or not."""
+    return sorted(__all__)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
-from typing import Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,9 +16,11 @@ from pinbound.boundary import Boundary, one_configuration
 from pinbound.coupling import LinearLimit, as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import numeric
-from pinbound.interpreters.kernel import Backend, Kernel, Pair, Reference
 from pinbound.interpreters.univariate import AllowedArcs, AllowedArcsTable
 from pinbound.path import Chain
+
+if TYPE_CHECKING:
+    from pinbound.interpreters.kernel import Backend, Kernel
 
 __all__ = ["BoundarySet", "CoordinateLimits", "Smallest"]
 
@@ -135,10 +137,14 @@ class BoundarySet(Sequence[Boundary]):
     @cached_property
     def kernel(self) -> Kernel:
         """The batch kernel behind `norms`, `clearances`, `gradients`, `smallest` and `free`."""
+        from pinbound.interpreters.kernel import Kernel, Pair, Reference
+
         pairs = [
             Pair(b.path.minimal, b.path.frame, b.threshold, (b.point_a.name, b.point_b.name)) for b in self._boundaries
         ]
-        return Kernel(pairs, len(self._coordinates), _REFERENCE, lambda: self._common() or None)
+        return Kernel(
+            pairs, len(self._coordinates), Reference(_norms, numeric.gradient), lambda: self._common() or None
+        )
 
     def norms(
         self,
@@ -410,9 +416,6 @@ def _linear_spans(limit: LinearLimit, index: int, Q: Array) -> Array:
 
 def _norms(chain: Chain, Q: Array) -> Array:
     return numeric.norm(numeric.positions(chain, Q))
-
-
-_REFERENCE = Reference(_norms, numeric.gradient)
 
 
 def _linear_span(limit: LinearLimit, index: int, q: Array) -> tuple[float, float] | None:

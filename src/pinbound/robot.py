@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.annotations import Annotations, Point, RawItem, raw_items, read_inline, read_sidecar, read_srdf, validate
+from pinbound.annotations import Annotations, Point, RawItem, raw_items, read_inline, validate
 from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
 from pinbound.closures import Closure
@@ -272,6 +272,9 @@ def _given_items(document: Document, given: str | Path | Annotations | None, pro
     path = document.path.with_name(f"{stem}.pinbound.yaml") if given is None else Path(given)
     if given is None and not path.is_file():
         return []
+    from pinbound.annotations.sidecar import read_sidecar
+    from pinbound.annotations.srdf import read_srdf
+
     return read_srdf(path, problems) if path.suffix == ".srdf" else read_sidecar(path, problems)
 
 

@@ -16,8 +16,6 @@ from pinbound.annotations.records import (
     RawItem,
     raw_items,
 )
-from pinbound.annotations.sidecar import read_sidecar
-from pinbound.annotations.srdf import read_srdf
 from pinbound.annotations.validation import validate
 
 __all__ = [
@@ -31,7 +29,5 @@ __all__ = [
     "RawItem",
     "raw_items",
     "read_inline",
-    "read_sidecar",
-    "read_srdf",
     "validate",
 ]
