@@ -65,28 +65,51 @@ def draw_region(region: Region, home: Array, contacts: Sequence[tuple[str, Array
         contacts: Lines `c @ x = value` [rad] that are no edges: name, c (2,), value.
     """
     figure, axes = _figure(8.2, 7.2)
-    vertices = np.degrees(region.vertices)
-    axes.fill(*vertices.T, color=_FILL, zorder=1)
-    low, high = _frame(vertices, contacts)
+    _fill(axes, [[np.degrees(edge.points) for edge in loop] for loop in region.loops])
+    low, high = _frame(np.degrees(np.concatenate([edge.points for edge in region.edges])), contacts)
     for name, normal, value in contacts:
         _draw_line(axes, name, normal, float(np.degrees(value)), low, high)
     colours = _colours(region.edges)
     for edge in region.edges:
-        start, end = np.degrees(edge.start), np.degrees(edge.end)
-        axes.plot(
-            *np.column_stack((start, end)), color=colours[edge.name], linewidth=3, solid_capstyle="butt", zorder=3
-        )
-        _name_edge(axes, edge.name, start, end, np.degrees(region.centroid), colours[edge.name])
-    axes.plot(*vertices.T, "o", color="#333333", markersize=4, zorder=4)
-    axes.plot(*np.degrees(home), "s", color="#333333", markersize=7, label="home", zorder=5)
-    axes.plot(*np.degrees(region.centroid), "+", color="#333333", markersize=11, label="centroid", zorder=5)
+        _draw_edge(axes, edge.name, np.degrees(edge.points), np.degrees(region.centroid), colours[edge.name])
+    corners = np.degrees([corner.point for corner in region.corners]).reshape(-1, 2)
+    axes.plot(*corners.T, "o", color="#333333", markersize=4, zorder=4)
+    shown = axes.plot(*np.degrees(home), "s", color="#333333", markersize=7, label="home", zorder=5)
+    shown += axes.plot(*np.degrees(region.centroid), "+", color="#333333", markersize=11, label="centroid", zorder=5)
+    if contacts:
+        shown += axes.plot([], [], color=_GREY, linestyle=(0, (4, 3)), label="contact, implied by an edge")
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.set_xlabel(f"{region.coordinates[0]} [deg]")
     axes.set_ylabel(f"{region.coordinates[1]} [deg]")
     axes.set_title(f"Feasible region of ({', '.join(region.coordinates)}): {region.area:.4f} rad²", loc="left")
-    handles = [axes.plot([], [], color=_GREY, linestyle=(0, (4, 3)), label="contact, implied by an edge")[0]]
-    axes.legend(handles=[*handles, *axes.lines[-3:-1]] if contacts else axes.lines[-2:], loc="upper left", framealpha=1)
+    axes.legend(handles=shown, loc="upper left", framealpha=1)
     return figure
+
+
+def _fill(axes: Any, loops: Sequence[Sequence[Array]]) -> None:
+    """Fill what lies between an outer contour and its holes, each a list of polylines (k, 2)."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+
+    rings = [Outline(np.concatenate(loop), closed=True) for loop in loops]
+    outline = Outline.make_compound_path(*rings)
+    axes.add_patch(PathPatch(outline, facecolor=_FILL, edgecolor="none", zorder=1))
+
+
+def _draw_edge(axes: Any, name: str, points: Array, inside: Array, colour: str) -> None:
+    """Draw an edge (k, 2), and its name along its middle, on the side on which the point `inside` lies."""
+    axes.plot(*points.T, color=colour, linewidth=3, solid_capstyle="butt", zorder=3)
+    start, end = _resample(points, np.array([0.48, 0.52]))
+    if np.any(start != end):  # an edge may be mapped to one place
+        _name_edge(axes, name, start, end, inside, colour)
+
+
+def _resample(points: Array, share: Array) -> Array:
+    """Return points of a polyline (k, 2) at shares (N,) of its length."""
+    steps = np.asarray(np.linalg.norm(np.diff(points, axis=0), axis=1), dtype=np.float64)
+    length = np.concatenate((np.zeros(1), np.cumsum(steps)))
+    x, y = (np.asarray(np.interp(share * length[-1], length, column), dtype=np.float64) for column in points.T)
+    return np.column_stack((x, y))
 
 
 def _frame(vertices: Array, contacts: Sequence[tuple[str, Array, float]]) -> tuple[Array, Array]:
@@ -217,15 +240,14 @@ def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:
     outline = np.concatenate(contour)
     plane = section_axes(outline)
     keep = list(plane)
-    axes.fill(*(1e3 * outline[:, keep]).T, color=_FILL, zorder=1)
+    curves = iter(1e3 * curve[:, keep] for curve in contour)
+    loops = [[next(curves) for _ in loop] for loop in region.loops]
+    _fill(axes, loops)
     _draw_skeleton(axes, robot, region.at, plane, "#9AA5B1")
     colours = _colours(region.edges)
     centre = 1e3 * np.mean(outline[:, keep], axis=0)
-    for edge, curve in zip(region.edges, contour, strict=True):
-        flat = 1e3 * curve[:, keep]
-        axes.plot(*flat.T, color=colours[edge.name], linewidth=3, solid_capstyle="butt", zorder=4)
-        middle = len(flat) // 2
-        _name_edge(axes, edge.name, flat[middle - 1], flat[middle + 1], centre, colours[edge.name])
+    for edge, curve in zip(region.edges, (curve for loop in loops for curve in loop), strict=True):
+        _draw_edge(axes, edge.name, curve, centre, colours[edge.name])
     axes.plot(*(1e3 * home[keep]), "s", color="#333333", markersize=7, label=f"{frame} at home", zorder=5)
     labels = "xyz"
     axes.set_xlabel(f"{labels[plane[0]]} [mm]")
@@ -238,8 +260,7 @@ def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:
 
 def _image(robot: Robot, region: Region, edge: Edge, frame: str) -> Array:
     """Return where a link's origin is along one edge, (k, 3) [m]."""
-    share = np.linspace(0.0, 1.0, _EDGE_SAMPLES)[:, None]
     Q = np.repeat(region.at[None], _EDGE_SAMPLES, axis=0)
     columns = [region.robot_coordinates.index(name) for name in region.coordinates]
-    Q[:, columns] = edge.start + share * (edge.end - edge.start)
+    Q[:, columns] = _resample(edge.points, np.linspace(0.0, 1.0, _EDGE_SAMPLES))
     return robot.positions(frame, Q)

@@ -244,9 +244,14 @@ def region(
     columns = ("edge", f"{x} from [deg]", f"{y} from [deg]", f"{x} to [deg]", f"{y} to [deg]")
     centre = ", ".join(degrees(float(value), 9) for value in found.centroid)
     note = f"area {found.area:.10f} rad^2, centroid ({centre}) deg"
+    if len(found.loops) > 1:
+        note += f"; {len(found.loops) - 1} holes"
+    if found.accuracy:
+        note += f"; curved edges to {degrees(found.accuracy)} deg, area to {found.area_error:.1e} rad^2"
     print_table(f"Feasible region of ({x}, {y}) around home", columns, rows, note)
     implied = [(name, ", ".join(s.by), degrees(s.slack)) for name, s in found.supports().items() if s.by]
-    print_table("Implied", ("boundary or limit", "implied by", "slack [deg]"), implied)
+    if implied:
+        print_table("Implied", ("boundary or limit", "implied by", "slack [deg]"), implied)
 
 
 def _region_record(region: Region) -> dict[str, Any]:
@@ -254,8 +259,14 @@ def _region_record(region: Region) -> dict[str, Any]:
         "coordinates": region.coordinates,
         "at": dict(zip(region.robot_coordinates, region.at.tolist(), strict=True)),
         "vertices": region.vertices,
-        "edges": [{"name": e.name, "source": e.source, "start": e.start, "end": e.end} for e in region.edges],
+        "edges": [
+            {"name": e.name, "source": e.source, "start": e.start, "end": e.end, "points": e.points}
+            for e in region.edges
+        ],
+        "holes": max(len(region.loops) - 1, 0),
+        "accuracy": region.accuracy,
         "area": region.area,
+        "area_error": region.area_error,
         "centroid": region.centroid,
         "implied": {name: {"by": s.by, "slack": s.slack} for name, s in region.supports().items() if s.by},
     }
