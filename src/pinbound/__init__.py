@@ -2,6 +2,7 @@
 
 from pinbound.annotations import Annotations, BoundaryMark, ClosureMark, FollowerMark, LimitMark, Point
 from pinbound.boundary import Boundary, BoundarySet, ContactAngle, CoordinateLimits
+from pinbound.crosscheck import CrossCheck, cross_check
 from pinbound.document import packaged_robots
 from pinbound.exceptions import (
     DimensionError,
@@ -27,6 +28,7 @@ __all__ = [
     "ClosureMark",
     "ContactAngle",
     "CoordinateLimits",
+    "CrossCheck",
     "DimensionError",
     "Edge",
     "FollowerMark",
@@ -40,6 +42,7 @@ __all__ = [
     "Robot",
     "UnknownNameError",
     "UnsupportedError",
+    "cross_check",
     "feasible_region",
     "load",
     "packaged_robots",
