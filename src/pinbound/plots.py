@@ -6,7 +6,7 @@ every edge also carries its name.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pinbound.region import Edge, Region
 from pinbound.robot import Robot
 
-__all__ = ["PALETTE", "draw_region", "draw_robot", "draw_workspace", "save", "section_axes"]
+__all__ = ["PALETTE", "draw_region", "draw_robot", "draw_verdicts", "draw_workspace", "save", "section_axes"]
 
 Array = NDArray[np.float64]
 
@@ -85,6 +85,39 @@ def draw_region(region: Region, home: Array, contacts: Sequence[tuple[str, Array
     axes.set_title(f"Feasible region of ({', '.join(region.coordinates)}): {region.area:.4f} rad²", loc="left")
     handles = [axes.plot([], [], color=_GREY, linestyle=(0, (4, 3)), label="contact, implied by an edge")[0]]
     axes.legend(handles=[*handles, *axes.lines[-3:-1]] if contacts else axes.lines[-2:], loc="upper left", framealpha=1)
+    return figure
+
+
+def draw_verdicts(region: Region, home: Array, groups: Mapping[str, Array]) -> Any:
+    """Draw what another engine said of a region: each group of points (k, 2) [rad] with its own colour and marker.
+
+    Args:
+        region: The region; its two coordinates are angles [rad], drawn in degrees.
+        home: (2,) the start point [rad].
+        groups: Points by what they are; the legend counts them, empty groups too.
+    """
+    figure, axes = _figure(8.2, 7.6)
+    vertices = np.degrees(region.vertices)
+    axes.fill(*vertices.T, facecolor=_FILL, edgecolor="#333333", linewidth=1.2, zorder=1, label="feasible region")
+    markers = ("o", "X", "s", "^", "v")
+    shown = [vertices]
+    for index, (name, points) in enumerate(groups.items()):
+        style = {"color": PALETTE[index % len(PALETTE)], "zorder": 3 + index, "label": f"{name} ({len(points)})"}
+        size = 2.5 if index == 0 else 4.5
+        points_deg = np.degrees(points).reshape(-1, 2)
+        axes.plot(*points_deg.T, markers[index % len(markers)], markersize=size, markeredgewidth=0, **style)
+        shown.append(points_deg)
+    for edge in region.edges:
+        _name_edge(axes, edge.name, np.degrees(edge.start), np.degrees(edge.end), vertices.mean(axis=0), "#333333")
+    axes.plot(*np.degrees(home), "P", color="#333333", markersize=8, label="home", zorder=9)
+    everything = np.concatenate(shown)
+    pad = 0.06 * float(np.max(np.ptp(everything, axis=0)))
+    low, high = everything.min(axis=0) - pad, everything.max(axis=0) + pad
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.set_xlabel(f"{region.coordinates[0]} [deg]")
+    axes.set_ylabel(f"{region.coordinates[1]} [deg]")
+    axes.set_title(f"Region of ({', '.join(region.coordinates)}) against coal's flood fill from home", loc="left")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, frameon=False)
     return figure
 
 

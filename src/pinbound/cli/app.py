@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import typer
 
-from pinbound.cli import inspect, mark, report
+from pinbound.cli import crosscheck, inspect, mark, report
 from pinbound.cli.shared import guarded
 
 __all__ = ["app", "main"]
@@ -29,6 +29,7 @@ _register(inspect.derive)
 _register(inspect.limits)
 _register(inspect.region)
 _register(mark.mark)
+_register(crosscheck.crosscheck)
 _register(report.report)
 
 

@@ -1,7 +1,9 @@
 """Body level: do the marked points stand for the bodies? pinbound's verdicts against coal on the collision bodies.
 
-At a configuration beyond a contact (`BoundarySet.beyond`) the bodies may have passed through each other, so coal is
-asked where the straight way from home meets that contact first: a gap there is refused needlessly, a depth is a miss.
+A configuration beyond any contact (`BoundarySet.beyond`) cannot be reached, and bodies there may have passed through
+each other. So coal is also asked where the straight way from home meets a contact of these links: a gap there is
+refused needlessly, a depth is a miss unless something else has stopped the way before. And since thin bodies slip
+between samples, some of these ways are swept.
 """
 
 from __future__ import annotations
@@ -17,12 +19,15 @@ from numpy.typing import NDArray
 from pinbound.bodies import Body, collision_bodies
 from pinbound.boundary import Boundary
 from pinbound.crosscheck.engine import Engine, blocks, body_shapes, sample
+from pinbound.crosscheck.sweep import sweep
 from pinbound.robot import Robot
 from pinbound.tolerances import CROSSCHECK_BODY, CROSSCHECK_STOP
 
 __all__ = ["BodyLevel", "LinkPair", "check_bodies"]
 
 Array = NDArray[np.float64]
+
+_MOST_WAYS = 200
 
 
 @dataclass(frozen=True)
@@ -37,8 +42,10 @@ class LinkPair:
         both_contact: Samples that both sides refuse.
         misses: Samples that pinbound calls clear, while bodies are in contact.
         refusals: Samples in contact for pinbound, while the bodies are clear.
-        unreachable: Samples beyond a contact for pinbound, at which the bodies are clear again.
-        miss: [m], the deepest penetration at a configuration that pinbound calls clear, or where contact begins.
+        ways: How many straight ways from home were swept without stepping over a contact.
+        unreachable: Samples beyond a contact of any links, at which these bodies are clear.
+        miss: [m], the deepest penetration at a configuration that pinbound calls clear, sample or on a way, or where
+            contact begins.
         miss_q: (n,), where that is; None if there is none.
         refusal: [m], the largest gap between the bodies where pinbound refuses, or where contact begins.
         refusal_q: (n,), where that is; None if there is none.
@@ -53,6 +60,7 @@ class LinkPair:
     misses: int
     refusals: int
     unreachable: int
+    ways: int
     miss: float
     miss_q: Array | None
     refusal: float
@@ -117,31 +125,46 @@ def check_bodies(robot: Robot, samples: int, rng: np.random.Generator) -> BodyLe
     if not kept:
         return "no boundary has simple collision bodies on both its links"
     Q = sample(robot, samples, rng)
-    pairs = tuple(_check_pair(robot, links, groups[links], bodies, Q) for links in kept)
+    # Every second one is drawn towards home: in a small region few others would lie.
+    Q[::2] = robot.home + rng.random((len(Q[::2]), 1)) * (Q[::2] - robot.home)
+    first_met = np.full(len(Q), math.inf)
+    for boundary in robot.boundaries:
+        first_met = np.minimum(first_met, _crossing(boundary, robot.home, Q))
+    pairs = tuple(
+        _check_pair(robot, groups[links], (bodies[links[0]], bodies[links[1]]), Q, first_met) for links in kept
+    )
     return BodyLevel(len(Q), pairs, left_out)
 
 
 def _check_pair(
-    robot: Robot, links: tuple[str, str], members: Sequence[int], bodies: Mapping[str, list[Body]], Q: Array
+    robot: Robot, members: Sequence[int], bodies: tuple[list[Body], list[Body]], Q: Array, first_met: Array
 ) -> LinkPair:
+    """Compare one pair of links; `first_met` (N,) is where the way from home to each q meets any contact."""
     boundaries = [robot.boundaries[index] for index in members]
-    firsts, seconds = bodies[links[0]], bodies[links[1]]
-    places = product(range(len(firsts)), range(len(firsts), len(firsts) + len(seconds)))
-    engine = Engine(robot, body_shapes([*firsts, *seconds]), list(places))
+    count = len(bodies[0])
+    places = product(range(count), range(count, count + len(bodies[1])))
+    engine = Engine(robot, body_shapes([*bodies[0], *bodies[1]]), list(places))
     gap = np.concatenate([np.min(engine.distances(Q[block]), axis=1) for block in blocks(len(Q))])
     crossing = np.min([_crossing(boundary, robot.home, Q) for boundary in boundaries], axis=0)
-    reached = np.isfinite(crossing)
     touching = _least_clearance(boundaries, Q) <= 0.0
-    beyond, clear = reached & ~touching, ~reached & ~touching
-    contact = gap <= 0.0
-    there = robot.home + np.where(reached, crossing, 0.0)[:, None] * (Q - robot.home)
-    gap_there, free_there = np.full(len(Q), np.nan), np.zeros(len(Q), dtype=bool)
-    if np.any(reached):
-        gap_there[reached] = np.min(engine.distances(there[reached]), axis=1)
-        # Where another boundary of these links has stopped the way before, a depth is no miss.
-        free_there[reached] = _least_clearance(boundaries, there[reached]) >= -CROSSCHECK_BODY
-    miss, miss_q = _largest([(clear, -gap, Q), (free_there, -gap_there, there)])
-    refusal, refusal_q = _largest([(touching, gap, Q), (reached, gap_there, there)])
+    beyond = np.isfinite(first_met) & ~touching
+    clear, contact = ~beyond & ~touching, gap <= 0.0
+    meets = np.isfinite(crossing)
+    there = robot.home + np.where(meets, crossing, 0.0)[:, None] * (Q - robot.home)
+    gap_there, first = np.full(len(Q), np.nan), np.zeros(len(Q), dtype=bool)
+    if np.any(meets):
+        gap_there[meets] = np.min(engine.distances(there[meets]), axis=1)
+        # Where another boundary has stopped the way before, a depth is no miss.
+        first[meets] = _least_clearance(boundaries, there[meets]) >= -CROSSCHECK_BODY
+        first &= crossing <= first_met
+    links = (bodies[0][0].link, bodies[1][0].link)
+    swept = Q[1::2][:_MOST_WAYS]
+    on_way, depth, given_up = sweep(
+        robot, engine, [*bodies[0], *bodies[1]], links, swept, np.minimum(first_met, 1.0)[1::2][:_MOST_WAYS]
+    )
+    clear_on_way = _least_clearance(boundaries, on_way) > 0.0 if len(on_way) else np.zeros(0, dtype=bool)
+    miss, miss_q = _largest([(clear, -gap, Q), (first, -gap_there, there), (clear_on_way, depth, on_way)])
+    refusal, refusal_q = _largest([(touching, gap, Q), (meets, gap_there, there)])
     return LinkPair(
         links=links,
         boundaries=tuple(boundary.name for boundary in boundaries),
@@ -151,6 +174,7 @@ def _check_pair(
         misses=int(np.sum(clear & contact)),
         refusals=int(np.sum(touching & ~contact)),
         unreachable=int(np.sum(beyond & ~contact)),
+        ways=len(swept) - given_up,
         miss=miss,
         miss_q=miss_q,
         refusal=refusal,
@@ -171,6 +195,8 @@ def _largest(choices: Sequence[tuple[NDArray[np.bool_], Array, Array]]) -> tuple
     """Return the largest positive value over several masked arrays, with its configuration; 0 and None without."""
     value, q = 0.0, None
     for mask, values, Q in choices:
+        if not len(mask):
+            continue
         masked = np.where(mask, values, -np.inf)
         row = int(np.argmax(masked))
         if masked[row] > value:

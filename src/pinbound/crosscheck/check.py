@@ -106,8 +106,9 @@ def cross_check(
         more than its tolerance (`tolerances.CROSSCHECK_*`).
 
     Raises:
-        UnknownNameError: If a level is none of these.
+        UnknownNameError: If a level is none of these, or none is given.
         DimensionError: If `samples` or `rays` is not positive.
+        UnsupportedError: If no random configuration satisfies the limits of all joints.
 
     References:
         `docs/crosscheck.md`.
@@ -118,7 +119,7 @@ def cross_check(
         >>> found.holds, found.points.worst < 1e-12, found.boundaries.worst < 1e-9
         (True, True, True)
     """
-    for level in levels:
+    for level in levels or ("",):
         if level not in LEVELS:
             raise UnknownNameError("level", level, LEVELS)
     for name, count in (("samples", samples), ("rays", rays)):

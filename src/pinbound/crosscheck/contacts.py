@@ -1,8 +1,8 @@
 """Boundary level: contacts found on coal's distance along rays, against the closed form.
 
-A ray is `q(t) = start + t d`. Along it coal's distance f(t) is scanned and its first change of sign bisected. Points of
-zero threshold do not cross: they come near and part again, and contact is the minimum of f. About a contact angle
-f is even (both points turn about one pivot), so `f(t + h) - f(t - h)` changes sign there, steeply, and that is bisected.
+A ray is `q(t) = start + t d`. Along it coal's distance f(t) is scanned and its first change of sign bisected. Points
+of zero threshold do not cross: they come near and part again, and contact is the minimum of f. About a contact angle f
+is even (both points turn about one pivot), so `f(t + h) - f(t - h)` changes sign there, steeply: that is bisected.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,14 +36,14 @@ class RayCheck:
     """One boundary along many rays.
 
     Attributes:
-        method: What coal was compared with: ``"contact angle"``, ``"contact strip"``, ``"allowed arcs"`` or
-            ``"root of the clearance"``.
+        method: What coal was compared with: ``"contact angle"``, ``"contact strip"``, ``"smallest norm"`` (of a
+            boundary that is never in contact), ``"allowed arcs"`` or ``"root of the clearance"``.
         rays: How many rays.
         free: How many of them meet no contact, by both sides.
         grazing: How many contacts are too flat to be placed; they are compared in metres only.
         angle: [rad], worst difference of the contact, in the effective angle, the coordinate, or along the ray;
             infinite if only one side found a contact.
-        metres: [m], worst difference of the distances at the contact in closed form.
+        metres: [m], worst difference of the distances at the contact in closed form, or of the smallest ones.
         witness: (n,), that contact.
     """
 
@@ -110,25 +111,29 @@ class _Seen:
 
 
 def check_contacts(robot: Robot, rays: int, rng: np.random.Generator) -> BoundaryLevel:
-    """Cast rays, each at one boundary in turn, and compare the contacts that they meet first."""
+    """Cast rays, each at one boundary in turn and at least one at each, and compare the contacts that they meet first.
+
+    A boundary that no coordinate moves has no rays.
+    """
     engine, found = point_engine(robot), dict[str, RayCheck]()
     for index, boundary in enumerate(robot.boundaries):
-        count = len(range(index, rays, len(robot.boundaries)))
+        if not boundary.coordinates:
+            continue
+        count = max(1, len(range(index, rays, len(robot.boundaries))))
         starts = sample(robot, count, rng)
         claims = [_claim(robot, boundary, starts[row % len(starts)], rng) for row in range(count)]
-        if claims:
-            seen = [_compare(engine, index, boundary, claim) for claim in claims]
-            worst = max(seen, key=lambda one: (one.angle, one.metres))
-            found[boundary.name] = RayCheck(
-                " and ".join(sorted({claim.method for claim in claims})),
-                count,
-                sum(one.free for one in seen),
-                sum(one.grazing for one in seen),
-                worst.angle,
-                max(one.metres for one in seen),
-                worst.place,
-            )
-    return BoundaryLevel(rays, found)
+        seen = [_compare(engine, index, boundary, claim) for claim in claims]
+        worst = max(seen, key=lambda one: (one.angle, one.metres))
+        found[boundary.name] = RayCheck(
+            " and ".join(sorted({claim.method for claim in claims})),
+            count,
+            sum(one.free for one in seen),
+            sum(one.grazing for one in seen),
+            worst.angle,
+            max(one.metres for one in seen),
+            worst.place,
+        )
+    return BoundaryLevel(sum(one.rays for one in found.values()), found)
 
 
 def _claim(robot: Robot, boundary: Boundary, start: Array, rng: np.random.Generator) -> _Claim:
@@ -159,7 +164,8 @@ def _one_angle(robot: Robot, boundary: Boundary, contact: ContactAngle, rng: np.
     method = "contact strip" if contact.half_width else "contact angle"
     period = 2.0 * math.pi / abs(rate)
     if contact.half_width is None:
-        return _Claim("contact strip", robot.home, direction, period, None)
+        away = contact.smallest - boundary.threshold
+        return _Claim("smallest norm", robot.home, direction, period, None, expected=away)
     phi = float(c @ robot.home)
     end = contact.gap(phi)[1 if rate > 0 else 0]
     expected = contact.smallest - boundary.threshold if not contact.half_width else 0.0
@@ -197,8 +203,13 @@ def _along_a_ray(robot: Robot, boundary: Boundary, rng: np.random.Generator) -> 
 
 def _compare(engine: Engine, pair: int, boundary: Boundary, claim: _Claim) -> _Seen:
     def coal(t: float) -> float:
-        return engine.distance(claim.start + t * claim.direction, pair) - boundary.min_distance
+        return engine.distance(claim.start + t * claim.direction, pair)
 
+    if claim.method == "smallest norm":
+        t = _minimum(coal, claim.length)
+        place = claim.start if t is None else claim.start + t * claim.direction
+        metres = math.inf if t is None else abs(coal(t) - claim.expected)
+        return _Seen(True, False, 0.0, metres, place)
     if claim.method == "contact angle":
         t = _minimum(coal, claim.length)
     else:
@@ -226,22 +237,18 @@ def _compare(engine: Engine, pair: int, boundary: Boundary, claim: _Claim) -> _S
 
 def _first_root(f: Callable[[float], float], start: float, stop: float, nodes: int) -> float | None:
     """Return where f, scanned at equal steps, first falls to zero; None if it never does."""
-    from scipy.optimize import bisect
-
     before, first = start, f(start)
     if first <= 0.0:
         return start
     for node in np.linspace(start, stop, nodes)[1:].tolist():
         if f(node) <= 0.0:
-            return float(bisect(f, before, node, xtol=_BISECTION))
+            return _bisect(f, before, node)
         before = node
     return None
 
 
 def _minimum(f: Callable[[float], float], period: float) -> float | None:
     """Return the minimum of an even dip of f within one period, by the change of sign of `f(t + h) - f(t - h)`."""
-    from scipy.optimize import bisect
-
     step = period / _COARSE
     lowest = step * int(np.argmin([f(step * node) for node in range(_COARSE)]))
 
@@ -250,4 +257,10 @@ def _minimum(f: Callable[[float], float], period: float) -> float | None:
 
     if not difference(lowest - step) < 0.0 < difference(lowest + step):
         return None
-    return float(bisect(difference, lowest - step, lowest + step, xtol=_BISECTION))
+    return _bisect(difference, lowest - step, lowest + step)
+
+
+def _bisect(f: Callable[[float], float], low: float, high: float) -> float:
+    from scipy import optimize
+
+    return float(cast(Any, optimize).bisect(f, low, high, xtol=_BISECTION))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.bodies import Body
+from pinbound.exceptions import UnsupportedError
 from pinbound.robot import Robot
 
 __all__ = ["Engine", "Shape", "blocks", "body_shapes", "point_engine", "sample", "within_limits"]
@@ -109,11 +110,14 @@ def body_shapes(bodies: Sequence[Body]) -> list[Shape]:
 
 
 def point_engine(robot: Robot) -> Engine:
-    """Return the marked points as spheres (radius 0 is a point), one pair a boundary, in their order."""
+    """Return the marked points as spheres (radius 0 is a point), one pair a boundary, in their order.
+
+    The first of each pair is larger by the distance to keep, so that coal's distance is the clearance.
+    """
     shapes: list[Shape] = []
     for boundary in robot.boundaries:
-        for point in (boundary.point_a, boundary.point_b):
-            shapes.append(Shape(point.link, "sphere", (point.radius,), np.eye(3), np.array(point.xyz)))
+        for point, more in ((boundary.point_a, boundary.min_distance), (boundary.point_b, 0.0)):
+            shapes.append(Shape(point.link, "sphere", (point.radius + more,), np.eye(3), np.array(point.xyz)))
     return Engine(robot, shapes, [(2 * index, 2 * index + 1) for index in range(len(robot.boundaries))])
 
 
@@ -121,6 +125,9 @@ def sample(robot: Robot, count: int, rng: np.random.Generator) -> Array:
     """Return random configurations (count, n) within all limits; unlimited angles in +-pi, slides in +-1 m.
 
     Limits of followers are respected by rejection; if they leave too little, fewer configurations come back.
+
+    Raises:
+        UnsupportedError: If no configuration satisfies all limits.
     """
     free = np.array([np.pi if robot.turns(name) else _UNLIMITED_SLIDE for name in robot.coordinates])
     lower = np.where(np.isfinite(robot.lower), robot.lower, np.minimum(-free, robot.upper - 2 * free))
@@ -132,6 +139,10 @@ def sample(robot: Robot, count: int, rng: np.random.Generator) -> Array:
         have += len(drawn[-1])
         if have >= count:
             break
+    if not have:
+        raise UnsupportedError(
+            "no random configuration satisfies the limits of all joints; widen the limits of joints that follow others"
+        )
     return np.concatenate(drawn)[:count]
 
 

@@ -1,6 +1,6 @@
 """Region level: membership against a flood fill from home that knows coal's verdicts and the joint limits only.
 
-The flood fill walks a square grid through home. Where it is stopped by a collision, the place is bisected on coal's yes-or-no
+The flood fill walks a square grid through home. Where a collision stops it, the place is bisected on coal's yes-or-no
 query; these places are its contour, and the region must have its own contour there.
 """
 
@@ -19,7 +19,7 @@ from pinbound.crosscheck.engine import Engine, body_shapes, point_engine, within
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.region import Region, feasible_region
 from pinbound.robot import Robot
-from pinbound.tolerances import CROSSCHECK_STOP
+from pinbound.tolerances import CROSSCHECK_BODY, CROSSCHECK_STOP
 
 __all__ = ["RegionLevel", "check_region"]
 
@@ -39,6 +39,7 @@ class RegionLevel:
     Attributes:
         coordinates: The plane.
         shapes: What coal saw: ``"bodies"`` or ``"spheres"`` at the marked points.
+        ignored: Pairs of links with bodies that touch at home, which coal therefore had to leave out.
         region: The region that was checked.
         step: [rad], of the grid.
         nodes: How many nodes were reached, or lie in the region.
@@ -58,6 +59,7 @@ class RegionLevel:
 
     coordinates: tuple[str, str]
     shapes: str
+    ignored: tuple[tuple[str, str], ...]
     region: Region
     step: float
     nodes: int
@@ -99,18 +101,24 @@ def check_region(robot: Robot, step: float | None = None) -> RegionLevel | str:
     found = _engine(robot)
     if isinstance(found, str):
         return found
-    engine, shapes = found
+    engine, shapes, ignored = found
     step = step if step is not None else math.sqrt(region.area / _NODES)
     if not (math.isfinite(step) and step > 0.0):
         raise DimensionError(f"the step {step} of the grid is not a positive angle")
     columns = [robot.coordinates.index(name) for name in region.coordinates]
     flood = _Flood(robot, engine, columns, step)
     flood.run()
-    return _compare(robot, region, shapes, flood)
+    return _compare(robot, region, shapes, ignored, flood)
 
 
-def _engine(robot: Robot) -> tuple[Engine, str] | str:
-    """Return what coal checks: bodies if all marked links have simple ones, else spheres if all have some size."""
+_Pairs = tuple[tuple[str, str], ...]
+
+
+def _engine(robot: Robot) -> tuple[Engine, str, _Pairs] | str:
+    """Return what coal checks: bodies if all marked links have simple ones, else spheres if all have some size.
+
+    Of the bodies all pairs count that move against each other, except those that touch at home; these are returned.
+    """
     bodies = [body for body in collision_bodies(robot) if body.shape != "mesh"]
     marked = {point.link for boundary in robot.boundaries for point in (boundary.point_a, boundary.point_b)}
     if marked <= {body.link for body in bodies}:
@@ -122,9 +130,11 @@ def _engine(robot: Robot) -> tuple[Engine, str] | str:
         shapes = body_shapes(bodies)
         at_home = Engine(robot, shapes, pairs).distances(robot.home[None])[0]
         apart = [pair for pair, distance in zip(pairs, at_home, strict=True) if distance > 0.0]
-        return Engine(robot, shapes, apart), "bodies"
+        touching = [pair for pair, distance in zip(pairs, at_home, strict=True) if not distance > 0.0]
+        ignored = {(bodies[first].link, bodies[second].link) for first, second in touching}
+        return Engine(robot, shapes, apart), "bodies", tuple(sorted(ignored))
     if all(boundary.threshold > 0.0 for boundary in robot.boundaries):
-        return point_engine(robot), "spheres"
+        return point_engine(robot), "spheres", ()
     return "a flood fill passes through points of zero threshold; it needs collision bodies on every marked link"
 
 
@@ -172,7 +182,7 @@ class _Flood:
         return hit
 
 
-def _compare(robot: Robot, region: Region, shapes: str, flood: _Flood) -> RegionLevel:
+def _compare(robot: Robot, region: Region, shapes: str, ignored: _Pairs, flood: _Flood) -> RegionLevel:
     low, high = region.vertices.min(axis=0), region.vertices.max(axis=0)
     start = robot.home[flood.columns]
     first = np.floor((low - start) / flood.step).astype(int)
@@ -188,6 +198,7 @@ def _compare(robot: Robot, region: Region, shapes: str, flood: _Flood) -> Region
     return RegionLevel(
         coordinates=region.coordinates,
         shapes=shapes,
+        ignored=ignored,
         region=region,
         step=flood.step,
         nodes=int(np.sum(reached | (distance > 0.0))),
@@ -200,15 +211,13 @@ def _compare(robot: Robot, region: Region, shapes: str, flood: _Flood) -> Region
         contour=contour,
         contour_inside=float(np.max(apart, initial=0.0)),
         contour_outside=float(np.max(-apart, initial=0.0)),
-        tolerance=_angle_tolerance(robot),
+        tolerance=_angle_tolerance(robot, shapes),
         stops=any(boundary.threshold == 0.0 for boundary in robot.boundaries),
         complete=flood.complete,
     )
 
 
-def _angle_tolerance(robot: Robot) -> float:
-    """Return `CROSSCHECK_STOP` as an angle, on the shortest lever arm of a marked point in the region's plane."""
-    arms = [
-        float(np.min(np.linalg.norm(boundary.path.minimal.offsets[-1:], axis=1))) for boundary in robot.boundaries
-    ]
-    return CROSSCHECK_STOP / max(min(arms, default=1.0), CROSSCHECK_STOP)
+def _angle_tolerance(robot: Robot, shapes: str) -> float:
+    """Return what coal, or the bodies, may be off, as an angle on the shortest lever arm of a marked point."""
+    arms = [float(np.linalg.norm(boundary.path.minimal.offsets[-1])) for boundary in robot.boundaries]
+    return (CROSSCHECK_BODY if shapes == "spheres" else CROSSCHECK_STOP) / min(arms)
