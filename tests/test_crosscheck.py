@@ -20,6 +20,7 @@ from pinbound.boundary import BoundarySet
 from pinbound.cli import app
 from pinbound.coupling import Coupling
 from pinbound.crosscheck.engine import Engine, body_shapes, sample, within_limits
+from pinbound.crosscheck.sweep import approach_speed
 from pinbound.path import relative_path
 from pinbound.tolerances import CROSSCHECK_ANGLE, CROSSCHECK_BODY, CROSSCHECK_POINT
 from robots import ZOO, random_q
@@ -264,6 +265,64 @@ def test_covers_of_public_robots_never_miss(path: Path, accuracy: float, samples
         assert pair.miss <= CROSSCHECK_BODY
         assert pair.refusal <= 2 * proposal.excess + CROSSCHECK_BODY
     assert sum(pair.both_contact for pair in pairs) > 0
+
+
+def test_bodies_never_approach_faster_than_the_sweep_assumes(minerva: pb.Robot, tmp_path: Path) -> None:
+    bodies = [body for body in collision_bodies(minerva) if body.link in ("link_16", "link_13")]
+    sliding = tmp_path / "slides.urdf"
+    ball = '<collision><origin xyz="0.1 0 0.1"/><geometry><sphere radius="0.02"/></geometry></collision>'
+    text = ZOO["slides"]
+    for link in ("base", "e"):
+        text = text.replace(f'<link name="{link}"/>', f'<link name="{link}">{ball}</link>')
+    sliding.write_text(text)
+    slides = pb.load(sliding)
+    for robot, links, found in (
+        (minerva, ("link_13", "link_16"), bodies),
+        (slides, ("base", "e"), list(collision_bodies(slides))),
+    ):
+        pairs = [(i, j) for i, j in combinations(range(len(found)), 2) if found[i].link != found[j].link]
+        engine = Engine(robot, body_shapes(found), pairs)
+        ends = sample(robot, 60, np.random.default_rng(11))
+        speed = approach_speed(robot, found, links, ends - robot.home)
+        t = np.linspace(0.0, 1.0, 60)
+        fastest = []
+        for end, v in zip(ends, speed, strict=True):
+            distance = np.min(engine.distances(robot.home + t[:, None] * (end - robot.home)), axis=1)
+            rate = np.abs(np.diff(distance)) / np.diff(t)
+            assert rate.max() <= v
+            fastest.append(rate.max() / v)
+        assert max(fastest) > 0.05  # a bound, but not an empty one
+
+
+def test_a_thin_wall_between_the_samples_is_found_by_the_sweep(load_text: Load) -> None:
+    """The marked point is behind the wall: pinbound calls the way clear, and the wall is 0.4 mm thick."""
+    wall = '<collision><origin xyz="0 0 0.3"/><geometry><box size="0.0004 0.1 0.1"/></geometry></collision>'
+    finger = '<collision><origin xyz="0 0 0.3"/><geometry><sphere radius="0.001"/></geometry></collision>'
+    robot = load_text(
+        '<robot name="r" xmlns:pinbound="urn:pinbound:1">'
+        f'<link name="base">{wall}</link><link name="arm">{finger}</link>'
+        '<joint name="q" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>'
+        '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+        '<pinbound:annotations><pinbound:home q="1.5"/>'
+        '<pinbound:point name="p" link="base" xyz="0 0 -0.3"/><pinbound:point name="s" link="arm" xyz="0 0 0.3"/>'
+        '<pinbound:boundary name="beta" a="p" b="s"/></pinbound:annotations></robot>'
+    )
+    found = pb.cross_check(robot, samples=60, seed=1, levels=("bodies",)).bodies
+    assert found is not None
+    (pair,) = found.pairs
+    assert pair.misses <= 1
+    assert pair.miss > 0.5e-3
+    assert pair.miss_q is not None
+    assert abs(pair.miss_q[0]) < 0.01
+    assert not found.holds
+
+
+def test_a_link_and_a_joint_of_one_name_are_not_confused(load_text: Load) -> None:
+    text = ZOO["spatial_4r"].replace('joint name="j3"', 'joint name="a"').replace('joint name="j4"', 'joint name="b"')
+    robot = load_text(text)
+    assert "b" in robot.tree.links
+    assert "b" in robot.coordinates
+    assert pb.cross_check(robot, samples=100, rays=8, levels=MATHEMATICS).holds
 
 
 def test_samples_respect_followers_limits(load_text: Load) -> None:

@@ -17,7 +17,7 @@ from pinbound.crosscheck.engine import Engine
 from pinbound.robot import Robot
 from pinbound.tolerances import CROSSCHECK_STOP
 
-__all__ = ["sweep"]
+__all__ = ["approach_speed", "sweep"]
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def sweep(
         Configurations, depths, and how many ways were given up before their end: very close all the way.
     """
     ways = ends - robot.home
-    speed = np.maximum(_speed(robot, bodies, links, ways), 1e-12)
+    speed = np.maximum(approach_speed(robot, bodies, links, ways), 1e-12)
     t, active = np.zeros(len(ways)), np.flatnonzero(until > 0.0)
     places, depths = [np.empty((0, ends.shape[1]))], [np.empty(0)]
     for _ in range(_MOST_STEPS):
@@ -57,7 +57,7 @@ def sweep(
     return np.concatenate(places), np.concatenate(depths), len(active)
 
 
-def _speed(robot: Robot, bodies: Sequence[Body], links: tuple[str, str], ways: Array) -> Array:
+def approach_speed(robot: Robot, bodies: Sequence[Body], links: tuple[str, str], ways: Array) -> Array:
     """Return a bound (N,) of the relative speed of two links' bodies [m per unit of t] along straight ways."""
     joints = robot.tree.path_between(*links)
     reach = max(float(np.linalg.norm(body.translation)) + _radius(body) for body in bodies)
