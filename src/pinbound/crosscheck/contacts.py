@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.boundary import Boundary, ContactAngle
-from pinbound.crosscheck.engine import Engine, point_engine, sample
+from pinbound.crosscheck.engine import Engine, pair_engine, sample
 from pinbound.exceptions import UnsupportedError
 from pinbound.robot import Robot
 from pinbound.tolerances import CROSSCHECK_ANGLE, CROSSCHECK_GRAZING, CROSSCHECK_POINT
@@ -115,14 +115,15 @@ def check_contacts(robot: Robot, rays: int, rng: np.random.Generator) -> Boundar
 
     A boundary that no coordinate moves has no rays.
     """
-    engine, found = point_engine(robot), dict[str, RayCheck]()
+    found: dict[str, RayCheck] = {}
     for index, boundary in enumerate(robot.boundaries):
         if not boundary.coordinates:
             continue
         count = max(1, len(range(index, rays, len(robot.boundaries))))
         starts = sample(robot, count, rng)
         claims = [_claim(robot, boundary, starts[row % len(starts)], rng) for row in range(count)]
-        seen = [_compare(engine, index, boundary, claim) for claim in claims]
+        engine = pair_engine(robot, boundary)
+        seen = [_compare(engine, boundary, claim) for claim in claims]
         worst = max(seen, key=lambda one: (one.angle, one.metres))
         found[boundary.name] = RayCheck(
             " and ".join(sorted({claim.method for claim in claims})),
@@ -197,13 +198,15 @@ def _along_a_ray(robot: Robot, boundary: Boundary, rng: np.random.Generator) -> 
     def clearance(t: float) -> float:
         return float(boundary.clearance(robot.home + t * direction))
 
-    t = _first_root(clearance, 0.0, math.pi, 4 * _COARSE)
+    nodes = np.linspace(0.0, math.pi, 4 * _COARSE)
+    contact = np.flatnonzero(boundary.clearance(robot.home + nodes[:, None] * direction) <= 0.0)
+    t = _bisect(clearance, float(nodes[contact[0] - 1]), float(nodes[contact[0]])) if len(contact) else None
     return _Claim("root of the clearance", robot.home, direction, math.pi, t)
 
 
-def _compare(engine: Engine, pair: int, boundary: Boundary, claim: _Claim) -> _Seen:
+def _compare(engine: Engine, boundary: Boundary, claim: _Claim) -> _Seen:
     def coal(t: float) -> float:
-        return engine.distance(claim.start + t * claim.direction, pair)
+        return engine.distance(claim.start + t * claim.direction, 0)
 
     if claim.method == "smallest norm":
         t = _minimum(coal, claim.length)

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.bodies import Body
+from pinbound.boundary import Boundary
 from pinbound.exceptions import UnsupportedError
 from pinbound.robot import Robot
 
-__all__ = ["Engine", "Shape", "blocks", "body_shapes", "point_engine", "sample", "within_limits"]
+__all__ = ["Engine", "Shape", "blocks", "body_shapes", "pair_engine", "point_engine", "sample", "within_limits"]
 
 Array = NDArray[np.float64]
 
@@ -114,11 +115,20 @@ def point_engine(robot: Robot) -> Engine:
 
     The first of each pair is larger by the distance to keep, so that coal's distance is the clearance.
     """
+    return _spheres(robot, list(robot.boundaries))
+
+
+def pair_engine(robot: Robot, boundary: Boundary) -> Engine:
+    """Return the marked points of one boundary alone: asking for one distance then places two spheres, not all."""
+    return _spheres(robot, [boundary])
+
+
+def _spheres(robot: Robot, boundaries: Sequence[Boundary]) -> Engine:
     shapes: list[Shape] = []
-    for boundary in robot.boundaries:
+    for boundary in boundaries:
         for point, more in ((boundary.point_a, boundary.min_distance), (boundary.point_b, 0.0)):
             shapes.append(Shape(point.link, "sphere", (point.radius + more,), np.eye(3), np.array(point.xyz)))
-    return Engine(robot, shapes, [(2 * index, 2 * index + 1) for index in range(len(robot.boundaries))])
+    return Engine(robot, shapes, [(2 * index, 2 * index + 1) for index in range(len(boundaries))])
 
 
 def sample(robot: Robot, count: int, rng: np.random.Generator) -> Array:
