@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         certify_box,
         signed_clearances,
     )
+    from pinbound.crosscheck import CrossCheck, cross_check
     from pinbound.inverse_kinematics import InverseKinematics, solve_ik
     from pinbound.marking import Proposal, propose_marks
     from pinbound.motion import Motion, MotionHistory, history, read_motion
@@ -67,6 +68,7 @@ __all__ = [
     "ContactAngle",
     "CoordinateLimits",
     "Corner",
+    "CrossCheck",
     "DimensionError",
     "Edge",
     "FollowerMark",
@@ -95,6 +97,7 @@ __all__ = [
     "certify",
     "certify_box",
     "classify",
+    "cross_check",
     "feasible_region",
     "history",
     "load",
@@ -109,6 +112,8 @@ __all__ = [
 ]
 
 _LATER = {
+    "CrossCheck": "pinbound.crosscheck",
+    "cross_check": "pinbound.crosscheck",
     "BoundedMotion": "pinbound.certificates",
     "BoxCertificate": "pinbound.certificates",
     "Budget": "pinbound.certificates",

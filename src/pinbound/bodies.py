@@ -69,8 +69,9 @@ def collision_bodies(robot: Robot) -> tuple[Body, ...]:
 
     Example:
         >>> import pinbound as pb
-        >>> collision_bodies(pb.load("minervabot_v3"))
-        ()
+        >>> bodies = collision_bodies(pb.load("minervabot_v3"))
+        >>> [body.shape for body in bodies if body.link == "link_27"]
+        ['box', 'box']
     """
     import yourdfpy
 

@@ -6,7 +6,7 @@ every edge also carries its name.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pinbound.region import Edge, Region
 from pinbound.robot import Robot
 
-__all__ = ["PALETTE", "draw_region", "draw_robot", "draw_workspace", "save", "section_axes"]
+__all__ = ["PALETTE", "draw_region", "draw_robot", "draw_verdicts", "draw_workspace", "save", "section_axes"]
 
 Array = NDArray[np.float64]
 
@@ -96,9 +96,9 @@ def _fill(axes: Any, loops: Sequence[Sequence[Array]]) -> None:
     axes.add_patch(PathPatch(outline, facecolor=_FILL, edgecolor="none", zorder=1))
 
 
-def _draw_edge(axes: Any, name: str, points: Array, inside: Array, colour: str) -> None:
+def _draw_edge(axes: Any, name: str, points: Array, inside: Array, colour: str, linewidth: float = 3.0) -> None:
     """Draw an edge (k, 2), and its name along its middle, on the side on which the point `inside` lies."""
-    axes.plot(*points.T, color=colour, linewidth=3, solid_capstyle="butt", zorder=3)
+    axes.plot(*points.T, color=colour, linewidth=linewidth, solid_capstyle="butt", zorder=3)
     start, end = _resample(points, np.array([0.48, 0.52]))
     if np.any(start != end):  # an edge may be mapped to one place
         _name_edge(axes, name, start, end, inside, colour)
@@ -110,6 +110,39 @@ def _resample(points: Array, share: Array) -> Array:
     length = np.concatenate((np.zeros(1), np.cumsum(steps)))
     x, y = (np.asarray(np.interp(share * length[-1], length, column), dtype=np.float64) for column in points.T)
     return np.column_stack((x, y))
+
+
+def draw_verdicts(region: Region, home: Array, groups: Mapping[str, Array]) -> Any:
+    """Draw what another engine said of a region: each group of points (k, 2) [rad] with its own colour and marker.
+
+    Args:
+        region: The region; its two coordinates are angles [rad], drawn in degrees.
+        home: (2,) the start point [rad].
+        groups: Points by what they are; the legend counts them, empty groups too.
+    """
+    figure, axes = _figure(8.2, 7.6)
+    _fill(axes, [[np.degrees(edge.points) for edge in loop] for loop in region.loops])
+    markers = ("o", "X", "s", "^", "v")
+    shown = [np.degrees(np.concatenate([edge.points for edge in region.edges]))]
+    for index, (name, points) in enumerate(groups.items()):
+        style = {"color": PALETTE[index % len(PALETTE)], "zorder": 3 + index, "label": f"{name} ({len(points)})"}
+        size = 2.5 if index == 0 else 4.5
+        points_deg = np.degrees(points).reshape(-1, 2)
+        axes.plot(*points_deg.T, markers[index % len(markers)], markersize=size, markeredgewidth=0, **style)
+        shown.append(points_deg)
+    for edge in region.edges:
+        points_deg, centre = np.degrees(edge.points), np.degrees(region.centroid)
+        _draw_edge(axes, edge.name, points_deg, centre, "#333333", linewidth=1.2)
+    axes.plot(*np.degrees(home), "P", color="#333333", markersize=8, label="home", zorder=9)
+    everything = np.concatenate(shown)
+    pad = 0.06 * float(np.max(np.ptp(everything, axis=0)))
+    low, high = everything.min(axis=0) - pad, everything.max(axis=0) + pad
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.set_xlabel(f"{region.coordinates[0]} [deg]")
+    axes.set_ylabel(f"{region.coordinates[1]} [deg]")
+    axes.set_title(f"Region of ({', '.join(region.coordinates)}) against coal's flood fill from home", loc="left")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, frameon=False)
+    return figure
 
 
 def _frame(vertices: Array, contacts: Sequence[tuple[str, Array, float]]) -> tuple[Array, Array]:

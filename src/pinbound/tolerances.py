@@ -8,6 +8,11 @@ __all__ = [
     "CONTACT",
     "CONTOUR_ROUNDING",
     "CONTOUR_TURN",
+    "CROSSCHECK_ANGLE",
+    "CROSSCHECK_BODY",
+    "CROSSCHECK_GRAZING",
+    "CROSSCHECK_POINT",
+    "CROSSCHECK_STOP",
     "EVALUATION",
     "FIRST_CONTACT",
     "FOLDING",
@@ -15,6 +20,7 @@ __all__ = [
     "HOME",
     "IMPLIED",
     "INFLATION",
+    "KERNEL_CONSTANT",
     "LIMIT",
     "MESH_CHORD",
     "ON_CONTOUR",
@@ -30,7 +36,6 @@ __all__ = [
     "UNIT_ROUNDOFF",
     "VERTEX",
 ]
-__all__ = ["CLOSURE", "CONTACT", "IMPLIED", "KERNEL_CONSTANT", "REDUCTION", "SYMBOLIC_DIGITS", "VERTEX"]
 
 CONTACT: Final = 2e-5
 """Metres. Default `contact_tolerance`: two arms that should have equal lengths may differ by the rounding of
@@ -119,3 +124,21 @@ of this half-width, it is taken for contact: the width at which rounding hides a
 KERNEL_CONSTANT: Final = 2.0**-52
 """Relative to the length of a path, and absolute for entries of rotations: constants of the batch kernel that differ
 by this, the last digit of a float64, are one constant, so that what they stand for is computed once."""
+CROSSCHECK_POINT: Final = 1e-12
+"""Metres. Largest difference between a clearance and coal's distance of two spheres: a few hundred roundings of
+lengths of a few metres, far below any length that matters."""
+
+CROSSCHECK_ANGLE: Final = 1e-9
+"""Radians (metres for slides). Largest difference between a contact in closed form and the one found on coal's
+distance; roundings of 1e-15 m over slopes down to `CROSSCHECK_GRAZING` leave this."""
+
+CROSSCHECK_GRAZING: Final = 1e-5
+"""Metres per radian. Below this slope a ray only grazes its contact, whose place rounding then decides: such a
+contact is compared in metres, not in radians."""
+
+CROSSCHECK_BODY: Final = 1e-6
+"""Metres. How well coal (GJK, EPA) knows the distance of bodies other than spheres: its own default tolerance."""
+
+CROSSCHECK_STOP: Final = 1e-4
+"""Metres. A boundary of zero threshold says that bodies first touch at the marked points: a gap left when they meet
+may not be larger than this, five times the rounding of the data (`CONTACT`)."""

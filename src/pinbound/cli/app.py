@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import typer
 
-from pinbound.cli import batch, check, inspect, mark, report, reproduce
+from pinbound.cli import batch, check, crosscheck, inspect, mark, report, reproduce
 from pinbound.cli.shared import guarded
 
 __all__ = ["app", "main"]
@@ -31,6 +31,7 @@ _register(inspect.region)
 _register(batch.batch)
 _register(check.check)
 _register(mark.mark)
+_register(crosscheck.crosscheck)
 _register(report.report)
 _register(reproduce.reproduce)
 

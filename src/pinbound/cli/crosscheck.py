@@ -1,0 +1,170 @@
+"""`pinbound crosscheck`: the boundaries against coal, on four levels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, cast
+
+import numpy as np
+import typer
+
+from pinbound.cli.shared import (
+    Annotations,
+    AsJson,
+    PackageDirs,
+    RobotName,
+    XacroArgs,
+    console,
+    emit_json,
+    load_robot,
+    millimetres,
+    print_table,
+)
+from pinbound.crosscheck import (
+    LEVELS,
+    BodyLevel,
+    BoundaryLevel,
+    CrossCheck,
+    Level,
+    PointLevel,
+    RegionLevel,
+    cross_check,
+)
+from pinbound.exceptions import InputError, Problem
+from pinbound.robot import Robot
+
+__all__ = ["crosscheck"]
+
+
+def crosscheck(
+    robot: RobotName,
+    samples: Annotated[int, typer.Option(help="Random configurations of the point and the body level.")] = 10_000,
+    rays: Annotated[int, typer.Option(help="Rays of the boundary level.")] = 1_000,
+    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
+    levels: Annotated[str, typer.Option(help="Levels, separated by commas.")] = ",".join(LEVELS),
+    out: Annotated[Path | None, typer.Option(help="Figure of the region level, .png and .svg.")] = None,
+    annotations: Annotations = None,
+    package_dir: PackageDirs = None,
+    xacro_arg: XacroArgs = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare points, contacts, bodies and the region with coal; exit with 1 if a level disagrees."""
+    chosen = cast("tuple[Level, ...]", tuple(word.strip() for word in levels.split(",") if word.strip()))
+    if out is not None and out.suffix not in (".png", ".svg"):
+        raise InputError([Problem("is no name of a figure", "Let it end in .png or .svg", str(out))])
+    if out is not None and "region" not in chosen:
+        raise InputError([Problem("is drawn from the region level", "Add it to --levels", "--out")])
+    loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    found = cross_check(loaded, samples, seed, chosen, rays)
+    if as_json:
+        emit_json(found.to_dict())
+    else:
+        _print(loaded, found)
+    if out is not None:
+        _draw(loaded, found, out)
+    if not found.holds:
+        raise typer.Exit(1)
+
+
+def _print(robot: Robot, found: CrossCheck) -> None:
+    for level in found.levels.values():
+        if isinstance(level, PointLevel):
+            _print_points(level)
+        elif isinstance(level, BoundaryLevel):
+            _print_boundaries(level)
+        elif isinstance(level, BodyLevel):
+            _print_bodies(robot, level)
+        else:
+            _print_region(level)
+    said = console()
+    for name, reason in found.not_checked.items():
+        said.print(f"Not checked: {name}: {reason}.", markup=False)
+    verdicts = ", ".join(f"{name} {'holds' if level.holds else 'DISAGREES'}" for name, level in found.levels.items())
+    said.print(verdicts or "Nothing was checked.", markup=False)
+
+
+def _print_points(level: PointLevel) -> None:
+    rows = [(name, f"{value:.1e}") for name, value in level.differences.items()]
+    rows += [(f"pin of closure {name}", f"{gap:.1e}") for name, gap in level.pins.items()]
+    title = f"Points: clearances against coal's spheres, {level.samples} configurations"
+    print_table(title, ("boundary", "worst difference [m]"), rows, f"Allowed: {level.tolerance:.0e} m.")
+
+
+def _print_boundaries(level: BoundaryLevel) -> None:
+    rows = [
+        (name, one.method, one.rays, one.free, one.grazing, f"{one.angle:.1e}", f"{one.metres:.1e}")
+        for name, one in level.boundaries.items()
+    ]
+    columns = ("boundary", "compared with", "rays []", "free []", "grazing []", "worst [rad]", "worst [m]")
+    title = f"Contacts: closed form against bisection on coal's distance, {level.rays} rays"
+    allowed = f"Allowed: {level.tolerance:.0e} rad, {level.metres_tolerance:.0e} m."
+    print_table(title, columns, rows, allowed)
+
+
+def _print_bodies(robot: Robot, level: BodyLevel) -> None:
+    rows = [
+        (
+            " - ".join(pair.links),
+            len(pair.boundaries),
+            pair.both_clear,
+            pair.both_contact,
+            pair.misses,
+            pair.refusals,
+            pair.unreachable,
+            pair.ways,
+            millimetres(pair.miss),
+            millimetres(pair.refusal),
+        )
+        for pair in level.pairs
+    ]
+    columns = ("links", "boundaries []", "both clear []", "both contact []", "missed []", "refused []")
+    columns += ("unreachable []", "ways []", "worst miss [mm]", "needless refusal [mm]")
+    title = f"Bodies: verdicts against coal on the collision bodies, {level.samples} configurations"
+    allowed = f"Allowed: misses {millimetres(level.tolerance)} mm; refusals, for boundaries of zero threshold,"
+    print_table(title, columns, rows, f"{allowed} {millimetres(level.stop_tolerance)} mm.")
+    said = console()
+    for pair in level.pairs:
+        if not level.pair_holds(pair):
+            said.print(f"{' - '.join(pair.links)} ({', '.join(pair.boundaries)}):", markup=False)
+            for what, q in (("miss", pair.miss_q), ("needless refusal", pair.refusal_q)):
+                if q is not None:
+                    values = zip(robot.coordinates, q.tolist(), strict=True)
+                    at = ",".join(f"{name}={value:.9g}" for name, value in values)
+                    said.print(f"  worst {what} at {at}", markup=False)
+    for link, reason in level.left_out.items():
+        said.print(f"Not compared: {link} {reason}.", markup=False)
+
+
+def _print_region(level: RegionLevel) -> None:
+    degrees = [f"{np.degrees(value):.2e}" for value in (level.contour_inside, level.contour_outside, level.tolerance)]
+    rows = [
+        ("nodes of the grid", level.nodes),
+        ("nodes in the region that coal does not reach", level.unsafe),
+        ("nodes outside the region that coal reaches", level.refused),
+        ("places where coal stopped", len(level.contour)),
+        ("furthest of them inside the region [deg]", degrees[0]),
+        ("furthest of them outside the region [deg]", degrees[1]),
+        ("allowed [deg]", degrees[2]),
+    ]
+    rows += [("left out, for they touch at home", " - ".join(pair)) for pair in level.ignored]
+    plane = ", ".join(level.coordinates)
+    title = f"Region ({plane}): membership against a flood fill by coal on {level.shapes}"
+    note = f"Step of the grid: {np.degrees(level.step):.3f} deg." + ("" if level.complete else " It came to no end.")
+    print_table(title, ("what", "value []"), rows, note)
+
+
+def _draw(robot: Robot, found: CrossCheck, out: Path) -> None:
+    from pinbound.plots import draw_verdicts, save
+
+    level = found.region
+    if level is None:
+        console(stderr=True).print("No figure: the region was not checked.", markup=False)
+        return
+    home = robot.home[[robot.coordinates.index(name) for name in level.coordinates]]
+    groups = {
+        "coal stops here": level.contour,
+        "in the region, not reached by coal": level.unsafe_at,
+        "outside the region, reached by coal": level.refused_at,
+    }
+    save(draw_verdicts(level.region, home, groups), out.with_suffix(""))
+    console(stderr=True).print(f"Wrote {out.with_suffix('.svg')} and {out.with_suffix('.png')}.", markup=False)

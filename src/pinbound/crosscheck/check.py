@@ -1,0 +1,142 @@
+"""cross_check(): four levels, one record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from pinbound.crosscheck.bodies_level import BodyLevel, check_bodies
+from pinbound.crosscheck.contacts import BoundaryLevel, check_contacts
+from pinbound.crosscheck.points import PointLevel, check_points
+from pinbound.crosscheck.regions_level import RegionLevel, check_region
+from pinbound.exceptions import DimensionError, UnknownNameError
+from pinbound.region import Region
+from pinbound.robot import Robot
+
+__all__ = ["LEVELS", "CrossCheck", "Level", "cross_check"]
+
+Level = Literal["points", "boundaries", "bodies", "region"]
+LEVELS: tuple[Level, ...] = ("points", "boundaries", "bodies", "region")
+
+
+@dataclass(frozen=True)
+class CrossCheck:
+    """What coal says of a robot's boundaries, level by level.
+
+    The first two levels judge the mathematics, the other two the model: whether the marked points stand for the bodies.
+
+    Attributes:
+        robot: Its name.
+        samples: Configurations asked for.
+        rays: Rays asked for.
+        seed: Of the random numbers.
+        points: Clearances against coal's spheres; None if it was not asked for, or does not apply.
+        boundaries: Contacts against bisection on coal's distance.
+        bodies: Verdicts against coal on the collision bodies.
+        region: Membership against a flood fill.
+        not_checked: Why a level that was asked for does not apply.
+    """
+
+    robot: str
+    samples: int
+    rays: int
+    seed: int
+    points: PointLevel | None
+    boundaries: BoundaryLevel | None
+    bodies: BodyLevel | None
+    region: RegionLevel | None
+    not_checked: dict[str, str]
+
+    @property
+    def levels(self) -> dict[str, PointLevel | BoundaryLevel | BodyLevel | RegionLevel]:
+        """The levels that were checked, by name."""
+        found = {name: getattr(self, name) for name in LEVELS}
+        return {name: level for name, level in found.items() if level is not None}
+
+    @property
+    def holds(self) -> bool:
+        """Whether at least one level was checked, and every level that was holds."""
+        return bool(self.levels) and all(level.holds for level in self.levels.values())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain values for JSON; metres and radians, arrays as lists."""
+        record = cast(dict[str, Any], _plain(self))
+        return record | {"holds": self.holds}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Region):
+        return {"coordinates": list(value.coordinates), "vertices": value.vertices.tolist()}
+    if is_dataclass(value) and not isinstance(value, type):
+        record = {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+        computed = [name for name in ("worst", "holds") if hasattr(value, name) and not isinstance(value, CrossCheck)]
+        return record | {name: getattr(value, name) for name in computed}
+    if isinstance(value, np.ndarray):
+        return cast(Any, value).tolist()
+    if isinstance(value, dict):
+        return {str(key): _plain(entry) for key, entry in cast(dict[Any, Any], value).items()}
+    if isinstance(value, tuple):
+        return [_plain(entry) for entry in cast(tuple[Any, ...], value)]
+    return value
+
+
+def cross_check(
+    robot: Robot,
+    samples: int = 10_000,
+    seed: int = 0,
+    levels: Collection[Level] = LEVELS,
+    rays: int = 1_000,
+    step: float | None = None,
+) -> CrossCheck:
+    """Compare a robot's boundaries with coal, an independent collision engine, on up to four levels.
+
+    Args:
+        robot: The robot.
+        samples: Random configurations of the point and the body level.
+        seed: Of all random numbers; the same seed gives the same answer.
+        levels: Of ``"points"``, ``"boundaries"``, ``"bodies"``, ``"region"``.
+        rays: Rays of the boundary level, shared among the boundaries.
+        step: [rad], the grid of the region level; None: about 20,000 nodes over the region.
+
+    Returns:
+        What was seen, with a witness configuration for every worst case. `holds` is False if a level disagrees by
+        more than its tolerance (`tolerances.CROSSCHECK_*`).
+
+    Raises:
+        UnknownNameError: If a level is none of these, or none is given.
+        DimensionError: If `samples` or `rays` is not positive.
+        UnsupportedError: If no random configuration satisfies the limits of all joints.
+
+    References:
+        `docs/crosscheck.md`.
+
+    Example:
+        >>> import pinbound as pb
+        >>> found = pb.cross_check(pb.load("minervabot_v3"), samples=100, rays=20, levels=("points", "boundaries"))
+        >>> found.holds, found.points.worst < 1e-12, found.boundaries.worst < 1e-9
+        (True, True, True)
+    """
+    for level in levels or ("",):
+        if level not in LEVELS:
+            raise UnknownNameError("level", level, LEVELS)
+    for name, count in (("samples", samples), ("rays", rays)):
+        if count < 1:
+            raise DimensionError(f"{name} must be positive, not {count}")
+    if not len(robot.boundaries):
+        reasons = dict.fromkeys((level for level in LEVELS if level in levels), "the robot has no boundaries")
+        return CrossCheck(robot.name, samples, rays, seed, None, None, None, None, reasons)
+    # Every level has its own stream, so that leaving one out does not change another.
+    streams = np.random.default_rng(seed).spawn(3)
+    questions: dict[Level, Callable[[], Any]] = {
+        "points": lambda: check_points(robot, samples, streams[0]),
+        "boundaries": lambda: check_contacts(robot, rays, streams[1]),
+        "bodies": lambda: check_bodies(robot, samples, streams[2]),
+        "region": lambda: check_region(robot, step),
+    }
+    answers = {level: questions[level]() if level in levels else None for level in LEVELS}
+    reasons = {level: answer for level, answer in answers.items() if isinstance(answer, str)}
+    checked = {level: None if level in reasons else answer for level, answer in answers.items()}
+    return CrossCheck(robot.name, samples, rays, seed, **cast(Any, checked), not_checked=cast(Any, reasons))

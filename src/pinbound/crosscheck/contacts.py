@@ -1,0 +1,269 @@
+"""Boundary level: contacts found on coal's distance along rays, against the closed form.
+
+A ray is `q(t) = start + t d`. Along it coal's distance f(t) is scanned and its first change of sign bisected. Points
+of zero threshold do not cross: they come near and part again, and contact is the minimum of f. About a contact angle f
+is even (both points turn about one pivot), so `f(t + h) - f(t - h)` changes sign there, steeply: that is bisected.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.boundary import Boundary, ContactAngle
+from pinbound.crosscheck.engine import Engine, pair_engine, sample
+from pinbound.exceptions import UnsupportedError
+from pinbound.robot import Robot
+from pinbound.tolerances import CROSSCHECK_ANGLE, CROSSCHECK_GRAZING, CROSSCHECK_POINT
+
+__all__ = ["BoundaryLevel", "RayCheck", "check_contacts"]
+
+Array = NDArray[np.float64]
+
+_COARSE = 97  # nodes of a scan along a ray; a contact thinner than that is looked for again, where it is claimed
+_FINE = 129
+_LEAST_RATE = 0.05  # of an effective angle along a ray: less would make the ray needlessly long
+_BISECTION = 1e-14
+
+
+@dataclass(frozen=True)
+class RayCheck:
+    """One boundary along many rays.
+
+    Attributes:
+        method: What coal was compared with: ``"contact angle"``, ``"contact strip"``, ``"smallest norm"`` (of a
+            boundary that is never in contact), ``"allowed arcs"`` or ``"root of the clearance"``.
+        rays: How many rays.
+        free: How many of them meet no contact, by both sides.
+        grazing: How many contacts are too flat to be placed; they are compared in metres only.
+        angle: [rad], worst difference of the contact, in the effective angle, the coordinate, or along the ray;
+            infinite if only one side found a contact.
+        metres: [m], worst difference of the distances at the contact in closed form, or of the smallest ones.
+        witness: (n,), that contact.
+    """
+
+    method: str
+    rays: int
+    free: int
+    grazing: int
+    angle: float
+    metres: float
+    witness: Array
+
+
+@dataclass(frozen=True)
+class BoundaryLevel:
+    """Contacts in closed form against contacts found on coal's distance.
+
+    Attributes:
+        rays: How many rays in all.
+        boundaries: What was seen, by boundary.
+        tolerance: [rad].
+        metres_tolerance: [m].
+    """
+
+    rays: int
+    boundaries: Mapping[str, RayCheck]
+    tolerance: float = CROSSCHECK_ANGLE
+    metres_tolerance: float = CROSSCHECK_POINT
+
+    @property
+    def worst(self) -> float:
+        """[rad], the worst difference over all boundaries."""
+        return max((one.angle for one in self.boundaries.values()), default=0.0)
+
+    @property
+    def holds(self) -> bool:
+        """Whether all differences are within the tolerances."""
+        metres = max((one.metres for one in self.boundaries.values()), default=0.0)
+        return self.worst <= self.tolerance and metres <= self.metres_tolerance
+
+
+@dataclass(frozen=True)
+class _Claim:
+    """A contact that pinbound says a ray meets first: `t` None if it meets none up to `length`.
+
+    `unit` turns differences of t into the angle that they are stated in; `expected` is the clearance there.
+    """
+
+    method: str
+    start: Array
+    direction: Array
+    length: float
+    t: float | None
+    unit: float = 1.0
+    period: float = math.inf
+    expected: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Seen:
+    free: bool
+    grazing: bool
+    angle: float
+    metres: float
+    place: Array
+
+
+def check_contacts(robot: Robot, rays: int, rng: np.random.Generator) -> BoundaryLevel:
+    """Cast rays, each at one boundary in turn and at least one at each, and compare the contacts that they meet first.
+
+    A boundary that no coordinate moves has no rays.
+    """
+    found: dict[str, RayCheck] = {}
+    for index, boundary in enumerate(robot.boundaries):
+        if not boundary.coordinates:
+            continue
+        count = max(1, len(range(index, rays, len(robot.boundaries))))
+        starts = sample(robot, count, rng)
+        claims = [_claim(robot, boundary, starts[row % len(starts)], rng) for row in range(count)]
+        engine = pair_engine(robot, boundary)
+        seen = [_compare(engine, boundary, claim) for claim in claims]
+        worst = max(seen, key=lambda one: (one.angle, one.metres))
+        found[boundary.name] = RayCheck(
+            " and ".join(sorted({claim.method for claim in claims})),
+            count,
+            sum(one.free for one in seen),
+            sum(one.grazing for one in seen),
+            worst.angle,
+            max(one.metres for one in seen),
+            worst.place,
+        )
+    return BoundaryLevel(sum(one.rays for one in found.values()), found)
+
+
+def _claim(robot: Robot, boundary: Boundary, start: Array, rng: np.random.Generator) -> _Claim:
+    contact = boundary.contact
+    if contact is not None:
+        return _one_angle(robot, boundary, contact, rng)
+    try:
+        return _along_one_coordinate(robot, boundary, start, rng)
+    except UnsupportedError:
+        return _along_a_ray(robot, boundary, rng)
+
+
+def _direction(robot: Robot, boundary: Boundary, rng: np.random.Generator) -> Array:
+    """Return a random unit vector in the coordinates that the boundary depends on."""
+    direction = np.zeros(len(robot.coordinates))
+    used = list(boundary.path.minimal.coordinates)
+    direction[used] = rng.normal(size=len(used))
+    return direction / np.linalg.norm(direction)
+
+
+def _one_angle(robot: Robot, boundary: Boundary, contact: ContactAngle, rng: np.random.Generator) -> _Claim:
+    """A ray from home, one turn of the effective angle long."""
+    c, rate = contact.coefficients, 0.0
+    direction = np.zeros(len(c))
+    while abs(rate) < _LEAST_RATE * float(np.linalg.norm(c)):
+        direction = _direction(robot, boundary, rng)
+        rate = float(c @ direction)
+    method = "contact strip" if contact.half_width else "contact angle"
+    period = 2.0 * math.pi / abs(rate)
+    if contact.half_width is None:
+        away = contact.smallest - boundary.threshold
+        return _Claim("smallest norm", robot.home, direction, period, None, expected=away)
+    phi = float(c @ robot.home)
+    end = contact.gap(phi)[1 if rate > 0 else 0]
+    expected = contact.smallest - boundary.threshold if not contact.half_width else 0.0
+    return _Claim(method, robot.home, direction, period, (end - phi) / rate, abs(rate), period, expected)
+
+
+def _along_one_coordinate(robot: Robot, boundary: Boundary, start: Array, rng: np.random.Generator) -> _Claim:
+    """A ray along one coordinate from a random free start: the articular limit in closed form."""
+    index = int(rng.choice(boundary.path.minimal.coordinates))
+    name, side = robot.coordinates[index], int(rng.integers(2))
+    arcs = boundary.limits(name, start)
+    around = arcs.around(float(start[index]))
+    if around is None:
+        start = robot.home
+        arcs = boundary.limits(name, start)
+        around = arcs.around(float(start[index]))
+    direction = np.zeros(len(start))
+    direction[index] = (-1.0, 1.0)[side]
+    length = arcs.period if math.isfinite(arcs.period) else 2.0 * math.pi
+    if around is None or not math.isfinite(around[side]):
+        return _Claim("allowed arcs", start, direction, length, None)
+    return _Claim("allowed arcs", start, direction, length, abs(around[side] - float(start[index])))
+
+
+def _along_a_ray(robot: Robot, boundary: Boundary, rng: np.random.Generator) -> _Claim:
+    """A ray from home, where no closed form speaks of one coordinate: the first root of the clearance."""
+    direction = _direction(robot, boundary, rng)
+
+    def clearance(t: float) -> float:
+        return float(boundary.clearance(robot.home + t * direction))
+
+    nodes = np.linspace(0.0, math.pi, 4 * _COARSE)
+    contact = np.flatnonzero(boundary.clearance(robot.home + nodes[:, None] * direction) <= 0.0)
+    t = _bisect(clearance, float(nodes[contact[0] - 1]), float(nodes[contact[0]])) if len(contact) else None
+    return _Claim("root of the clearance", robot.home, direction, math.pi, t)
+
+
+def _compare(engine: Engine, boundary: Boundary, claim: _Claim) -> _Seen:
+    def coal(t: float) -> float:
+        return engine.distance(claim.start + t * claim.direction, 0)
+
+    if claim.method == "smallest norm":
+        t = _minimum(coal, claim.length)
+        place = claim.start if t is None else claim.start + t * claim.direction
+        metres = math.inf if t is None else abs(coal(t) - claim.expected)
+        return _Seen(True, False, 0.0, metres, place)
+    if claim.method == "contact angle":
+        t = _minimum(coal, claim.length)
+    else:
+        t = _first_root(coal, 0.0, claim.length, _COARSE)
+        if claim.t is not None and (t is None or abs(t - claim.t) * claim.unit > CROSSCHECK_ANGLE):
+            # Thinner than the scan, perhaps: look closely just where pinbound claims the contact.
+            step = claim.length / _COARSE
+            closer = _first_root(coal, max(0.0, claim.t - step), claim.t + step, _FINE)
+            t = closer if t is None or (closer is not None and closer < t) else t
+    if claim.t is None:
+        place = claim.start if t is None else claim.start + t * claim.direction
+        return _Seen(t is None, False, 0.0 if t is None else math.inf, 0.0, place)
+    place = claim.start + claim.t * claim.direction
+    metres = abs(coal(claim.t) - claim.expected)
+    slope = abs(float(boundary.gradient(place) @ claim.direction)) / claim.unit
+    if claim.method != "contact angle" and slope < CROSSCHECK_GRAZING:
+        return _Seen(False, True, 0.0, metres, place)
+    if t is None:
+        return _Seen(False, False, math.inf, metres, place)
+    apart = t - claim.t
+    if claim.method == "contact angle":
+        apart -= claim.period * round(apart / claim.period)
+    return _Seen(False, False, abs(apart) * claim.unit, metres, place)
+
+
+def _first_root(f: Callable[[float], float], start: float, stop: float, nodes: int) -> float | None:
+    """Return where f, scanned at equal steps, first falls to zero; None if it never does."""
+    before, first = start, f(start)
+    if first <= 0.0:
+        return start
+    for node in np.linspace(start, stop, nodes)[1:].tolist():
+        if f(node) <= 0.0:
+            return _bisect(f, before, node)
+        before = node
+    return None
+
+
+def _minimum(f: Callable[[float], float], period: float) -> float | None:
+    """Return the minimum of an even dip of f within one period, by the change of sign of `f(t + h) - f(t - h)`."""
+    step = period / _COARSE
+    lowest = step * int(np.argmin([f(step * node) for node in range(_COARSE)]))
+
+    def difference(t: float) -> float:
+        return f(t + step) - f(t - step)
+
+    if not difference(lowest - step) < 0.0 < difference(lowest + step):
+        return None
+    return _bisect(difference, lowest - step, lowest + step)
+
+
+def _bisect(f: Callable[[float], float], low: float, high: float) -> float:
+    from scipy import optimize
+
+    return float(cast(Any, optimize).bisect(f, low, high, xtol=_BISECTION))

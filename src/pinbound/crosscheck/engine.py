@@ -1,0 +1,171 @@
+"""Shapes on links, placed by Pinocchio, their distances by coal: nothing of pinbound but `theta = S q + o`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.bodies import Body
+from pinbound.boundary import Boundary
+from pinbound.exceptions import UnsupportedError
+from pinbound.robot import Robot
+
+__all__ = ["Engine", "Shape", "blocks", "body_shapes", "pair_engine", "point_engine", "sample", "within_limits"]
+
+Array = NDArray[np.float64]
+
+_BLOCK = 20_000
+_UNLIMITED_SLIDE = 1.0  # metres: how far a slide without limits is sampled
+_MOST_DRAWS = 50
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A convex shape fixed to a link.
+
+    Attributes:
+        link: The link.
+        kind: ``"sphere"``, ``"box"``, ``"cylinder"`` or ``"capsule"``.
+        size: [m], as in `bodies.Body`.
+        rotation: (3, 3), from the shape's frame to the link's.
+        translation: (3,) [m] in the link's frame.
+    """
+
+    link: str
+    kind: str
+    size: tuple[float, ...]
+    rotation: Array
+    translation: Array
+
+
+class Engine:
+    """Coal's signed distances of chosen pairs of shapes: negative is the depth of penetration.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> engine = point_engine(robot)
+        >>> bool(np.allclose(engine.distances(robot.home[None]), robot.boundaries.clearances(robot.home)))
+        True
+    """
+
+    def __init__(self, robot: Robot, shapes: Sequence[Shape], pairs: Sequence[tuple[int, int]]) -> None:
+        """Fix the shapes to the frames of their links in `robot.model`; pairs are places in `shapes`."""
+        import pinocchio
+
+        self._pin, self._robot = cast(Any, pinocchio), robot
+        self.pairs = tuple(pairs)
+        self._model = robot.model
+        self._data = self._model.createData()
+        self._geometry = self._pin.GeometryModel()
+        for index, shape in enumerate(shapes):
+            # A link and a joint may share a name; the frame of the link is the BODY one.
+            frame_id = self._model.getFrameId(shape.link, self._pin.BODY)
+            frame = self._model.frames[frame_id]
+            placement = frame.placement * self._pin.SE3(shape.rotation, shape.translation)
+            made = self._pin.GeometryObject(str(index), frame.parentJoint, frame_id, placement, _coal_shape(shape))
+            self._geometry.addGeometryObject(made)
+        for first, second in pairs:
+            self._geometry.addCollisionPair(self._pin.CollisionPair(first, second))
+        self._geometry_data = self._pin.GeometryData(self._geometry)
+
+    def distances(self, Q: Array) -> Array:
+        """Return coal's distance (N, pairs) [m] at every row of Q (N, n)."""
+        found = np.empty((len(Q), len(self.pairs)))
+        results = self._geometry_data.distanceResults
+        for row, theta in enumerate(self._robot.coupling.expand(Q)):
+            self._pin.computeDistances(self._model, self._data, self._geometry, self._geometry_data, theta)
+            found[row] = [result.min_distance for result in results]
+        return found
+
+    def distance(self, q: Array, pair: int) -> float:
+        """Return coal's distance [m] of one pair at q (n,)."""
+        theta = self._robot.coupling.expand(q)
+        self._pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._geometry_data, theta)
+        return float(self._pin.computeDistance(self._geometry, self._geometry_data, pair).min_distance)
+
+    def is_free(self, q: Array) -> bool:
+        """Return whether no pair is in collision at q (n,), by coal's yes-or-no query."""
+        theta = self._robot.coupling.expand(q)
+        return not self._pin.computeCollisions(
+            self._model, self._data, self._geometry, self._geometry_data, theta, True
+        )
+
+
+def _coal_shape(shape: Shape) -> Any:
+    import coal as coal_untyped
+
+    coal = cast(Any, coal_untyped)
+    makers = {"sphere": coal.Sphere, "box": coal.Box, "cylinder": coal.Cylinder, "capsule": coal.Capsule}
+    return makers[shape.kind](*shape.size)
+
+
+def body_shapes(bodies: Sequence[Body]) -> list[Shape]:
+    """Return collision bodies as shapes; meshes must have been taken out."""
+    return [Shape(body.link, body.shape, body.size, body.rotation, body.translation) for body in bodies]
+
+
+def point_engine(robot: Robot) -> Engine:
+    """Return the marked points as spheres (radius 0 is a point), one pair a boundary, in their order.
+
+    The first of each pair is larger by the distance to keep, so that coal's distance is the clearance.
+    """
+    return _spheres(robot, list(robot.boundaries))
+
+
+def pair_engine(robot: Robot, boundary: Boundary) -> Engine:
+    """Return the marked points of one boundary alone: asking for one distance then places two spheres, not all."""
+    return _spheres(robot, [boundary])
+
+
+def _spheres(robot: Robot, boundaries: Sequence[Boundary]) -> Engine:
+    shapes: list[Shape] = []
+    for boundary in boundaries:
+        for point, more in ((boundary.point_a, boundary.min_distance), (boundary.point_b, 0.0)):
+            shapes.append(Shape(point.link, "sphere", (point.radius + more,), np.eye(3), np.array(point.xyz)))
+    return Engine(robot, shapes, [(2 * index, 2 * index + 1) for index in range(len(boundaries))])
+
+
+def sample(robot: Robot, count: int, rng: np.random.Generator) -> Array:
+    """Return random configurations (count, n) within all limits; unlimited angles in +-pi, slides in +-1 m.
+
+    Limits of followers are respected by rejection; if they leave too little, fewer configurations come back.
+
+    Raises:
+        UnsupportedError: If no configuration satisfies all limits.
+    """
+    free = np.array([np.pi if robot.turns(name) else _UNLIMITED_SLIDE for name in robot.coordinates])
+    lower = np.where(np.isfinite(robot.lower), robot.lower, np.minimum(-free, robot.upper - 2 * free))
+    upper = np.where(np.isfinite(robot.upper), robot.upper, np.maximum(free, robot.lower + 2 * free))
+    drawn, have = list[Array](), 0
+    for _ in range(_MOST_DRAWS):
+        Q = rng.uniform(lower, upper, (count, len(lower)))
+        drawn.append(Q[within_limits(robot, Q)])
+        have += len(drawn[-1])
+        if have >= count:
+            break
+    if not have:
+        raise UnsupportedError(
+            "no random configuration satisfies the limits of all joints; widen the limits of joints that follow others"
+        )
+    return np.concatenate(drawn)[:count]
+
+
+def within_limits(robot: Robot, Q: Array) -> NDArray[np.bool_]:
+    """Return which rows (N,) satisfy the limits of all tree joints, followers too."""
+    inside = np.ones(len(Q), dtype=bool)
+    for limit in robot.linear_limits:
+        theta = Q @ limit.coefficients + limit.offset
+        inside &= (theta >= limit.lower) & (theta <= limit.upper)
+    return inside
+
+
+def blocks(count: int) -> Iterator[slice]:
+    """Yield slices that cut `count` rows into blocks, to bound memory."""
+    edges = [*range(0, count, _BLOCK), count]
+    yield from (slice(start, stop) for start, stop in pairwise(edges))

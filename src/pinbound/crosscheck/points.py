@@ -1,0 +1,92 @@
+"""Point level: coal's spheres placed by Pinocchio against `clearances`, and the pins of closed loops."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.crosscheck.engine import blocks, point_engine, sample
+from pinbound.robot import Robot
+from pinbound.tolerances import CLOSURE, CROSSCHECK_POINT
+
+__all__ = ["PointLevel", "check_points"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PointLevel:
+    """The mathematics of the clearances, against an independent engine.
+
+    Attributes:
+        samples: How many configurations.
+        differences: [m], worst `|clearance - coal|` by boundary.
+        witnesses: (n,), by boundary, where that was.
+        pins: [m], worst gap of every closure, its ends placed by Pinocchio.
+        tolerance: [m], for the differences.
+        pin_tolerance: [m], for the pins.
+    """
+
+    samples: int
+    differences: Mapping[str, float]
+    witnesses: Mapping[str, Array]
+    pins: Mapping[str, float]
+    tolerance: float = CROSSCHECK_POINT
+    pin_tolerance: float = CLOSURE
+
+    @property
+    def worst(self) -> float:
+        """[m], the worst difference over all boundaries."""
+        return max(self.differences.values(), default=0.0)
+
+    @property
+    def holds(self) -> bool:
+        """Whether every difference and every pin is within its tolerance."""
+        return self.worst <= self.tolerance and max(self.pins.values(), default=0.0) <= self.pin_tolerance
+
+
+def check_points(robot: Robot, samples: int, rng: np.random.Generator) -> PointLevel:
+    """Compare clearances at random configurations within the limits."""
+    Q, engine = sample(robot, samples, rng), point_engine(robot)
+    worst = np.zeros(len(robot.boundaries))
+    where = np.tile(robot.home, (len(robot.boundaries), 1))
+    for block in blocks(len(Q)):
+        difference = np.abs(robot.boundaries.clearances(Q[block]) - engine.distances(Q[block]))
+        difference[np.isnan(difference)] = np.inf
+        rows = np.argmax(difference, axis=0)
+        found = difference[rows, np.arange(len(worst))]
+        where[found > worst] = Q[block][rows[found > worst]]
+        worst = np.maximum(worst, found)
+    names = robot.boundaries.names
+    return PointLevel(
+        len(Q),
+        dict(zip(names, worst.tolist(), strict=True)),
+        dict(zip(names, where, strict=True)),
+        _pin_gaps(robot, Q[: min(len(Q), 1000)]),
+    )
+
+
+def _pin_gaps(robot: Robot, Q: Array) -> dict[str, float]:
+    """Return the worst gap of every closure, both ends placed by Pinocchio."""
+    import pinocchio
+
+    pin, model = cast(Any, pinocchio), robot.model
+    data, gaps = model.createData(), {closure.name: 0.0 for closure in robot.closures}
+    ends = [
+        (closure.name, [(model.getFrameId(link, pin.BODY), np.array(xyz)) for link, xyz in _ends(closure.mark)])
+        for closure in robot.closures
+    ]
+    for theta in robot.coupling.expand(Q) if ends else ():
+        pin.framesForwardKinematics(model, data, theta)
+        for name, ((frame_a, a), (frame_b, b)) in ends:
+            gap = np.linalg.norm(data.oMf[frame_a].act(a) - data.oMf[frame_b].act(b))
+            gaps[name] = max(gaps[name], float(gap))
+    return gaps
+
+
+def _ends(mark: Any) -> tuple[tuple[str, Any], tuple[str, Any]]:
+    return (mark.link_a, mark.xyz_a), (mark.link_b, mark.xyz_b)

@@ -1,0 +1,223 @@
+"""Region level: membership against a flood fill from home that knows coal's verdicts and the joint limits only.
+
+The flood fill walks a square grid through home. Where a collision stops it, the place is bisected on coal's yes-or-no
+query; these places are its contour, and the region must have its own contour there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.bodies import collision_bodies
+from pinbound.crosscheck.engine import Engine, body_shapes, point_engine, within_limits
+from pinbound.exceptions import DimensionError, UnsupportedError
+from pinbound.region import Region, feasible_region
+from pinbound.robot import Robot
+from pinbound.tolerances import CROSSCHECK_BODY, CROSSCHECK_STOP
+
+__all__ = ["RegionLevel", "check_region"]
+
+Array = NDArray[np.float64]
+
+_NODES = 20_000  # over the region's area: sets the step of the grid
+_MOST_NODES = 10 * _NODES
+_HALVINGS = 30
+
+Cell = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class RegionLevel:
+    """The region in the joint plane, against what coal lets a robot reach.
+
+    Attributes:
+        coordinates: The plane.
+        shapes: What coal saw: ``"bodies"`` or ``"spheres"`` at the marked points.
+        ignored: Pairs of links with bodies that touch at home, which coal therefore had to leave out.
+        region: The region that was checked.
+        step: [rad], of the grid.
+        nodes: How many nodes were reached, or lie in the region.
+        unsafe: Nodes in the region that the flood fill does not reach.
+        refused: Nodes that it reaches outside the region.
+        depth_unsafe: [rad], how deep in the region the deepest of the first lies.
+        depth_refused: [rad], how far outside the region the furthest of the second lies.
+        unsafe_at: (k, 2) [rad], the first.
+        refused_at: (k, 2) [rad], the second.
+        contour: (k, 2) [rad], where collisions stopped the flood fill.
+        contour_inside: [rad], the furthest that coal's contour lies inside the region: unsafe.
+        contour_outside: [rad], the furthest that it lies outside: refused needlessly.
+        tolerance: [rad], for the contour.
+        stops: Whether a boundary of zero threshold is there, so that the contours must agree on both sides.
+        complete: Whether the flood fill came to its end.
+    """
+
+    coordinates: tuple[str, str]
+    shapes: str
+    ignored: tuple[tuple[str, str], ...]
+    region: Region
+    step: float
+    nodes: int
+    unsafe: int
+    refused: int
+    depth_unsafe: float
+    depth_refused: float
+    unsafe_at: Array
+    refused_at: Array
+    contour: Array
+    contour_inside: float
+    contour_outside: float
+    tolerance: float
+    stops: bool
+    complete: bool
+
+    @property
+    def worst(self) -> float:
+        """[rad], the worst difference on the unsafe side."""
+        return max(self.contour_inside, self.depth_unsafe - self.step, 0.0)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the region holds nothing that coal forbids, and, if it has stops, refuses nothing that it allows.
+
+        Nodes are judged to one step of the grid, which cannot follow sharp corners; the contour to the tolerance.
+        """
+        safe = self.contour_inside <= self.tolerance and self.depth_unsafe <= self.step
+        exact = self.contour_outside <= self.tolerance and self.depth_refused <= self.step
+        return self.complete and safe and (exact or not self.stops)
+
+
+def check_region(robot: Robot, step: float | None = None) -> RegionLevel | str:
+    """Compare the region with a flood fill, or say why that cannot be done."""
+    try:
+        region = feasible_region(robot)
+    except (UnsupportedError, DimensionError) as error:
+        return str(error)
+    found = _engine(robot)
+    if isinstance(found, str):
+        return found
+    engine, shapes, ignored = found
+    step = step if step is not None else math.sqrt(region.area / _NODES)
+    if not (math.isfinite(step) and step > 0.0):
+        raise DimensionError(f"the step {step} of the grid is not a positive angle")
+    columns = [robot.coordinates.index(name) for name in region.coordinates]
+    flood = _Flood(robot, engine, columns, step)
+    flood.run()
+    return _compare(robot, region, shapes, ignored, flood)
+
+
+_Pairs = tuple[tuple[str, str], ...]
+
+
+def _engine(robot: Robot) -> tuple[Engine, str, _Pairs] | str:
+    """Return what coal checks: bodies if all marked links have simple ones, else spheres if all have some size.
+
+    Of the bodies all pairs count that move against each other, except those that touch at home; these are returned.
+    """
+    bodies = [body for body in collision_bodies(robot) if body.shape != "mesh"]
+    marked = {point.link for boundary in robot.boundaries for point in (boundary.point_a, boundary.point_b)}
+    if marked <= {body.link for body in bodies}:
+        pairs = [
+            (first, second)
+            for first, second in combinations(range(len(bodies)), 2)
+            if any(joint.moves for joint in robot.tree.path_between(bodies[first].link, bodies[second].link))
+        ]
+        shapes = body_shapes(bodies)
+        at_home = Engine(robot, shapes, pairs).distances(robot.home[None])[0]
+        apart = [pair for pair, distance in zip(pairs, at_home, strict=True) if distance > 0.0]
+        touching = [pair for pair, distance in zip(pairs, at_home, strict=True) if not distance > 0.0]
+        ignored = {(bodies[first].link, bodies[second].link) for first, second in touching}
+        return Engine(robot, shapes, apart), "bodies", tuple(sorted(ignored))
+    if all(boundary.threshold > 0.0 for boundary in robot.boundaries):
+        return point_engine(robot), "spheres", ()
+    return "a flood fill passes through points of zero threshold; it needs collision bodies on every marked link"
+
+
+class _Flood:
+    """A flood fill over nodes `home + step * (i, j)`."""
+
+    def __init__(self, robot: Robot, engine: Engine, columns: list[int], step: float) -> None:
+        self.robot, self.engine, self.columns, self.step = robot, engine, columns, step
+        self.reached: set[Cell] = set()
+        self.stopped: list[Array] = []
+        self.complete = True
+
+    def q(self, point: Array) -> Array:
+        q = np.array(self.robot.home)
+        q[self.columns] = point
+        return q
+
+    def point(self, cell: Cell) -> Array:
+        return self.robot.home[self.columns] + self.step * np.array(cell, dtype=np.float64)
+
+    def run(self) -> None:
+        queue: deque[Cell] = deque([(0, 0)])
+        self.reached.add((0, 0))
+        while queue:
+            i, j = queue.popleft()
+            for cell in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
+                if cell in self.reached:
+                    continue
+                q = self.q(self.point(cell))
+                if not within_limits(self.robot, q[None])[0]:
+                    continue
+                if self.engine.is_free(q):
+                    self.reached.add(cell)
+                    queue.append(cell)
+                else:
+                    self.stopped.append(self._stop(self.point((i, j)), self.point(cell)))
+            if len(self.reached) > _MOST_NODES:
+                self.complete = False
+                return
+
+    def _stop(self, free: Array, hit: Array) -> Array:
+        for _ in range(_HALVINGS):
+            middle = (free + hit) / 2
+            free, hit = (middle, hit) if self.engine.is_free(self.q(middle)) else (free, middle)
+        return hit
+
+
+def _compare(robot: Robot, region: Region, shapes: str, ignored: _Pairs, flood: _Flood) -> RegionLevel:
+    low, high = region.vertices.min(axis=0), region.vertices.max(axis=0)
+    start = robot.home[flood.columns]
+    first = np.floor((low - start) / flood.step).astype(int)
+    last = np.ceil((high - start) / flood.step).astype(int)
+    box = {(i, j) for i in range(first[0], last[0] + 1) for j in range(first[1], last[1] + 1)}
+    cells = sorted(box | flood.reached)
+    points = start + flood.step * np.array(cells, dtype=np.float64)
+    distance = np.asarray(region.signed_distance(points), dtype=np.float64)
+    reached = np.array([cell in flood.reached for cell in cells])
+    unsafe, refused = (distance > 0.0) & ~reached, (distance <= 0.0) & reached
+    contour = np.array(flood.stopped).reshape(-1, 2)
+    apart = np.asarray(region.signed_distance(contour), dtype=np.float64) if len(contour) else np.zeros(0)
+    return RegionLevel(
+        coordinates=region.coordinates,
+        shapes=shapes,
+        ignored=ignored,
+        region=region,
+        step=flood.step,
+        nodes=int(np.sum(reached | (distance > 0.0))),
+        unsafe=int(np.sum(unsafe)),
+        refused=int(np.sum(refused)),
+        depth_unsafe=float(np.max(distance[unsafe], initial=0.0)),
+        depth_refused=float(np.max(-distance[refused], initial=0.0)),
+        unsafe_at=points[unsafe],
+        refused_at=points[refused],
+        contour=contour,
+        contour_inside=float(np.max(apart, initial=0.0)),
+        contour_outside=float(np.max(-apart, initial=0.0)),
+        tolerance=_angle_tolerance(robot, shapes),
+        stops=any(boundary.threshold == 0.0 for boundary in robot.boundaries),
+        complete=flood.complete,
+    )
+
+
+def _angle_tolerance(robot: Robot, shapes: str) -> float:
+    """Return what coal, or the bodies, may be off, as an angle on the shortest lever arm of a marked point."""
+    arms = [float(np.linalg.norm(boundary.path.minimal.offsets[-1])) for boundary in robot.boundaries]
+    return (CROSSCHECK_BODY if shapes == "spheres" else CROSSCHECK_STOP) / min(arms)
