@@ -78,7 +78,7 @@ def test_every_way_to_find_a_contact_is_used(tmp_path: Path) -> None:
         found = pb.cross_check(with_radii(name, 0.08, tmp_path), rays=60, levels=("boundaries",)).boundaries
         assert found is not None
         methods |= {word for one in found.boundaries.values() for word in one.method.split(" and ")}
-    assert methods == {"contact strip", "smallest norm", "allowed arcs", "root of the clearance"}
+    assert methods == {"contact strip", "smallest norm", "allowed arcs"}
 
 
 def test_minervabot_holds_on_all_four_levels(minerva: pb.Robot) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pinbound.boundary import Boundary, ContactAngle
 from pinbound.crosscheck.engine import Engine, pair_engine, sample
-from pinbound.exceptions import UnsupportedError
+from pinbound.interpreters.univariate import AllowedArcs
 from pinbound.robot import Robot
 from pinbound.tolerances import CROSSCHECK_ANGLE, CROSSCHECK_GRAZING, CROSSCHECK_POINT
 
@@ -37,7 +37,7 @@ class RayCheck:
 
     Attributes:
         method: What coal was compared with: ``"contact angle"``, ``"contact strip"``, ``"smallest norm"`` (of a
-            boundary that is never in contact), ``"allowed arcs"`` or ``"root of the clearance"``.
+            boundary that is never in contact) or ``"allowed arcs"``.
         rays: How many rays.
         free: How many of them meet no contact, by both sides.
         grazing: How many contacts are too flat to be placed; they are compared in metres only.
@@ -141,10 +141,7 @@ def _claim(robot: Robot, boundary: Boundary, start: Array, rng: np.random.Genera
     contact = boundary.contact
     if contact is not None:
         return _one_angle(robot, boundary, contact, rng)
-    try:
-        return _along_one_coordinate(robot, boundary, start, rng)
-    except UnsupportedError:
-        return _along_a_ray(robot, boundary, rng)
+    return _along_one_coordinate(robot, boundary, start, rng)
 
 
 def _direction(robot: Robot, boundary: Boundary, rng: np.random.Generator) -> Array:
@@ -177,12 +174,10 @@ def _along_one_coordinate(robot: Robot, boundary: Boundary, start: Array, rng: n
     """A ray along one coordinate from a random free start: the articular limit in closed form."""
     index = int(rng.choice(boundary.path.minimal.coordinates))
     name, side = robot.coordinates[index], int(rng.integers(2))
-    arcs = boundary.limits(name, start)
-    around = arcs.around(float(start[index]))
+    arcs, around = _arcs_around(boundary, name, index, start)
     if around is None:
         start = robot.home
-        arcs = boundary.limits(name, start)
-        around = arcs.around(float(start[index]))
+        arcs, around = _arcs_around(boundary, name, index, start)
     direction = np.zeros(len(start))
     direction[index] = (-1.0, 1.0)[side]
     length = arcs.period if math.isfinite(arcs.period) else 2.0 * math.pi
@@ -191,17 +186,19 @@ def _along_one_coordinate(robot: Robot, boundary: Boundary, start: Array, rng: n
     return _Claim("allowed arcs", start, direction, length, abs(around[side] - float(start[index])))
 
 
-def _along_a_ray(robot: Robot, boundary: Boundary, rng: np.random.Generator) -> _Claim:
-    """A ray from home, where no closed form speaks of one coordinate: the first root of the clearance."""
-    direction = _direction(robot, boundary, rng)
-
-    def clearance(t: float) -> float:
-        return float(boundary.clearance(robot.home + t * direction))
-
-    nodes = np.linspace(0.0, math.pi, 4 * _COARSE)
-    contact = np.flatnonzero(boundary.clearance(robot.home + nodes[:, None] * direction) <= 0.0)
-    t = _bisect(clearance, float(nodes[contact[0] - 1]), float(nodes[contact[0]])) if len(contact) else None
-    return _Claim("root of the clearance", robot.home, direction, math.pi, t)
+def _arcs_around(
+    boundary: Boundary, name: str, index: int, start: Array
+) -> tuple[AllowedArcs, tuple[float, float] | None]:
+    """Return the allowed arcs of a coordinate within a turn either way, and the one that holds the start."""
+    value = float(start[index])
+    window = (value - 2.0 * math.pi, value + 2.0 * math.pi)
+    arcs: AllowedArcs = boundary.limits(name, start, window)
+    around = arcs.around(value)
+    if around is None:
+        return arcs, None
+    low = -math.inf if around[0] <= arcs.window[0] else around[0]  # an end of the window is no contact
+    high = math.inf if around[1] >= arcs.window[1] else around[1]
+    return arcs, (low, high)
 
 
 def _compare(engine: Engine, boundary: Boundary, claim: _Claim) -> _Seen:
