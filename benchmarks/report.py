@@ -215,7 +215,9 @@ class _first:
         order = np.random.default_rng(1).permutation(len(robot.boundaries))[:size]
         chosen = [robot.boundaries[int(k)] for k in sorted(order)]
         self.coordinates = robot.coordinates
-        self.boundaries = BoundarySet(chosen, robot.coordinates, robot.linear_limits, robot.boundaries._common)
+        self.boundaries = BoundarySet(
+            chosen, robot.coordinates, robot.linear_limits, robot.home, robot.boundaries._common
+        )
 
 
 def cpu() -> str:
