@@ -279,3 +279,11 @@ def test_a_csv_source_is_pinned_by_its_content(robot: Robot, tmp_path: Path) -> 
     path.write_text("q1,q2,q3\n0,0,1\n")
     assert isinstance(first, FileSource)
     assert open_source(path, robot.coordinates).sha256 != first.sha256
+
+
+def test_without_pyarrow_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    out = str(tmp_path / "out")
+    result = CliRunner().invoke(app, ["batch", "minervabot_v3", "--random", "10", "--seed", "0", "--out", out])
+    assert result.exit_code == 2
+    assert "pinbound[batch]" in result.stderr

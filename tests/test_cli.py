@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 import pinbound as pb
 from pinbound.cli import app
+from robots import ARM, robot_xml
 
 
 def run(*arguments: str, code: int = 0) -> str:
@@ -110,3 +111,18 @@ def test_a_robot_without_boundaries_still_has_a_report(tmp_path: Path) -> None:
     page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
     assert "No planar region" in page
     assert "<b>" not in page.split("<h2>")[0].replace("<li><b>", "").replace("bare &lt;b&gt;", "")
+
+
+def test_mark_writes_a_sidecar_that_loads(tmp_path: Path) -> None:
+    urdf, out = tmp_path / "arm.urdf", tmp_path / "arm.pinbound.yaml"
+    text = robot_xml(ARM, {}, [])
+    shapes = {"base": '<sphere radius="0.05"/>', "d": '<box size="0.1 0.1 0.1"/>', "b": '<mesh filename="x.stl"/>'}
+    for link, shape in shapes.items():
+        body = f"<collision><geometry>{shape}</geometry></collision>"
+        text = text.replace(f'<link name="{link}"/>', f'<link name="{link}">{body}</link>')
+    urdf.write_text(text)
+    said = run("mark", str(urdf), "--out", str(out))
+    assert "Not covered: 1 bodies of b" in said
+    assert len(pb.load(urdf).boundaries) == json.loads(run("mark", str(urdf), "--json"))["boundaries"] > 0
+    assert "exists already" in run("mark", str(urdf), "--out", str(out), code=2)
+    assert "sphere, box, cylinder, capsule" in run("mark", str(urdf), "--shapes", "cone", code=2)

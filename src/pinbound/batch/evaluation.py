@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.batch.sources import load_arrow
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.interpreters.kernel import Kernel
 from pinbound.region import Region, feasible_region
@@ -110,7 +110,7 @@ class Evaluation:
             start: Number of the first row.
             threads: Threads of the kernel.
         """
-        arrow: Any = importlib.import_module("pyarrow")
+        arrow: Any = load_arrow("pyarrow")
         threads = threads if self.backend == "compiled" else 1  # a split could change the last bits of NumPy's products
         finite = np.all(np.isfinite(Q), axis=1)
         out: dict[str, Any] = {"row": np.arange(start, start + len(Q), dtype=np.int64)}

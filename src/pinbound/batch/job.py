@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.batch.evaluation import BINS, VERDICTS, Evaluation, Statistics
-from pinbound.batch.sources import Source
+from pinbound.batch.sources import Source, load_arrow
 from pinbound.exceptions import InputError, Problem
 
 __all__ = ["Outcome", "run", "write_chunk"]
@@ -91,7 +91,9 @@ def run(
 
     Raises:
         InputError: If the folder holds something else, or a job that differs in anything that the numbers depend on.
+        UnsupportedError: If PyArrow is not installed.
     """
+    load_arrow("pyarrow")
     if chunk_rows < 1 or threads < 1:
         raise _bad(folder, f"chunks of {chunk_rows} rows by {threads} threads", "Give 1 or more of both")
     folder.mkdir(parents=True, exist_ok=True)
@@ -122,8 +124,8 @@ def run(
 
 def write_chunk(evaluation: Evaluation, Q: Array, start: int, threads: int = 1) -> tuple[bytes, Statistics]:
     """Return a chunk's Parquet file as bytes, the same ones wherever this runs, and its statistics."""
-    arrow: Any = importlib.import_module("pyarrow")
-    parquet: Any = importlib.import_module("pyarrow.parquet")
+    arrow: Any = load_arrow("pyarrow")
+    parquet: Any = load_arrow("pyarrow.parquet")
     table, statistics = evaluation.table(Q, start, threads)
     sink = arrow.BufferOutputStream()
     parquet.write_table(table, sink, compression="zstd", compression_level=1, use_dictionary=_dictionaries(table))

@@ -13,9 +13,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.exceptions import InputError, Problem, name_hint
+from pinbound.exceptions import InputError, Problem, UnsupportedError, name_hint
 
-__all__ = ["FileSource", "GridSource", "RandomSource", "SobolSource", "Source", "open_source"]
+__all__ = ["FileSource", "GridSource", "RandomSource", "SobolSource", "Source", "load_arrow", "open_source"]
 
 Array = NDArray[np.float64]
 
@@ -257,7 +257,7 @@ def _bad(path: Path, message: str, remedy: str) -> InputError:
 
 def _batches(path: Path, coordinates: Sequence[str]) -> Iterator[Array]:
     """Yield a file's rows (k, n) as they come; an empty cell is NaN."""
-    arrow: Any = importlib.import_module("pyarrow")
+    arrow: Any = load_arrow("pyarrow")
     try:
         for batch in _READERS[path.suffix.lower()](path, coordinates):
             columns = [
@@ -272,8 +272,8 @@ def _batches(path: Path, coordinates: Sequence[str]) -> Iterator[Array]:
 
 
 def _csv_batches(path: Path, coordinates: Sequence[str]) -> Iterator[Any]:
-    arrow: Any = importlib.import_module("pyarrow")
-    csv: Any = importlib.import_module("pyarrow.csv")
+    arrow: Any = load_arrow("pyarrow")
+    csv: Any = load_arrow("pyarrow.csv")
     with path.open(encoding="utf-8") as file:
         found = [name.strip().strip('"') for name in file.readline().split(",")]
     _check_columns(path, found, coordinates)
@@ -283,7 +283,7 @@ def _csv_batches(path: Path, coordinates: Sequence[str]) -> Iterator[Any]:
 
 
 def _parquet_batches(path: Path, coordinates: Sequence[str]) -> Iterator[Any]:
-    parquet: Any = importlib.import_module("pyarrow.parquet")
+    parquet: Any = load_arrow("pyarrow.parquet")
     file = parquet.ParquetFile(path)
     _check_columns(path, file.schema_arrow.names, coordinates)
     yield from file.iter_batches(batch_size=_BLOCK, columns=list(coordinates))
@@ -299,3 +299,15 @@ def _check_columns(path: Path, found: Sequence[str], coordinates: Sequence[str])
         raise _bad(
             path, f"has no column {', '.join(map(repr, missing))}; {hint}", "Name the columns as the coordinates"
         )
+
+
+def load_arrow(module: str) -> Any:
+    """Return a module of PyArrow, an extra.
+
+    Raises:
+        UnsupportedError: If it is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise UnsupportedError("a batch needs PyArrow, which is not installed; install pinbound[batch]") from error
