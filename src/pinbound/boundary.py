@@ -49,11 +49,7 @@ class ContactAngle:
         """
         if self.half_width is None:
             return -math.inf, math.inf
-        turn = 2.0 * math.pi
-        turns = math.floor((phi - self.angle) / turn)
-        lower = self.angle + turns * turn + self.half_width
-        upper = self.angle + (turns + 1) * turn - self.half_width
-        return (lower, upper) if lower < phi < upper else (math.nan, math.nan)
+        return univariate.gap_around(self.angle, self.half_width, phi)
 
 
 @dataclass(frozen=True)

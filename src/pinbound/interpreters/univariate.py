@@ -23,7 +23,16 @@ from pinbound.interpreters import numeric
 from pinbound.path import Chain
 from pinbound.tolerances import REDUCTION
 
-__all__ = ["AllowedArcs", "AllowedArcsTable", "Strip", "allowed_arcs", "allowed_arcs_table", "one_angle_strip", "strip"]
+__all__ = [
+    "AllowedArcs",
+    "AllowedArcsTable",
+    "Strip",
+    "allowed_arcs",
+    "allowed_arcs_table",
+    "gap_around",
+    "one_angle_strip",
+    "strip",
+]
 
 Array = NDArray[np.float64]
 
@@ -151,6 +160,15 @@ def strip(p: Array, s: Array, axis: Array, threshold: float, tolerance: float) -
     """Return one contact strip, of p (3,) and s (3,); see `strips`."""
     angle, half_width, smallest = (float(x[0]) for x in strips(p[None], s[None], axis, threshold, tolerance))
     return Strip(angle, None if math.isnan(half_width) else half_width, smallest)
+
+
+def gap_around(angle: float, half_width: float, phi: float) -> tuple[float, float]:
+    """Return the open interval without contact `angle +- half_width` (every turn) that holds phi; NaN if in contact."""
+    turn = 2.0 * math.pi
+    turns = math.floor((phi - angle) / turn)
+    lower = angle + turns * turn + half_width
+    upper = angle + (turns + 1) * turn - half_width
+    return (lower, upper) if lower < phi < upper else (math.nan, math.nan)
 
 
 def one_angle_strip(chain: Chain, threshold: float, tolerance: float) -> tuple[Array, Strip] | None:

@@ -25,7 +25,7 @@ from pinbound.boundary import Boundary
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.interpreters import numeric
 from pinbound.interpreters.restriction import restrict
-from pinbound.interpreters.univariate import one_angle_strip
+from pinbound.interpreters.univariate import gap_around, one_angle_strip
 from pinbound.path import Chain
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.robot import Robot
@@ -62,11 +62,7 @@ class Strips:
 
     def gap(self, x: Array) -> tuple[float, float]:
         """Return the open interval of `c . x` around a point; NaN if it is in contact."""
-        phi = float(self.normal @ x)
-        turns = math.floor((phi - self.angle) / _TURN)
-        lower = self.angle + turns * _TURN + self.half_width
-        upper = self.angle + (turns + 1) * _TURN - self.half_width
-        return (lower, upper) if lower < phi < upper else (math.nan, math.nan)
+        return gap_around(self.angle, self.half_width, float(self.normal @ x))
 
     def lines(self, lowest: float, highest: float) -> list[float]:
         """Return every value of `c . x` in a range at which contact begins or ends."""
