@@ -23,7 +23,7 @@ def bare(annotations: pb.Annotations) -> pb.Annotations:
     return replace(
         annotations,
         home_line=None,
-        points={name: replace(point, line=None) for name, point in annotations.points.items()},
+        marks={name: replace(mark, line=None) for name, mark in annotations.marks.items()},
         **{
             key: tuple(replace(mark, line=None) for mark in getattr(annotations, key))
             for key in ("boundaries", "closures", "followers", "limits")

@@ -9,8 +9,8 @@ import pytest
 from mechanisms import random_robot
 from pinbound.certificates.constraints import families
 from pinbound.certificates.trajectory import as_trajectory
+from pinbound.chain import Chain, rotation_matrix
 from pinbound.interpreters import bounds, numeric
-from pinbound.path import Chain, rotation_matrix
 
 
 def robots(folder: Path, seed: int, count: int):

@@ -7,10 +7,10 @@ import pinocchio as pin
 import pytest
 
 import pinbound as pb
-from pinbound.annotations import Point
+from pinbound.chain import Chain
 from pinbound.interpreters import numeric
 from pinbound.inverse_kinematics import Ending, _Solver, solve_ik
-from pinbound.path import Chain, absolute_chain
+from pinbound.path import absolute_chain
 from robots import joint, random_q, robot_xml
 
 
@@ -19,7 +19,7 @@ def test_jacobian_is_pinocchios_through_the_coupling(any_robot: pb.Robot) -> Non
     model, xyz = any_robot.model, np.array([0.03, -0.02, 0.05])
     data = model.createData()
     for link in any_robot.tree.links:
-        chain = absolute_chain(any_robot.tree, any_robot.coupling, Point("", link, tuple(xyz)))
+        chain = absolute_chain(any_robot.tree, any_robot.coupling, link, tuple(xyz))
         frame = model.getFrameId(link)
         for q in random_q(any_robot, 5, seed=3):
             theta = any_robot.coupling.expand(q)

@@ -15,6 +15,7 @@ FLOORS = [
     ("document",),
     ("urdf", "annotations"),
     ("tree", "coupling"),
+    ("chain",),
     ("path",),
     ("interpreters",),
     ("closures",),
@@ -34,8 +35,15 @@ FLOORS = [
 ]
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 SAME_FLOOR = {("tree", "coupling")}
-SHARED = {"numeric", "restriction", "derivative_bounds"}  # what a chain is worth, held in part, and bounded
-KNOWN = {("univariate", "isolation")}  # where there is no closed form
+SHARED = {"numeric", "closest", "separation", "restriction", "derivative_bounds"}  # what a path is worth, held, bounded
+KNOWN = {  # where there is no closed form, and what a swept path's bounds are made of
+    ("univariate", "isolation"),
+    ("univariate", "swept_isolation"),
+    ("swept_isolation", "isolation"),
+    ("swept_isolation", "swept_bounds"),
+    ("swept_isolation", "bounds"),
+    ("swept_bounds", "bounds"),
+}
 ONLY = {
     "pinocchio": {"urdf", "robot", "crosscheck"},
     "coal": {"crosscheck"},

@@ -3,15 +3,17 @@
 import importlib.metadata
 import itertools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import pinbound as pb
+from pinbound.chain import Chain, Swept
 from pinbound.interpreters import numeric
 from pinbound.interpreters.isolation import common_period
-from pinbound.interpreters.univariate import AllowedArcs, allowed_arcs, allowed_arcs_table
-from pinbound.path import Chain
+from pinbound.interpreters.univariate import AllowedArcs, allowed_arcs_table
+from pinbound.path import Kind, RelativePath
 
 ROBOTS = Path(str(importlib.metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share")))
 ARMS = {
@@ -24,6 +26,16 @@ ARMS = {
 }
 END = 1e-10  # m, the clearance allowed at an end
 STEP = 1e-7  # rad, to either side of it
+
+
+def path_of(chain: Chain) -> RelativePath:
+    """Return a path between two points that is only known by its reduced chain."""
+    swept = Swept(chain)
+    return RelativePath(Kind.BRANCHED, "base", swept, swept, swept, 0)
+
+
+def allowed_arcs(chain: Chain, index: int, name: str, q: Any, *rest: Any, **more: Any) -> AllowedArcs:
+    return allowed_arcs_table(path_of(chain), index, name, q[None], *rest, **more)[0]
 
 
 @pytest.fixture(scope="module", params=sorted(ARMS))
@@ -160,7 +172,7 @@ def test_angles_of_several_coordinates_end_in_contact() -> None:
     for boundary in robot.boundaries:
         for name in boundary.coordinates:
             index = robot.coordinates.index(name)
-            table = allowed_arcs_table(boundary.path.minimal, index, name, Q, 0.005, 2e-5)
+            table = allowed_arcs_table(boundary.path, index, name, Q, 0.005, 2e-5)
             for row, q in enumerate(Q):
                 for end, inwards in ends_of(table[row]):
                     at = np.tile(q, (3, 1))
@@ -223,7 +235,7 @@ def test_no_window_for_contacts_that_never_repeat() -> None:
 
 def test_no_configuration_gives_no_row() -> None:
     made, threshold = chain("twice", np.random.default_rng(1))
-    assert len(allowed_arcs_table(made, 0, "q", np.empty((0, 1)), threshold, 1e-9)) == 0
+    assert len(allowed_arcs_table(path_of(made), 0, "q", np.empty((0, 1)), threshold, 1e-9)) == 0
 
 
 def test_common_period_of_irrational_angles_is_none() -> None:

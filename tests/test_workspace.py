@@ -103,12 +103,11 @@ def test_points_are_the_robots_own_positions(minerva: pb.Robot, hexagon: pb.Regi
 
 
 def test_restriction_keeps_the_value(any_robot: pb.Robot) -> None:
-    from pinbound.annotations import Point
 
     rng = np.random.default_rng(4)
     n = len(any_robot.coordinates)
     for link in any_robot.tree.links:
-        chain = absolute_chain(any_robot.tree, any_robot.coupling, Point("", link, (0.1, -0.2, 0.3)))
+        chain = absolute_chain(any_robot.tree, any_robot.coupling, link, (0.1, -0.2, 0.3))
         at, X = rng.uniform(-2, 2, n), rng.uniform(-2, 2, (20, 2))
         indices = rng.permutation(n)[:2]
         Q = np.repeat(at[None], 20, axis=0)

@@ -3,7 +3,17 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from pinbound.annotations import Annotations, BoundaryMark, ClosureMark, FollowerMark, LimitMark, Point
+from pinbound.annotations import (
+    Annotations,
+    BoundaryMark,
+    ClosureMark,
+    FollowerMark,
+    LimitMark,
+    Line,
+    Plane,
+    Point,
+    Segment,
+)
 from pinbound.boundary import Boundary, ContactAngle
 from pinbound.boundary_set import BoundarySet, CoordinateLimits, Smallest
 from pinbound.document import packaged_robots
@@ -77,16 +87,19 @@ __all__ = [
     "Kind",
     "LeavesRegionError",
     "LimitMark",
+    "Line",
     "Membership",
     "Motion",
     "MotionHistory",
     "PinboundError",
     "Place",
+    "Plane",
     "Point",
     "Proposal",
     "Region",
     "Robot",
     "Section",
+    "Segment",
     "Smallest",
     "SmallestClearance",
     "SweptBody",

@@ -1,4 +1,4 @@
-"""A boundary: what users ask of two marked points, answered by interpreters of their relative path."""
+"""A boundary: what users ask of two marks, answered by interpreters of their relative path."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.annotations import Point
+from pinbound.annotations import Mark
 from pinbound.coupling import as_configurations, linear_text
 from pinbound.exceptions import DimensionError, UnknownNameError
-from pinbound.interpreters import numeric, univariate
+from pinbound.interpreters import separation, univariate
 from pinbound.path import Kind, RelativePath
 
 __all__ = ["Boundary", "ContactAngle", "one_configuration"]
@@ -54,21 +54,24 @@ class ContactAngle:
 
 @dataclass(frozen=True)
 class Boundary:
-    """Two marked points that must keep a distance: `clearance(q) = norm(q) - threshold`.
+    """Two marks that must keep a distance: `clearance(q) = norm(q) - threshold`.
+
+    The norm is the distance of two points, of a point and a segment, or of two segments; the distance of a point or
+    segment across a line; or its signed height above a plane.
 
     Attributes:
         name: Its name in the annotations.
-        point_a: First marked point.
-        point_b: Second marked point.
+        point_a: First mark: a point, segment, line or plane.
+        point_b: Second mark.
         min_distance: [m], surface to surface.
-        path: The reduced relative path between the points.
+        path: The reduced relative path between the marks.
         robot_coordinates: All active coordinates of the robot, in q's order.
         contact_tolerance: [m]; a smallest norm up to this counts as contact.
     """
 
     name: str
-    point_a: Point
-    point_b: Point
+    point_a: Mark
+    point_b: Mark
     min_distance: float
     path: RelativePath
     robot_coordinates: tuple[str, ...]
@@ -100,8 +103,23 @@ class Boundary:
         return self.point_a.radius + self.point_b.radius + self.min_distance
 
     @cached_property
+    def contacts(self) -> tuple[ContactAngle, ...] | None:
+        """All contact strips of a boundary of one effective angle; None if it has several, or slides.
+
+        Two points have one strip, or one without contact (`half_width` None); segments may have several.
+        """
+        found = univariate.one_angle_strips(self.path, self.threshold, self.contact_tolerance)
+        if found is None:
+            return None
+        coefficients, strips = found
+        text = linear_text(coefficients, self.robot_coordinates)
+        return tuple(ContactAngle(coefficients, text, s.angle, s.half_width, s.smallest) for s in strips)
+
+    @property
     def contact(self) -> ContactAngle | None:
         """The contact angle, if the boundary has one effective angle; None if it has several, or slides.
+
+        Of segments, None also if they have several strips a turn: `contacts` has them.
 
         Example:
             >>> import pinbound as pb
@@ -109,22 +127,25 @@ class Boundary:
             >>> contact.text, round(float(np.degrees(contact.angle)), 9)
             ('q3 - q2', 32.429119975)
         """
-        found = univariate.one_angle_strip(self.path.minimal, self.threshold, self.contact_tolerance)
-        if found is None:
-            return None
-        coefficients, strip = found
-        text = linear_text(coefficients, self.robot_coordinates)
-        return ContactAngle(coefficients, text, strip.angle, strip.half_width, strip.smallest)
+        return self.contacts[0] if self.contacts is not None and len(self.contacts) == 1 else None
 
     def vector(self, q: ArrayLike) -> Array:
-        """Return `r = x_a - x_b` in the frame of the ancestor link: (3,) or (N, 3) [m]; Eqs. (8)-(16)."""
-        return self._each(
-            q, lambda Q: numeric.positions(self.path.branch_a, Q) - numeric.positions(self.path.branch_b, Q)
-        )
+        """Return `r = x_a - x_b` in the frame of the ancestor link: (3,) or (N, 3) [m]; Eqs. (8)-(16).
+
+        Of segments, between their nearest points; of a line or plane, from its foot.
+        """
+        return self._each(q, lambda Q: separation.vectors(self.path, Q))
 
     def norm(self, q: ArrayLike) -> Any:
-        """Return `beta = |r|` [m]: a float, or (N,)."""
-        return self._each(q, lambda Q: numeric.norm(numeric.positions(self.path.minimal, Q)))
+        """Return `beta = |r|` [m]: a float, or (N,); above a plane `n . r`, negative behind it."""
+        return self._each(q, lambda Q: separation.separations(self.path, Q))
+
+    def nearest(self, q: ArrayLike) -> Array:
+        """Return where on its segments the boundary is nearest: (k,) or (N, k) in [0, 1], one a segment, a's first.
+
+        `x = xyz_a + t (xyz_b - xyz_a)`; where several t are equally near (parallel segments) it is one of them.
+        """
+        return self._each(q, lambda Q: separation.parameters(self.path, Q))
 
     def clearance(self, q: ArrayLike) -> Any:
         """Return `norm - threshold` [m]: positive is free, zero is contact."""
@@ -132,11 +153,11 @@ class Boundary:
 
     def gradient(self, q: ArrayLike) -> Array:
         """Return the gradient of the norm, (n,) or (N, n) [m/rad]; NaN where the norm is zero (a kink)."""
-        return self._each(q, lambda Q: numeric.gradient(self.path.minimal, Q))
+        return self._each(q, lambda Q: separation.gradients(self.path, Q))
 
     def hessian(self, q: ArrayLike) -> Array:
         """Return the Hessian of the norm, (n, n) or (N, n, n); NaN where the norm is zero (a kink)."""
-        return self._each(q, lambda Q: numeric.hessian(self.path.minimal, Q))
+        return self._each(q, lambda Q: separation.hessians(self.path, Q))
 
     def _each(self, q: ArrayLike, ask: Callable[[Array], Array]) -> Any:
         Q = as_configurations(q, self.robot_coordinates)
@@ -144,11 +165,11 @@ class Boundary:
 
     def parts(self, start: Array, end: Array) -> bool:
         """Return whether a contact of this boundary's one effective angle lies between two configurations (n,)."""
-        contact = self.contact
-        if contact is None or contact.half_width is None:
-            return False
-        lower, upper = contact.gap(float(contact.coefficients @ start))
-        return not lower < float(contact.coefficients @ end) < upper
+        for contact in self.contacts or ():
+            lower, upper = contact.gap(float(contact.coefficients @ start))
+            if not lower < float(contact.coefficients @ end) < upper:
+                return True
+        return False
 
     def expression(self, frame: Literal["minimal", "ancestor"] = "minimal") -> Any:
         """Return r as a SymPy (3, 1) matrix, metres, in one real symbol a coordinate.
@@ -178,8 +199,9 @@ class Boundary:
     def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> Any:
         """Return the allowed values of one coordinate, the others as in q.
 
-        Used in one rotation, `|r|^2 = a + b cos q_j + c sin q_j`, so the allowed set is one arc a turn; used to slide
-        only, it is all but one interval: closed forms. Used otherwise: every contact isolated with a proof.
+        Used in one rotation, `|r|^2 = a + b cos q_j + c sin q_j` (and the height above a plane likewise), so the allowed
+        set is one arc a turn; used to slide only, it is all but one interval: closed forms. Used otherwise, and between
+        segments or across a line: every contact isolated with a proof.
 
         Args:
             coordinate: An active coordinate of the robot.
@@ -209,7 +231,7 @@ class Boundary:
         index = self.robot_coordinates.index(coordinate)
         rows = points.reshape(-1, len(self.robot_coordinates))
         table = univariate.allowed_arcs_table(
-            self.path.minimal, index, coordinate, rows, self.threshold, self.contact_tolerance, window
+            self.path, index, coordinate, rows, self.threshold, self.contact_tolerance, window
         )
         return table if points.ndim > 1 else table[0]
 
@@ -231,7 +253,7 @@ class Boundary:
         if coordinate not in self.robot_coordinates:
             raise UnknownNameError("coordinate", coordinate, self.robot_coordinates)
         index = self.robot_coordinates.index(coordinate)
-        return symbolic.limit_expressions(self.path.minimal, index, self.robot_coordinates, self.threshold)
+        return symbolic.limit_expressions(self.path, index, self.robot_coordinates, self.threshold)
 
 
 def one_configuration(q: ArrayLike, coordinates: Sequence[str]) -> Array:

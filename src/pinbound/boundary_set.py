@@ -15,12 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from pinbound.boundary import Boundary, one_configuration
 from pinbound.coupling import LinearLimit, as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
-from pinbound.interpreters import numeric
+from pinbound.interpreters import separation
 from pinbound.interpreters.univariate import AllowedArcs, AllowedArcsTable
-from pinbound.path import Chain
 
 if TYPE_CHECKING:
-    from pinbound.interpreters.kernel import Backend, Kernel
+    from pinbound.interpreters.kernel import Backend, CommonMark, Kernel
 
 __all__ = ["BoundarySet", "CoordinateLimits", "Smallest"]
 
@@ -66,6 +65,10 @@ class Smallest:
     index: Any
 
 
+def _no_common() -> None:
+    """Return that the marks have no common frame."""
+
+
 class BoundarySet(Sequence[Boundary]):
     """The boundaries of a robot, in order, evaluated together.
 
@@ -84,11 +87,11 @@ class BoundarySet(Sequence[Boundary]):
         coordinates: Sequence[str],
         limits: Sequence[LinearLimit] = (),
         home: ArrayLike | None = None,
-        common: Callable[[], Mapping[str, Chain] | None] = dict[str, Chain],
+        common: Callable[[], Mapping[str, CommonMark] | None] = _no_common,
     ) -> None:
         """Hold boundaries of one robot, with its joint limits and home for `limits`.
 
-        `common` returns the chain of each marked point in one common frame, by name; empty or None: there is none.
+        `common` returns each mark's chains in one common frame, by name; None: there is none.
         """
         self._common = common
         self._boundaries = tuple(boundaries)
@@ -139,12 +142,9 @@ class BoundarySet(Sequence[Boundary]):
         """The batch kernel behind `norms`, `clearances`, `gradients`, `smallest` and `free`."""
         from pinbound.interpreters.kernel import Kernel, Pair, Reference
 
-        pairs = [
-            Pair(b.path.minimal, b.path.frame, b.threshold, (b.point_a.name, b.point_b.name)) for b in self._boundaries
-        ]
-        return Kernel(
-            pairs, len(self._coordinates), Reference(_norms, numeric.gradient), lambda: self._common() or None
-        )
+        pairs = [Pair(b.path, b.threshold, (b.point_a.name, b.point_b.name)) for b in self._boundaries]
+        reference = Reference(separation.separations, separation.gradients)
+        return Kernel(pairs, len(self._coordinates), reference, self._common)
 
     def norms(
         self,
@@ -412,10 +412,6 @@ def _linear_spans(limit: LinearLimit, index: int, Q: Array) -> Array:
         spans = np.sort(Q[:, index, None] + (np.array([limit.lower, limit.upper]) - theta[:, None]) / c, axis=1)
     spans[(theta < limit.lower) | (theta > limit.upper)] = np.nan
     return spans
-
-
-def _norms(chain: Chain, Q: Array) -> Array:
-    return numeric.norm(numeric.positions(chain, Q))
 
 
 def _linear_span(limit: LinearLimit, index: int, q: Array) -> tuple[float, float] | None:

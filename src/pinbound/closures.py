@@ -43,7 +43,9 @@ class Closure:
 
     def residuals(self, Q: Array) -> Array:
         """Return the gap (N,) [m] between the two ends of the pin, from both branches, nothing cancelled."""
-        return numeric.norm(numeric.positions(self.path.branch_a, Q) - numeric.positions(self.path.branch_b, Q))
+        return numeric.norm(
+            numeric.positions(self.path.branch_a.chain, Q) - numeric.positions(self.path.branch_b.chain, Q)
+        )
 
     @property
     def bound(self) -> float:

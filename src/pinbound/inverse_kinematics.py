@@ -18,11 +18,11 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.annotations import Point
+from pinbound.chain import Chain
 from pinbound.coupling import as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import numeric
-from pinbound.path import Chain, absolute_chain
+from pinbound.path import absolute_chain
 from pinbound.robot import Robot
 from pinbound.tolerances import REACHED
 
@@ -126,7 +126,7 @@ def solve_ik(
     if goals.ndim not in (1, 2) or goals.shape[-1] != 3:
         raise DimensionError(f"targets have shape {goals.shape}; give (3,) or (N, 3) positions [m]")
     x, y, z = (float(value) for value in xyz)
-    chain = absolute_chain(robot.tree, robot.coupling, Point("", link, (x, y, z)))
+    chain = absolute_chain(robot.tree, robot.coupling, link, (x, y, z))
     solver = _Solver(chain, *_limit_rows(robot), max_iterations, tolerance)
     q = np.array(robot.home if start is None else as_configurations(start, robot.coordinates))
     if q.ndim != 1 or not np.all(solver.A @ q <= solver.b + _SLACK):

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from pinbound.annotations import Annotations, BoundaryMark, Point
 from pinbound.bodies import Body, Cover, collision_bodies, cover
+from pinbound.chain import Chain
 from pinbound.exceptions import UnknownNameError
 from pinbound.interpreters import numeric, univariate
-from pinbound.path import Chain, relative_path
+from pinbound.path import relative_path
 from pinbound.robot import Robot
 
 __all__ = ["SHAPES", "Proposal", "propose_marks"]

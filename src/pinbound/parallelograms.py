@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.annotations import Annotations, ClosureMark
+from pinbound.chain import Chain
 from pinbound.closures import Closure, close
 from pinbound.coupling import Coupling
 from pinbound.exceptions import Problems, UnsupportedError
-from pinbound.path import Chain
 from pinbound.tolerances import CLOSURE, REDUCTION
 from pinbound.tree import Tree
 

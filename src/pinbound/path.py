@@ -1,37 +1,30 @@
 """The reduced relative path: the one idea that every interpreter reads.
 
-Between two marked points lies a path in the tree. With constant rotations folded away it is a chain
+Between two marks lies a path in the tree: up from a's link to the lowest common ancestor, down to b's. With constant
+rotations folded away it is a chain (`chain.py`), reduced until nothing is left in it that does not change the distance.
 
-    r(q) = b_0 + R_1( b_1 + R_2( b_2 + ... R_k b_k ) ),   R_i = R(u_i, c_i . q),   b_i = s_i + L_i q,
-
-of rotations about constant axes and of offsets, in which L_i is zero unless joints slide. `docs/relative-path.md`
-derives the chain and proves that each step below preserves its value (or, where said, its norm).
+A marked segment is a point that slides along its link: while the chain is reduced, its parameter is one more
+coordinate, and afterwards a *direction*, the chain's derivative by it. `docs/segments.md` derives that.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.annotations import Point
+from pinbound.annotations import FlatMark, Line, Mark, Plane, Segment
+from pinbound.chain import Chain, Swept, are_parallel, drop_head, reduce_chain, rotation_matrix, split
 from pinbound.coupling import Coupling
 from pinbound.exceptions import UnsupportedError
 from pinbound.tolerances import REDUCTION
 from pinbound.tree import Tree
 from pinbound.urdf import MOVING_TYPES, Joint
 
-__all__ = [
-    "Chain",
-    "Kind",
-    "RelativePath",
-    "absolute_chain",
-    "are_parallel",
-    "relative_path",
-    "rotation_matrix",
-]
+__all__ = ["Kind", "RelativePath", "absolute_chain", "relative_path"]
 
 Array = NDArray[np.float64]
 
@@ -46,93 +39,54 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True)
-class Chain:
-    """`b_0 + R_1(b_1 + R_2(b_2 + ...))` with k rotations, over n active coordinates.
-
-    Attributes:
-        offsets: (k + 1, 3) [m], the s_i.
-        slides: (k + 1, 3, n), the L_i [m per unit of q].
-        axes: (k, 3) unit vectors u_i.
-        coefficients: (k, n), the c_i; in a reduced chain no row is zero, and no two neighbours are parallel
-            unless their offset lies between them.
-        scale: Metres; the length of the path before reduction, against which rounding is judged.
-    """
-
-    offsets: Array
-    slides: Array
-    axes: Array
-    coefficients: Array
-    scale: float
-
-    def __post_init__(self) -> None:
-        """Make the value immutable."""
-        for array in (self.offsets, self.slides, self.axes, self.coefficients):
-            array.flags.writeable = False
-
-    @property
-    def rotations(self) -> int:
-        """The number k of rotations."""
-        return len(self.axes)
-
-    @property
-    def coordinates(self) -> tuple[int, ...]:
-        """Indices of the active coordinates that occur."""
-        used = np.any(self.coefficients, axis=0) | np.any(self.slides, axis=(0, 1))
-        return tuple(int(index) for index in np.flatnonzero(used))
-
-    @property
-    def is_planar(self) -> bool:
-        """Whether all rotations are about one direction."""
-        return all(are_parallel(self.axes[0], axis) for axis in self.axes[1:])
-
-
-@dataclass(frozen=True)
 class RelativePath:
-    """The path between two marked points, reduced.
+    """The path between two marks, reduced.
 
     Attributes:
         kind: How the two links lie to each other.
         ancestor: The lowest common ancestor link, helpers aside.
-        branch_a: `x_a(q)`, point a in the ancestor's frame.
-        branch_b: `x_b(q)`, point b in the ancestor's frame; `r = x_a - x_b` is the paper's vector.
-        minimal: A chain of the same norm as r in which the fewest coordinates and rotations are left.
+        branch_a: `x_a(q)`, mark a in the ancestor's frame.
+        branch_b: `x_b(q)`, mark b in the ancestor's frame; `r = x_a - x_b` is the paper's vector.
+        swept: Chain and directions of the same norm as r in which the fewest coordinates and rotations are left.
         frame: Position i of `minimal` in whose frame the vector has the fewest rotated terms.
+        across: Rows that take from r, in the frame at position 0, what counts: (2, 3) what lies across a line,
+            (1, 3) the height above a plane. None: all of it.
+        upright: Unit direction of the line, or normal of the plane, in the ancestor's frame; None without one.
     """
 
     kind: Kind
     ancestor: str
-    branch_a: Chain
-    branch_b: Chain
-    minimal: Chain
+    branch_a: Swept
+    branch_b: Swept
+    swept: Swept
     frame: int
+    across: Array | None = None
+    upright: Chain | None = None
+
+    @property
+    def minimal(self) -> Chain:
+        """The chain of the two marks' own points: of two points, all that there is."""
+        return self.swept.chain
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it lies between two points."""
+        return not self.swept.directions and self.across is None
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether it measures a height above a plane, which may be negative, and not a distance."""
+        return self.across is not None and len(self.across) == 1
 
 
-def rotation_matrix(axis: Array, angle: float) -> Array:
-    """Return Rodrigues' rotation (3, 3) about a unit axis; exactly the identity for angle 0.
-
-    Example:
-        >>> rotation_matrix(np.array([0.0, 1.0, 0.0]), np.pi / 2).round(12) @ [0.0, 0.0, 1.0]
-        array([1., 0., 0.])
-    """
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + 2.0 * np.sin(angle / 2) ** 2 * (cross @ cross)
-
-
-def are_parallel(u: Array, v: Array) -> bool:
-    """Return whether two unit vectors span one line, up to the rounding of folded constants."""
-    (a, b, c), (x, y, z) = u.tolist(), v.tolist()
-    return max(abs(b * z - c * y), abs(c * x - a * z), abs(a * y - b * x)) <= REDUCTION
-
-
-def relative_path(tree: Tree, coupling: Coupling, a: Point, b: Point) -> RelativePath:
-    """Derive the reduced relative path between two marked points.
+def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:
+    """Derive the reduced relative path between two marks.
 
     Args:
         tree: The robot's tree.
         coupling: `theta = S q + o`.
-        a: First point.
-        b: Second point.
+        a: First mark.
+        b: Second mark; one of the two at most may be a line or a plane.
 
     Returns:
         Kind, ancestor and reduced chains.
@@ -141,45 +95,85 @@ def relative_path(tree: Tree, coupling: Coupling, a: Point, b: Point) -> Relativ
         UnsupportedError: If a floating or planar joint lies between the two links.
     """
     ancestor = tree.common_ancestor(a.link, b.link)
-    down_a, down_b = tree.descent(ancestor, a.link), tree.descent(ancestor, b.link)
-    builder_a, builder_b, between = _Builder(coupling), _Builder(coupling), _Builder(coupling)
-    for joint in down_a:
-        builder_a.down(joint)
-    for joint in down_b:
-        builder_b.down(joint)
-    shared = sum(x is y for x, y in zip(down_a, down_b, strict=False))
-    for joint in reversed(down_a[shared:]):
+    down = {mark.link: tree.descent(ancestor, mark.link) for mark in (a, b)}
+    first, last = (b, a) if isinstance(b, FlatMark) else (a, b)  # a line or plane is constant where the walk starts
+    down_first, down_last = down[first.link], down[last.link]
+    shared = sum(x is y for x, y in zip(down_first, down_last, strict=False))
+    between = _Builder(coupling)
+    for joint in reversed(down_first[shared:]):
         between.up(joint)
-    for joint in down_b[shared:]:
+    for joint in down_last[shared:]:
         between.down(joint)
-    minimal = _drop_head(between.chain(np.array(b.xyz), np.array(a.xyz)))
+    segments = [mark for mark in (a, b) if mark.kind == "segment"]
+    head, tail = (_placed(mark, segments) for mark in (first, last))
+    across = _across(first)
+    minimal = drop_head(between.chain(tail, head), across)
+    ends_at_ancestor = not _moves(down[b.link]) and _moves(down[a.link])
     return RelativePath(
         kind=_kind(tree, ancestor, a.link, b.link),
         ancestor=ancestor,
-        branch_a=_reduce(builder_a.chain(np.array(a.xyz))),
-        branch_b=_reduce(builder_b.chain(np.array(b.xyz))),
-        minimal=minimal,
-        frame=_best_frame(minimal, last_is_ancestor=not _moves(down_b) and _moves(down_a)),
+        branch_a=_branch(coupling, down[a.link], _placed(a, segments)),
+        branch_b=_branch(coupling, down[b.link], _placed(b, segments)),
+        swept=split(minimal, len(coupling.coordinates)),
+        frame=0 if across is not None else _best_frame(minimal, last_is_ancestor=ends_at_ancestor),
+        across=across,
+        upright=_upright(coupling, down[first.link], first),
     )
 
 
-def absolute_chain(tree: Tree, coupling: Coupling, point: Point, reduced: bool = True) -> Chain:
+def _placed(mark: Mark, segments: Sequence[Mark]) -> Array:
+    """Return a mark as columns (3, 1 + k): its point, and its direction in the column of its own parameter."""
+    columns = [np.array(mark.xyz)]
+    for one in segments:
+        turned = isinstance(mark, Segment) and one is mark
+        columns.append(np.subtract(mark.xyz_b, mark.xyz_a) if turned else np.zeros(3))
+    return np.column_stack(columns)
+
+
+def _across(first: Mark) -> Array | None:
+    """Return the rows by which a line or plane measures r, which leads from what is measured to it."""
+    if isinstance(first, Plane):
+        return -np.array([first.upright])
+    if isinstance(first, Line):
+        unit = np.array(first.upright)
+        one = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
+        one /= np.linalg.norm(one)
+        return np.stack((one, np.cross(unit, one)))
+    return None
+
+
+def _branch(coupling: Coupling, joints: Sequence[Joint], placed: Array) -> Swept:
+    """Return a point and its directions (3, 1 + k) of the last joint's link, in the ancestor's frame."""
+    builder = _Builder(coupling)
+    for joint in joints:
+        builder.down(joint)
+    return split(reduce_chain(builder.chain(placed)), len(coupling.coordinates))
+
+
+def _upright(coupling: Coupling, joints: Sequence[Joint], mark: Mark) -> Chain | None:
+    if not isinstance(mark, FlatMark):
+        return None
+    return _branch(coupling, joints, np.column_stack((np.zeros(3), mark.upright))).ways[0]
+
+
+def absolute_chain(tree: Tree, coupling: Coupling, link: str, xyz: Sequence[float], reduced: bool = True) -> Chain:
     """Return the chain of a point's position in the root link's frame.
 
     Args:
         tree: The robot's tree.
         coupling: `theta = S q + o`.
-        point: The point.
+        link: The link that the point is fixed to.
+        xyz: The point in the link's frame [m].
         reduced: False leaves one rotation a joint, as Eq. (5) of the paper does.
 
     Raises:
         UnsupportedError: If a floating or planar joint lies between.
     """
     builder = _Builder(coupling)
-    for joint in tree.descent(tree.root, point.link):
+    for joint in tree.descent(tree.root, link):
         builder.down(joint)
-    chain = builder.chain(np.array(point.xyz))
-    return _reduce(chain) if reduced else chain
+    chain = builder.chain(np.array(xyz, dtype=np.float64)[:, None])
+    return reduce_chain(chain) if reduced else chain
 
 
 def _moves(joints: list[Joint]) -> bool:
@@ -255,118 +249,31 @@ class _Builder:
             self.rotation = self.rotation @ rotation_matrix(joint.axis, sign * offset)
 
     def chain(self, tail: Array, head: Array | None = None) -> Chain:
-        """Return the position of `tail`, or `head` minus it."""
-        offsets = np.array([*self.offsets[:-1], self.offsets[-1] + self.rotation @ tail])
-        slides, scale = np.array(self.slides), self.scale + float(np.linalg.norm(tail))
+        """Return the position of `tail` (3, 1 + k), or `head` minus it; k parameters follow the coordinates."""
+        n, k, more = self.slides[0].shape[1], len(self.axes), tail.shape[1] - 1
+        blocks = np.zeros((k + 1, 3, 1 + n + more))
+        blocks[:, :, 0], blocks[:, :, 1 : n + 1] = self.offsets, self.slides
+        blocks[-1] += _columns(self.rotation @ tail, n)
+        scale = self.scale + _farthest(tail)
         if head is not None:
-            offsets, slides, scale = -offsets, -slides, scale + float(np.linalg.norm(head))
-            offsets[0] += head
-        n = slides.shape[2]
-        k = len(self.axes)
-        axes, coefficients = np.array(self.axes).reshape(k, 3), np.array(self.coefficients).reshape(k, n)
-        return Chain(offsets, slides, axes, coefficients, scale)
+            blocks = -blocks
+            blocks[0] += _columns(head, n)
+            scale += _farthest(head)
+        coefficients = np.zeros((k, n + more))
+        if k:
+            coefficients[:, :n] = self.coefficients
+        axes = np.array(self.axes).reshape(k, 3)
+        return Chain(blocks[:, :, 0].copy(), blocks[:, :, 1:].copy(), axes, coefficients, scale)
 
 
-def _reduce(chain: Chain) -> Chain:
-    """Collect parallel rotations until nothing changes; the value of the chain stays."""
-    while True:
-        before = chain.rotations
-        chain = _collect_runs(chain)
-        if chain.rotations == before:
-            return chain
+def _columns(placed: Array, n: int) -> Array:
+    """Return a point and its directions as first and last columns, those of n coordinates between them."""
+    return np.hstack((placed[:, :1], np.zeros((3, n)), placed[:, 1:]))
 
 
-def _collect_runs(chain: Chain) -> Chain:
-    """Rewrite each maximal run of parallel rotations as a sum over its distinct angles, and nest that again.
-
-    In a run, `R(g_1) b_1 + ... + R(g_m) (b_m + rest)` with cumulative angles g. Offsets under one angle add up,
-    components along the axis and offsets under no angle leave the run, zero offsets vanish.
-    """
-    blocks = [np.column_stack((s, L)) for s, L in zip(chain.offsets, chain.slides, strict=True)]
-    out_blocks, out_axes, out_coefficients = [blocks[0]], list[Array](), list[Array]()
-    start = 0
-    while start < chain.rotations:
-        axis, stop = chain.axes[start], start + 1
-        while stop < chain.rotations and are_parallel(axis, chain.axes[stop]):
-            stop += 1
-        signs = np.sign(chain.axes[start:stop] @ axis)
-        angles = np.cumsum(signs[:, None] * chain.coefficients[start:stop], axis=0)
-        along, across = _split_blocks(blocks[start + 1 : stop + 1], axis)
-        out_blocks[-1] = out_blocks[-1] + along
-        groups = _group(angles, across)
-        last = _Group(angles[-1], np.zeros_like(across[0])) if stop < chain.rotations else None
-        previous = np.zeros(chain.coefficients.shape[1])
-        for group in _ordered(groups, last, chain.scale):
-            step = group.angle - previous
-            if np.any(np.abs(step) > REDUCTION):
-                out_axes.append(axis)
-                out_coefficients.append(np.where(np.abs(step) > REDUCTION, step, 0.0))
-                out_blocks.append(group.block)
-            else:
-                out_blocks[-1] = out_blocks[-1] + group.block
-            previous = group.angle
-        start = stop
-    stacked = np.array(out_blocks)
-    n = chain.coefficients.shape[1]
-    k = len(out_axes)
-    axes, coefficients = np.array(out_axes).reshape(k, 3), np.array(out_coefficients).reshape(k, n)
-    return Chain(stacked[:, :, 0].copy(), stacked[:, :, 1:].copy(), axes, coefficients, chain.scale)
-
-
-@dataclass
-class _Group:
-    """The offsets of a run that turn by one angle `c . q`."""
-
-    angle: Array
-    block: Array
-
-    def has(self, angle: Array) -> bool:
-        return bool(np.all(np.abs(self.angle - angle) <= REDUCTION))
-
-
-def _split_blocks(blocks: list[Array], axis: Array) -> tuple[Array, list[Array]]:
-    """Return the sum of the components along the axis, and the components across it."""
-    along = [np.outer(axis, axis @ block) for block in blocks]
-    return np.sum(along, axis=0), [block - part for block, part in zip(blocks, along, strict=True)]
-
-
-def _group(angles: Array, blocks: list[Array]) -> list[_Group]:
-    groups = [_Group(np.zeros_like(angles[0]), np.zeros_like(blocks[0]))]
-    for angle, block in zip(angles, blocks, strict=True):
-        known = next((group for group in groups if group.has(angle)), None)
-        if known is None:
-            groups.append(_Group(angle, block))
-        else:
-            known.block = known.block + block
-    return groups
-
-
-def _ordered(groups: list[_Group], last: _Group | None, scale: float) -> list[_Group]:
-    """Leave out what is zero; put the angle under which the rest of the chain stands at the end."""
-    kept = [g for g in groups if np.any(np.abs(g.block[:, 0]) > REDUCTION * scale) or np.any(_moving(g.block))]
-    if last is None:
-        return kept
-    first = [group for group in kept if not group.has(last.angle)]
-    return [*first, next((group for group in kept if group.has(last.angle)), last)]
-
-
-def _moving(block: Array) -> NDArray[np.bool_]:
-    return np.abs(block[:, 1:]) > REDUCTION
-
-
-def _drop_head(chain: Chain) -> Chain:
-    """Drop leading rotations that turn nothing: `|b_0 + R x| = |b_0 + x|` if b_0 lies along R's axis."""
-    chain = _reduce(chain)
-    while chain.rotations:
-        block = np.column_stack((chain.offsets[0], chain.slides[0]))
-        across = _split_blocks([block], chain.axes[0])[1][0]
-        if np.any(np.abs(across[:, 0]) > REDUCTION * chain.scale) or np.any(_moving(across)):
-            break
-        offsets, slides = chain.offsets[1:].copy(), chain.slides[1:].copy()
-        offsets[0] += chain.offsets[0]
-        slides[0] += chain.slides[0]
-        chain = _reduce(Chain(offsets, slides, chain.axes[1:].copy(), chain.coefficients[1:].copy(), chain.scale))
-    return chain
+def _farthest(placed: Array) -> float:
+    """Return a bound of how far a point may be from its link's origin while it slides [m]."""
+    return float(np.linalg.norm(placed[:, 0]) + np.linalg.norm(placed[:, 1:], axis=0).sum())
 
 
 def _best_frame(chain: Chain, last_is_ancestor: bool) -> int:

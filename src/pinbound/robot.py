@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.annotations import Annotations, Point, RawItem, raw_items, read_inline, validate
+from pinbound.annotations import Annotations, RawItem, raw_items, read_inline, validate
 from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
 from pinbound.closures import Closure
@@ -27,10 +27,13 @@ from pinbound.exceptions import (
 )
 from pinbound.interpreters import numeric
 from pinbound.parallelograms import settle
-from pinbound.path import Chain, absolute_chain, relative_path
+from pinbound.path import absolute_chain, relative_path
 from pinbound.tolerances import HOME
 from pinbound.tree import Tree
 from pinbound.urdf import Mimic, build_model, read_kinematics
+
+if TYPE_CHECKING:
+    from pinbound.interpreters.kernel import CommonMark
 
 __all__ = ["Robot", "load"]
 
@@ -145,7 +148,7 @@ class Robot:
         if link not in self.tree.links:
             raise UnknownNameError("link", link, self.tree.links)
         x, y, z = (float(value) for value in xyz)
-        chain = absolute_chain(self.tree, self.coupling, Point("", link, (x, y, z)))
+        chain = absolute_chain(self.tree, self.coupling, link, (x, y, z))
         array = as_configurations(Q, self.coordinates)
         return numeric.positions(chain, array) if array.ndim > 1 else numeric.positions(chain, array[None])[0]
 
@@ -161,8 +164,10 @@ class Robot:
         from pinbound.interpreters import symbolic
 
         found = self.boundaries[boundary]
-        place_a = absolute_chain(self.tree, self.coupling, found.point_a, reduced=False)
-        place_b = absolute_chain(self.tree, self.coupling, found.point_b, reduced=False)
+        place_a, place_b = (
+            absolute_chain(self.tree, self.coupling, mark.link, mark.xyz, reduced=False)
+            for mark in (found.point_a, found.point_b)
+        )
         unreduced = symbolic.unreduced_vector(place_a, place_b, self.coordinates)
         return symbolic.operations(found.expression()), symbolic.operations(unreduced)
 
@@ -243,7 +248,7 @@ def load(
     )
     if len(problems.found) > faults:
         problems.raise_if_any()
-    tree = Tree(kinematics, {point.link for point in marks.points.values()})
+    tree = Tree(kinematics, {mark.link for mark in marks.marks.values()})
     coupling, closures, coupled = settle(tree, couple(tree.moving_joints), marks, problems)
     limits = linear_limits(tree.moving_joints, coupling)
     home, notes = _home(tree, coupling, marks, limits, problems)
@@ -257,7 +262,7 @@ def load(
         linear_limits=limits,
         closures=closures,
         boundaries=BoundarySet(
-            boundaries, coupling.coordinates, limits, home, partial(_common_chains, tree, coupling, boundaries)
+            boundaries, coupling.coordinates, limits, home, partial(_common_marks, tree, coupling, boundaries)
         ),
         home=home,
         notes=(*kinematics.notes, *coupled, *notes),
@@ -317,7 +322,7 @@ def _boundaries(tree: Tree, coupling: Coupling, marks: Annotations, home: Array,
     """Return the boundaries; those that are in contact at home are faults."""
     boundaries: list[Boundary] = []
     for mark in marks.boundaries:
-        a, b = marks.points[mark.a], marks.points[mark.b]
+        a, b = marks.marks[mark.a], marks.marks[mark.b]
         try:
             path = relative_path(tree, coupling, a, b)
         except UnsupportedError as error:
@@ -333,10 +338,15 @@ def _boundaries(tree: Tree, coupling: Coupling, marks: Annotations, home: Array,
     return boundaries
 
 
-def _common_chains(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]) -> dict[str, Chain] | None:
-    """Return every marked point's chain in the root's frame; None if a joint of several coordinates lies between."""
-    points = [point for boundary in boundaries for point in (boundary.point_a, boundary.point_b)]
+def _common_marks(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]) -> dict[str, CommonMark] | None:
+    """Return every mark's chains in the root's frame; None if a joint of several coordinates lies between."""
+    from pinbound.interpreters.kernel import CommonMark
+
+    marks = {mark.name: mark for boundary in boundaries for mark in (boundary.point_a, boundary.point_b)}
     try:
-        return {point.name: absolute_chain(tree, coupling, point) for point in points}
+        return {
+            name: CommonMark(mark.kind, tuple(absolute_chain(tree, coupling, mark.link, xyz) for xyz in mark.anchors))
+            for name, mark in marks.items()
+        }
     except UnsupportedError:
         return None

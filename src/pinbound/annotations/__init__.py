@@ -5,6 +5,7 @@ elements and attributes are faults: a misspelt `min_distance` must not pass.
 """
 
 from pinbound.annotations.inline import read_inline
+from pinbound.annotations.marks import FlatMark, Line, Mark, Plane, Point, Segment
 from pinbound.annotations.records import (
     NAMESPACE,
     Annotations,
@@ -12,7 +13,6 @@ from pinbound.annotations.records import (
     ClosureMark,
     FollowerMark,
     LimitMark,
-    Point,
     RawItem,
     raw_items,
 )
@@ -23,10 +23,15 @@ __all__ = [
     "Annotations",
     "BoundaryMark",
     "ClosureMark",
+    "FlatMark",
     "FollowerMark",
     "LimitMark",
+    "Line",
+    "Mark",
+    "Plane",
     "Point",
     "RawItem",
+    "Segment",
     "raw_items",
     "read_inline",
     "validate",

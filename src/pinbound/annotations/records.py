@@ -7,28 +7,30 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
+from pinbound.annotations.marks import Line, Mark, Plane, Point, Segment, Vector
 from pinbound.exceptions import Problems
 from pinbound.tolerances import CONTACT
 
 __all__ = [
     "FIELDS",
+    "KINDS",
     "NAMESPACE",
     "Annotations",
     "BoundaryMark",
     "ClosureMark",
     "FollowerMark",
     "LimitMark",
-    "Point",
     "RawItem",
     "raw_items",
 ]
 
 NAMESPACE = "urn:pinbound:1"
 
-Vector = tuple[float, float, float]
-
 FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "point": (("name", "link", "xyz"), ("radius",)),
+    "segment": (("name", "link", "xyz_a", "xyz_b"), ("radius",)),
+    "line": (("name", "link", "xyz", "direction"), ("radius",)),
+    "plane": (("name", "link", "xyz", "normal"), ()),
     "boundary": (("name", "a", "b"), ("min_distance",)),
     "closure": (("name", "link_a", "xyz_a", "link_b", "xyz_b"), ("passive",)),
     "follower": (("joint", "primary"), ("multiplier", "offset")),
@@ -38,21 +40,13 @@ FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 """Required and optional fields of each kind; the fields of `home` are joint names."""
 
-
-@dataclass(frozen=True, slots=True)
-class Point:
-    """A marked point: `xyz` [m] in the frame of `link`, the centre of a sphere of `radius` [m]."""
-
-    name: str
-    link: str
-    xyz: Vector
-    radius: float = 0.0
-    line: int | None = None
+KINDS: Mapping[type[Mark], str] = {Point: "point", Segment: "segment", Line: "line", Plane: "plane"}
+"""The kinds of what is marked on a link."""
 
 
 @dataclass(frozen=True, slots=True)
 class BoundaryMark:
-    """Two marked points, by name, that must stay `min_distance` [m] apart, surface to surface."""
+    """Two marks, by name, that must stay `min_distance` [m] apart, surface to surface."""
 
     name: str
     a: str
@@ -115,7 +109,7 @@ class Annotations:
     Attributes:
         contact_tolerance: Metres; see design "contact angle".
         home: A feasible configuration by joint name [rad or m]; coordinates that are left out are at zero.
-        points: Marked points by name.
+        marks: Marked points, segments, lines and planes by name.
         boundaries: Boundaries in the order of the file.
         closures: Closures in the order of the file.
         followers: Followers that replace the URDF's own `<mimic>`.
@@ -126,7 +120,7 @@ class Annotations:
 
     contact_tolerance: float = CONTACT
     home: Mapping[str, float] = field(default_factory=dict[str, float])
-    points: Mapping[str, Point] = field(default_factory=dict[str, Point])
+    marks: Mapping[str, Mark] = field(default_factory=dict[str, Mark])
     boundaries: tuple[BoundaryMark, ...] = ()
     closures: tuple[ClosureMark, ...] = ()
     followers: tuple[FollowerMark, ...] = ()
@@ -134,9 +128,14 @@ class Annotations:
     assumptions: tuple[str, ...] = ()
     home_line: int | None = None
 
+    @property
+    def points(self) -> dict[str, Point]:
+        """Marked points by name."""
+        return {name: mark for name, mark in self.marks.items() if isinstance(mark, Point)}
+
     @classmethod
-    def of(cls, points: Iterable[Point], boundaries: Iterable[BoundaryMark] = (), **others: Any) -> Annotations:
-        """Return annotations of a sequence of points and of boundaries between them.
+    def of(cls, marks: Iterable[Mark], boundaries: Iterable[BoundaryMark] = (), **others: Any) -> Annotations:
+        """Return annotations of a sequence of marks and of boundaries between them.
 
         Example:
             >>> ends = [Point("p", "base", (1.0, 0.0, 0.0)), Point("s", "arm", (0.0, 0.0, 1.0), radius=0.01)]
@@ -155,7 +154,7 @@ class Annotations:
             - {name: stop, a: p, b: s, min_distance: 0.0}
             <BLANKLINE>
         """
-        return cls(points={point.name: point for point in points}, boundaries=tuple(boundaries), **others)
+        return cls(marks={mark.name: mark for mark in marks}, boundaries=tuple(boundaries), **others)
 
     @classmethod
     def load(cls, path: str | Path) -> Annotations:
@@ -209,7 +208,7 @@ def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
     if annotations.home:
         home = {name: _text(value) for name, value in annotations.home.items()}
         items.append(RawItem("home", home, source, annotations.home_line))
-    items += [item("point", point) for point in annotations.points.values()]
+    items += [item(KINDS[type(mark)], mark) for mark in annotations.marks.values()]
     items += [item("boundary", boundary) for boundary in annotations.boundaries]
     items += [item("closure", closure) for closure in annotations.closures]
     items += [item("follower", follower) for follower in annotations.followers]

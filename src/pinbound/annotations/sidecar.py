@@ -15,6 +15,9 @@ __all__ = ["read_sidecar", "sidecar_text"]
 
 _LISTS = {
     "points": "point",
+    "segments": "segment",
+    "lines": "line",
+    "planes": "plane",
     "boundaries": "boundary",
     "closures": "closure",
     "followers": "follower",
@@ -122,7 +125,7 @@ def sidecar_text(items: Iterable[RawItem]) -> str:
 
 
 def _value(key: str, text: str) -> Any:
-    if key.startswith("xyz"):
+    if key.startswith("xyz") or key in ("direction", "normal"):
         return [float(word) for word in text.split()]
     if key == "passive":
         return text.split()

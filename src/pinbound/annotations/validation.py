@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from pinbound.annotations.marks import FlatMark, Line, Mark, Plane, Point, Segment, Vector
 from pinbound.annotations.records import (
     FIELDS,
+    KINDS,
     Annotations,
     BoundaryMark,
     ClosureMark,
     FollowerMark,
     LimitMark,
-    Point,
     RawItem,
 )
 from pinbound.document import parse_floats
@@ -19,8 +20,6 @@ from pinbound.exceptions import Problems, name_hint
 from pinbound.tolerances import CONTACT
 
 __all__ = ["validate"]
-
-Vector = tuple[float, float, float]
 
 
 def validate(
@@ -56,16 +55,17 @@ class _Validator:
         for extra in homes[1:]:
             self.item = extra
             self._fault("home is given twice", f"Keep one (the first is on line {homes[0].line})")
-        points = {p.name: p for p in map(self._point, self._unique(by_kind.get("point", []))) if p}
-        marked = {str(item.fields.get("name")) for item in by_kind.get("point", [])}
-        boundaries = [self._boundary(i, points, marked) for i in self._unique(by_kind.get("boundary", []))]
+        marked = [item for kind in KINDS.values() for item in by_kind.get(kind, [])]
+        marks = {mark.name: mark for mark in map(self._mark, self._unique(marked)) if mark}
+        names = {str(item.fields.get("name")) for item in marked}
+        boundaries = [self._boundary(i, marks, names) for i in self._unique(by_kind.get("boundary", []))]
         closures = [self._closure(item) for item in self._unique(by_kind.get("closure", []))]
         followers = [self._follower(item) for item in self._unique(by_kind.get("follower", []))]
         limits = [self._limit(item) for item in self._unique(by_kind.get("limit", []))]
         return Annotations(
             contact_tolerance=settings,
             home=self._home(homes[0]) if homes else {},
-            points=points,
+            marks=marks,
             boundaries=tuple(boundary for boundary in boundaries if boundary),
             closures=tuple(closure for closure in closures if closure),
             followers=tuple(follower for follower in followers if follower),
@@ -163,27 +163,45 @@ class _Validator:
     def _joint(self, key: str) -> str | None:
         return self._known("joint", str(self.item.fields[key]))
 
-    def _point(self, item: RawItem) -> Point | None:
+    def _mark(self, item: RawItem) -> Mark | None:
         self.item = item
-        link, xyz, radius = self._link("link"), self._vector("xyz"), self._length("radius", 0.0)
-        if link is None or xyz is None:
+        name, link, radius = str(item.fields["name"]), self._link("link"), self._length("radius", 0.0)
+        vectors = [self._vector(key) for key in FIELDS[item.kind][0][2:]]
+        if item.kind in ("line", "plane") and vectors[1] is not None and not any(vectors[1]):
+            key = FIELDS[item.kind][0][3]
+            self._fault(f"{key} of {item.kind} {name!r} is zero", "Give a vector of any length but zero")
             return None
-        return Point(str(item.fields["name"]), link, xyz, radius, item.line)
+        given = [vector for vector in vectors if vector is not None]
+        if link is None or len(given) < len(vectors):
+            return None
+        first, *others = given
+        if item.kind == "point":
+            return Point(name, link, first, radius, item.line)
+        if item.kind == "segment":
+            return Segment(name, link, first, others[0], radius, item.line)
+        if item.kind == "line":
+            return Line(name, link, first, others[0], radius, item.line)
+        return Plane(name, link, first, others[0], item.line)
 
-    def _boundary(self, item: RawItem, points: dict[str, Point], marked: set[str]) -> BoundaryMark | None:
+    def _boundary(self, item: RawItem, marks: dict[str, Mark], marked: set[str]) -> BoundaryMark | None:
         self.item = item
         name, a, b = (str(item.fields[key]) for key in ("name", "a", "b"))
-        for point in (a, b):
-            if point not in marked:
-                hint = name_hint(point, points)
-                self._fault(f"boundary {name!r} names the point {point!r}, which is not marked", hint)
+        for end in (a, b):
+            if end not in marked:
+                self._fault(f"boundary {name!r} names {end!r}, which is not marked", name_hint(end, marks))
         distance = self._length("min_distance", 0.0)
-        if a not in points or b not in points:
+        if a not in marks or b not in marks:
             return None
-        if points[a].link == points[b].link:
+        if marks[a].link == marks[b].link:
             self._fault(
-                f"boundary {name!r}: both points are on link {points[a].link!r}, so their distance never changes",
-                "Take points of two links",
+                f"boundary {name!r}: both marks are on link {marks[a].link!r}, so their distance never changes",
+                "Take marks of two links",
+            )
+            return None
+        if isinstance(marks[a], FlatMark) and isinstance(marks[b], FlatMark):
+            self._fault(
+                f"boundary {name!r}: {a!r} and {b!r} are lines or planes without ends, which meet nearly everywhere",
+                "Give one side a point or a segment",
             )
             return None
         return BoundaryMark(name, a, b, distance, item.line)

@@ -93,8 +93,9 @@ class Evaluation:
         known = hashlib.sha256()
         known.update(json.dumps([self.robot, self.coordinates, self.boundaries]).encode())
         for pair in self.kernel.pairs:
-            chain = pair.minimal
-            for array in (chain.offsets, chain.slides, chain.axes, chain.coefficients):
+            chain, across = pair.minimal, pair.path.across
+            arrays = [chain.offsets, chain.slides, chain.axes, chain.coefficients, *pair.path.swept.directions]
+            for array in arrays if across is None else [*arrays, across]:
                 known.update(np.ascontiguousarray(array + 0.0).tobytes())
             known.update(np.float64(pair.threshold).tobytes())
         for array in self.limits:

@@ -19,16 +19,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.path import Chain
+from pinbound.chain import Chain
 from pinbound.tolerances import EVALUATION, FOLDING, INFLATION, REDUCTION_ROUNDOFFS, UNIT_ROUNDOFF
 
 __all__ = [
     "Bundle",
     "Expansion",
     "OneAngle",
+    "Terms",
     "along_motion",
+    "box_terms",
     "bundle",
     "lever_arms",
+    "motion_terms",
     "one_angle",
     "over_box",
     "rounding_bound",
@@ -250,25 +253,58 @@ def along_motion(chains: Bundle, arms: Array, which: Indices, piece: Expansion, 
         Norm in the middle (N,), as computed, and the lower bound (N,), rounding of the bound itself taken off (but
         not `error` of the norm).
     """
+    found = motion_terms(chains, arms, which, piece)
+    norm = np.sqrt(_dot(found.r, found.r))
+    lower = norm - found.moved * INFLATION
+    if found.second is not None:
+        lower = np.maximum(lower, _nearest(found.r, found.rates[0]) - found.second / 8.0 * INFLATION)
+    return norm, lower - found.aside * INFLATION - error * found.wide
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What the bounds of N pieces of a motion, or of N boxes, are made of.
+
+    Attributes:
+        r: (3, N) in the middle [m].
+        rates: Of r, (3, N) each [m]: along the piece, or half across the box in each coordinate.
+        moved: (N,) bound of how far r moves from the middle, by lever arms [m].
+        second: (N,) bound of |r''| over the piece, or over the box; None if it is not known.
+        aside: (N,) [m], how far r in the middle may be from what it is computed to be, by what is known of q.
+        wide: (N,) how much rates that cancel multiply the rounding bound.
+    """
+
+    r: Array
+    rates: tuple[Array, ...]
+    moved: Array
+    second: Array | None
+    aside: Array
+    wide: Array
+
+
+def motion_terms(chains: Bundle, arms: Array, which: Indices, piece: Expansion) -> Terms:
+    """Return the terms of chains `which` (N,) on N pieces."""
     C = chains.coefficients[which]
     rates = np.einsum("nki,ni->kn", C, piece.slope)
     most = _hull(np.einsum("nki,npi->npk", C, piece.slopes)) + _spread(np.abs(C), piece.slope_radius)
     r, v = _value_and_rate(chains, which, piece.middle, piece.slope, np.einsum("nki,ni->kn", C, piece.middle), rates)
     slides = chains.slides[which] if chains.slides is not None else None
     slid = _slid(slides, piece.slopes, piece.slope_radius)
-    rho = arms[which]
-    norm = np.sqrt(_dot(r, r))
-    moved = 0.5 * (np.einsum("nk,nk->n", rho, most) + slid.sum(axis=1))
-    lower = norm - moved * INFLATION
+    rho, second = arms[which], None
     if piece.bends is not None:
         bend = _hull(np.einsum("nki,npi->npk", C, piece.bends)) + _spread(np.abs(C), piece.bend_radius)
         second = _second(rho, most, slid) + np.einsum("nk,nk->n", rho, bend)
         second = second + _slid(slides, piece.bends, piece.bend_radius).sum(axis=1)
-        lower = np.maximum(lower, _nearest(r, v) - second / 8.0 * INFLATION)
-    wide = np.einsum("nki,ni->nk", np.abs(C), np.abs(piece.slope)).max(axis=1, initial=0.0)
     aside = np.einsum("nk,nk->n", rho, _spread(np.abs(C), piece.middle_radius))
     aside = aside + _slid(slides, np.zeros_like(piece.slopes[:, :1]), piece.middle_radius).sum(axis=1)
-    return norm, lower - aside * INFLATION - error * wide
+    return Terms(
+        r=r,
+        rates=(v,),
+        moved=0.5 * (np.einsum("nk,nk->n", rho, most) + slid.sum(axis=1)),
+        second=second,
+        aside=aside,
+        wide=np.einsum("nki,ni->nk", np.abs(C), np.abs(piece.slope)).max(axis=1, initial=0.0),
+    )
 
 
 def over_box(
@@ -279,25 +315,35 @@ def over_box(
     First order: lever arms. Second order: `|r| >= r_0/|r_0| . r`, linear part exact, rest bounded. The rounding of the
     bound itself is taken off, but not `error` (N,) of the norm.
     """
+    found = box_terms(chains, arms, which, centre, half)
+    norm = np.sqrt(_dot(found.r, found.r))
+    unit = np.divide(found.r, norm, out=np.zeros_like(found.r), where=norm > 0.0)
+    linear = sum((np.abs(_dot(unit, v)) for v in found.rates), start=np.zeros(len(which)))
+    second = linear + 0.5 * (found.second if found.second is not None else np.inf)
+    return norm, norm - np.minimum(found.moved, second) * INFLATION - error * found.wide
+
+
+def box_terms(chains: Bundle, arms: Array, which: Indices, centre: Array, half: Array) -> Terms:
+    """Return the terms of chains `which` (N,) on the boxes `centre +- half` (N, n)."""
     C = chains.coefficients[which]
     phi = np.einsum("nki,ni->kn", C, centre)
     wide = np.einsum("nki,ni->nk", np.abs(C), half)
     slides = chains.slides[which] if chains.slides is not None else None
     slid = _slid(slides, np.zeros((len(which), 1, half.shape[1])), half)
-    rho = arms[which]
-    first = np.einsum("nk,nk->n", rho, wide) + slid.sum(axis=1)
-    linear = np.zeros(len(which))
-    unit, norm = np.zeros((3, len(which))), np.zeros(len(which))
+    rho, rates, r = arms[which], list[Array](), np.zeros((3, len(which)))
     for j in range(half.shape[1]):
         step = np.zeros_like(half)
         step[:, j] = half[:, j]
         r, v = _value_and_rate(chains, which, centre, step, phi, np.einsum("nki,ni->kn", C, step))
-        if j == 0:
-            norm = np.sqrt(_dot(r, r))
-            unit = np.divide(r, norm, out=np.zeros_like(r), where=norm > 0.0)
-        linear = linear + np.abs(_dot(unit, v))
-    second = linear + 0.5 * _second(rho, wide, slid)
-    return norm, norm - np.minimum(first, second) * INFLATION - error * wide.sum(axis=1)
+        rates.append(v)
+    return Terms(
+        r=r,
+        rates=tuple(rates),
+        moved=np.einsum("nk,nk->n", rho, wide) + slid.sum(axis=1),
+        second=_second(rho, wide, slid),
+        aside=np.zeros(len(which)),
+        wide=wide.sum(axis=1),
+    )
 
 
 def _hull(points: Array) -> Array:

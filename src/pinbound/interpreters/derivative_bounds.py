@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.path import Chain
+from pinbound.chain import Chain
 
 __all__ = ["LeverArms", "lever_arms", "line_bounds"]
 

@@ -22,14 +22,14 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.chain import Chain
 from pinbound.exceptions import UnsupportedError
 from pinbound.interpreters import numeric
 from pinbound.interpreters.derivative_bounds import line_bounds
 from pinbound.interpreters.restriction import restrict
-from pinbound.path import Chain
 from pinbound.tolerances import CONTOUR_ROUNDING, ROOT
 
-__all__ = ["arcs", "common_period"]
+__all__ = ["arcs", "common_period", "wrapped"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -85,10 +85,10 @@ def arcs(
     free = _free_intervals(function, low, high, name)
     if period is None:
         return free, math.inf, (low, high)
-    return *_wrapped(free, low, high, period), everywhere
+    return *wrapped(free, low, high, period), everywhere
 
 
-def _wrapped(free: Array, low: float, high: float, period: float) -> tuple[Array, float]:
+def wrapped(free: Array, low: float, high: float, period: float) -> tuple[Array, float]:
     """Join the first and the last interval over the seam of the period."""
     if not len(free) or free[0, 0] > low or free[-1, 1] < high:
         return free, period if len(free) else math.inf

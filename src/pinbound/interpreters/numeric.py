@@ -12,32 +12,43 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.path import Chain
+from pinbound.chain import Chain
 
-__all__ = ["along", "derivative", "gradient", "hessian", "jacobian", "norm", "positions"]
+__all__ = [
+    "along",
+    "derivative",
+    "derivatives",
+    "gradient",
+    "hessian",
+    "jacobian",
+    "norm",
+    "norm_hessian",
+    "positions",
+    "unit",
+]
 
 Array = NDArray[np.float64]
 
 
 def positions(chain: Chain, Q: Array) -> Array:
     """Return the chain's value (N, 3) [m] for Q (N, n); a row that is not finite gives NaN."""
-    return _derivatives(chain, Q, order=0)[0]
+    return derivatives(chain, Q, order=0)[0]
 
 
 def derivative(chain: Chain, Q: Array) -> Array:
     """Return the derivative (N, 3, n) [m/rad, or 1 for slides] of the chain's value for Q (N, n)."""
-    return _derivatives(chain, Q, order=1)[1]
+    return derivatives(chain, Q, order=1)[1]
 
 
 def jacobian(chain: Chain, Q: Array) -> tuple[Array, Array]:
     """Return the chain's value (N, 3) [m] and its Jacobian (N, 3, n) [m/rad]; smooth everywhere, contact included."""
-    r, J, _ = _derivatives(chain, Q, order=1)
+    r, J, _ = derivatives(chain, Q, order=1)
     return r, J
 
 
 def along(chain: Chain, index: int, Q: Array) -> tuple[Array, Array, Array]:
     """Return the chain's value and its first and second derivative along one coordinate, each (N, 3)."""
-    r, J, H = _derivatives(chain, Q, order=2)
+    r, J, H = derivatives(chain, Q, order=2)
     return r, J[:, :, index], H[:, :, index, index]
 
 
@@ -53,26 +64,31 @@ def norm(r: Array) -> Array:
 
 def gradient(chain: Chain, Q: Array) -> Array:
     """Return the gradient (N, n) of the norm; NaN where the norm is zero, for it has a kink there."""
-    r, J, _ = _derivatives(chain, Q, order=1)
-    return np.einsum("ni,nia->na", _unit(r), J)
+    r, J, _ = derivatives(chain, Q, order=1)
+    return np.einsum("ni,nia->na", unit(r), J)
 
 
 def hessian(chain: Chain, Q: Array) -> Array:
     """Return the Hessian (N, n, n) of the norm: `(J^T J + r . r'' - g g^T) / |r|`; NaN where the norm is zero."""
-    r, J, H = _derivatives(chain, Q, order=2)
-    unit = _unit(r)
-    g = np.einsum("ni,nia->na", unit, J)
+    return norm_hessian(*derivatives(chain, Q, order=2))
+
+
+def norm_hessian(r: Array, J: Array, H: Array) -> Array:
+    """Return the Hessian of `|r|` from the derivatives of r; NaN where the norm is zero."""
+    towards = unit(r)
+    g = np.einsum("ni,nia->na", towards, J)
     curvature = np.einsum("nia,nib->nab", J, J) - np.einsum("na,nb->nab", g, g)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return curvature / norm(r)[:, None, None] + np.einsum("ni,niab->nab", unit, H)
+        return curvature / norm(r)[:, None, None] + np.einsum("ni,niab->nab", towards, H)
 
 
-def _unit(r: Array) -> Array:
+def unit(r: Array) -> Array:
+    """Return `r / |r|`; NaN where the norm is zero."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return r / norm(r)[:, None]
 
 
-def _derivatives(chain: Chain, Q: Array, order: int) -> tuple[Array, Array, Array]:
+def derivatives(chain: Chain, Q: Array, order: int) -> tuple[Array, Array, Array]:
     """Return value (N, 3), first (N, 3, n) and second (N, 3, n, n) derivative; those above `order` are empty."""
     count, n = Q.shape
     x = np.empty((count, 3))

@@ -11,11 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.path import (
-    Chain,
-    _drop_head,  # pyright: ignore[reportPrivateUsage]  # the reduction itself belongs to path
-    rotation_matrix,
-)
+from pinbound.chain import Chain, drop_head, rotation_matrix
 
 __all__ = ["restrict"]
 
@@ -64,4 +60,4 @@ def restrict(chain: Chain, at: Array, keep: Sequence[int]) -> Chain:
             slides[-1] = slides[-1] + slide
     shape = (-1, len(kept))
     stacked = np.array(axes).reshape(-1, 3), np.array(coefficients).reshape(shape)
-    return _drop_head(Chain(np.array(offsets), np.array(slides), *stacked, scale))
+    return drop_head(Chain(np.array(offsets), np.array(slides), *stacked, scale))

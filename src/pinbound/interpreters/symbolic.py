@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any, cast
 
@@ -15,8 +15,9 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from pinbound.chain import Chain, Swept, are_parallel
 from pinbound.exceptions import UnsupportedError
-from pinbound.path import Chain, RelativePath, are_parallel
+from pinbound.path import RelativePath
 from pinbound.tolerances import SYMBOLIC_DIGITS
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "mathml",
     "minimal_vector",
     "operations",
+    "parameters",
     "symbols",
     "unreduced_vector",
 ]
@@ -41,15 +43,40 @@ def symbols(coordinates: Sequence[str]) -> tuple[Any, ...]:
     return tuple(sp.Symbol(name, real=True) for name in coordinates)
 
 
+def parameters(count: int, coordinates: Sequence[str]) -> tuple[Any, ...]:
+    """Return one real symbol t_1, t_2 a segment; primed where a coordinate has that name."""
+    names = [f"t_{index + 1}" for index in range(count)]
+    return tuple(sp.Symbol(name + "'" * (name in coordinates), real=True) for name in names)
+
+
 def minimal_vector(path: RelativePath, coordinates: Sequence[str]) -> Any:
-    """Return r (3, 1) in the frame on the path in which the fewest rotated terms are left."""
-    return _vector(path.minimal, path.frame, symbols(coordinates))
+    """Return r (3, 1) in the frame on the path in which the fewest rotated terms are left.
+
+    Of segments, between the points t_1, t_2; of a line or plane, the part of r that counts.
+    """
+    r = _swept_vector(path.swept, path.frame, coordinates)
+    if path.across is None:
+        return r
+    rows = _constants(path.across.T @ path.across, 1.0)
+    return sp.expand(rows * r)
 
 
 def ancestor_vector(path: RelativePath, coordinates: Sequence[str]) -> Any:
     """Return `r = x_a - x_b` (3, 1) in the ancestor's frame: the paper's form."""
+    r = _swept_vector(path.branch_a, 0, coordinates) - _swept_vector(path.branch_b, 0, coordinates)
+    if path.upright is None:
+        return r
+    unit = _vector(path.upright, 0, symbols(coordinates))
+    along = unit * unit.dot(r)
+    return along if path.is_signed else r - along
+
+
+def _swept_vector(swept: Swept, position: int, coordinates: Sequence[str]) -> Any:
     q = symbols(coordinates)
-    return _vector(path.branch_a, 0, q) - _vector(path.branch_b, 0, q)
+    total = _vector(swept.chain, position, q)
+    for t, way in zip(parameters(len(swept.turned), coordinates), swept.turned, strict=True):
+        total += t * _vector(way, position, q)
+    return total
 
 
 def operations(vector: Any) -> int:
@@ -129,16 +156,24 @@ class LimitExpressions:
         return rf"{head} = {aligned}{width} + {sp.latex(self.period)} k, \quad k \in \mathbb{{Z}}"
 
 
-def limit_expressions(chain: Chain, index: int, coordinates: Sequence[str], threshold: float) -> LimitExpressions:
+def limit_expressions(path: RelativePath, index: int, coordinates: Sequence[str], threshold: float) -> LimitExpressions:
     """Return the contacts of a coordinate that turns one rotation: `r = p + R(u, phi) s`, `phi = c q_j + rest`.
 
     With p and s across u, of lengths P and S, and h the sum of both along u, contact at the distance t is at
 
         phi = atan2(u . (p x s), -p . s) +- acos((h^2 + P^2 + S^2 - t^2) / (2 P S)).
 
+    Above a plane of normal n the height is `A + B cos phi + C sin phi`, and contact is at
+
+        phi = atan2(-C, -B) +- acos((A - t) / sqrt(B^2 + C^2)).
+
     Raises:
-        UnsupportedError: If the path does not use the coordinate in exactly one rotation.
+        UnsupportedError: If the path does not use the coordinate in exactly one rotation, or measures a distance of
+            segments or across a line.
     """
+    chain = path.minimal
+    if path.swept.directions or (path.across is not None and not path.is_signed):
+        raise UnsupportedError("segments and lines have no closed form; limits(...) gives their values, all of them")
     turned = np.flatnonzero(chain.coefficients[:, index])
     name = coordinates[index]
     if len(turned) != 1 or np.any(chain.slides[:, :, index]):
@@ -164,13 +199,22 @@ def limit_expressions(chain: Chain, index: int, coordinates: Sequence[str], thre
     )
     axis = _constants(chain.axes[place], 1.0)
     p, s = _vector(before, place, q), _vector(behind, 0, q)
-    height = sp.expand(axis.dot(p + s))
-    p, s = p - axis * axis.dot(p), s - axis * axis.dot(s)
     c = [sp.Rational(f"{value:.{SYMBOLIC_DIGITS}g}") for value in chain.coefficients[place]]
     rest = sum((c[i] * q[i] for i in range(len(q)) if i != index), sp.S.Zero)
+    t = sp.Rational(f"{threshold:.{SYMBOLIC_DIGITS}g}")
+    if path.across is not None:
+        upright = np.zeros_like(before.offsets)
+        upright[0] = path.across[0]
+        n = _vector(replace(before, offsets=upright, slides=np.zeros_like(before.slides)), place, q)
+        s_across = s - axis * axis.dot(s)
+        A, B, C = n.dot(p) + n.dot(axis) * axis.dot(s), n.dot(s_across), n.dot(axis.cross(s))
+        phi = sp.atan2(sp.expand(-C), sp.expand(-B))
+        width = sp.acos((sp.expand(A) - t) / sp.sqrt(sp.expand(B**2 + C**2)))
+        return LimitExpressions(name, (phi - rest) / c[index], width / abs(c[index]), 2 * sp.pi / abs(c[index]))
+    height = sp.expand(axis.dot(p + s))
+    p, s = p - axis * axis.dot(p), s - axis * axis.dot(s)
     phi = sp.atan2(sp.expand(axis.dot(p.cross(s))), sp.expand(-p.dot(s)))
     squares = sp.expand(p.dot(p)), sp.expand(s.dot(s))
-    t = sp.Rational(f"{threshold:.{SYMBOLIC_DIGITS}g}")
     width = sp.S.Zero
     if threshold > 0.0:
         width = sp.acos((height**2 + squares[0] + squares[1] - t**2) / (2 * sp.sqrt(squares[0] * squares[1])))

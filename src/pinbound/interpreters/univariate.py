@@ -7,30 +7,34 @@ If a coordinate turns one rotation of a chain, then for the other coordinates fi
 with p and s taken across u, h the sum of both along u, and phi* the angle at which R s points against p. The norm
 is smallest at phi*; it is at or below a threshold t on the strip `phi* +- w`, sin^2(w / 2) = (t^2 - m^2) / (4 |p| |s|),
 where m is the smallest norm. The form in sin^2 keeps full accuracy near contact. If a coordinate only slides,
-`r = p + d x` and contact is where `|x - x*| <= sqrt(t^2 - m^2) / |d|`. Both are evaluated for many q at once; every
-other use of a coordinate goes to `isolation`, which finds all roots with a proof. See `docs/limits.md`.
+`r = p + d x` and contact is where `|x - x*| <= sqrt(t^2 - m^2) / |d|`. Above a plane the height is
+`m + 2 D sin^2((phi - phi*) / 2)`, a strip again. All are evaluated for many q at once; every other use of a coordinate
+goes to `isolation`, which finds all roots with a proof, and segments and lines to `swept_isolation`. See
+`docs/limits.md` and `docs/segments.md`.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.chain import Chain
 from pinbound.interpreters import numeric
-from pinbound.path import Chain
+from pinbound.path import RelativePath
 from pinbound.tolerances import REDUCTION
 
 __all__ = [
     "AllowedArcs",
     "AllowedArcsTable",
     "Strip",
-    "allowed_arcs",
     "allowed_arcs_table",
+    "contact_distance",
     "gap_around",
     "one_angle_strip",
+    "one_angle_strips",
     "strip",
 ]
 
@@ -171,37 +175,86 @@ def gap_around(angle: float, half_width: float, phi: float) -> tuple[float, floa
     return (lower, upper) if lower < phi < upper else (math.nan, math.nan)
 
 
+def height_strips(p: Array, s: Array, axis: Array, normal: Array, threshold: float) -> tuple[Array, Array, Array]:
+    """Return `phi*` (N,), `w` (N,) and `m` (N,) of the contact strips `n . (p + R(axis, phi) s) <= threshold`.
+
+    Args:
+        p: (N, 3) [m], the parts that stand still.
+        s: (N, 3) [m], the parts that turn.
+        axis: (3,) unit vector.
+        normal: (N, 3) unit vectors n.
+        threshold: t [m].
+    """
+    along = s @ axis
+    across = s - np.outer(along, axis)
+    cosine, sine = np.einsum("ni,ni->n", normal, across), np.einsum("ni,ni->n", normal, np.cross(axis, s))
+    swing = np.hypot(cosine, sine)
+    smallest = np.einsum("ni,ni->n", normal, p) + (normal @ axis) * along - swing
+    angle = np.arctan2(-sine, -cosine)
+    room, reach = threshold - smallest, 2.0 * swing
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.sqrt(np.clip(room / reach, 0.0, 1.0))
+    half_width = np.where(room >= reach, math.pi, 2.0 * np.arcsin(np.nan_to_num(share)))
+    half_width[~(smallest <= threshold)] = np.nan
+    return angle, half_width, smallest
+
+
+def one_angle(chain: Chain) -> tuple[Array, Array] | None:
+    """Return the one effective angle's coefficients (n,), the last of them positive, and its axis; None if several."""
+    if chain.rotations != 1 or np.any(chain.slides):
+        return None
+    axis, c = chain.axes[0], chain.coefficients[0]
+    sign = float(np.sign(c[np.flatnonzero(c)[-1]]))
+    return sign * c + 0.0, sign * axis
+
+
+def one_angle_strips(path: RelativePath, threshold: float, tolerance: float) -> tuple[Array, tuple[Strip, ...]] | None:
+    """Return the effective angle's coefficients (n,) and all its contact strips; None if there are several angles.
+
+    Two points, or a point and a plane, have one strip, whose half width is None if there is no contact; segments may
+    have several, and one without contact if there is none. Segments are in contact up to the tolerance, too.
+    """
+    found = one_angle(path.minimal)
+    if found is None:
+        return None
+    coefficients, axis = found
+    p, s = path.minimal.offsets
+    if path.is_plain:
+        return coefficients, (strip(p, s, axis, threshold, tolerance),)
+    if path.is_signed and path.across is not None and not path.swept.directions:
+        angle, half_width, m = (float(x[0]) for x in height_strips(p[None], s[None], axis, path.across, threshold))
+        return coefficients, (Strip(angle, None if math.isnan(half_width) else half_width, m),)
+    from pinbound.interpreters.swept_isolation import smallest, turn_arcs
+
+    free, m = turn_arcs(path, contact_distance(path, threshold, tolerance)), smallest(path)
+    if not len(free):
+        return coefficients, (Strip(0.0, math.pi, m),)
+    if not math.isfinite(free[0, 0]):
+        return coefficients, (Strip(0.0, None, m),)
+    ends = np.stack((free[:, 1], np.append(free[1:, 0], free[0, 0] + 2.0 * math.pi)), axis=1)
+    middle, half = ends.mean(axis=1), 0.5 * (ends[:, 1] - ends[:, 0])
+    middle -= 2.0 * math.pi * np.ceil((middle - math.pi) / (2.0 * math.pi))
+    return coefficients, tuple(Strip(float(a), float(w), m) for a, w in zip(middle, half, strict=True))
+
+
+def contact_distance(path: RelativePath, threshold: float, tolerance: float) -> float:
+    """Return up to which separation there is contact, where contact is an area: [m], signed above a plane."""
+    return threshold if path.is_signed else max(threshold, tolerance)
+
+
 def one_angle_strip(chain: Chain, threshold: float, tolerance: float) -> tuple[Array, Strip] | None:
     """Return the effective angle's coefficients (n,) and its contact strip, if the chain is of one angle.
 
     The effective angle is `c . q`, signed so that the last coefficient that is not zero is positive.
     """
-    if chain.rotations != 1 or np.any(chain.slides):
+    found = one_angle(chain)
+    if found is None:
         return None
-    axis, c = chain.axes[0], chain.coefficients[0]
-    sign = float(np.sign(c[np.flatnonzero(c)[-1]]))
-    return sign * c + 0.0, strip(chain.offsets[0], chain.offsets[1], sign * axis, threshold, tolerance)
-
-
-def allowed_arcs(
-    chain: Chain,
-    index: int,
-    name: str,
-    q: Array,
-    threshold: float,
-    tolerance: float,
-    window: tuple[float, float] | None = None,
-) -> AllowedArcs:
-    """Return the values of coordinate `index` with `|r| > threshold`, the other coordinates as in q (n,).
-
-    Raises:
-        UnsupportedError: As `allowed_arcs_table`.
-    """
-    return allowed_arcs_table(chain, index, name, q[None], threshold, tolerance, window)[0]
+    return found[0], strip(chain.offsets[0], chain.offsets[1], found[1], threshold, tolerance)
 
 
 def allowed_arcs_table(
-    chain: Chain,
+    path: RelativePath,
     index: int,
     name: str,
     Q: Array,
@@ -209,13 +262,13 @@ def allowed_arcs_table(
     tolerance: float,
     window: tuple[float, float] | None = None,
 ) -> AllowedArcsTable:
-    """Return the values of coordinate `index` with `|r| > threshold`, the other coordinates as in Q (N, n).
+    """Return the values of coordinate `index` with a separation above the threshold, the others as in Q (N, n).
 
-    Where the path uses the coordinate more than once, contact is `|r| <= max(threshold, tolerance)`, as for the contact
-    curves of a region.
+    Where the path uses the coordinate more than once, or leads between segments, contact is up to
+    `max(threshold, tolerance)`, as for the contact curves of a region.
 
     Args:
-        chain: The reduced path.
+        path: The reduced path.
         index: The coordinate.
         name: Its name.
         Q: (N, n) finite.
@@ -227,30 +280,47 @@ def allowed_arcs_table(
         UnsupportedError: If the coordinate both turns and slides, or turns by angles without a common period, and no
             finite window is given.
     """
+    chain = path.minimal
     turned = np.flatnonzero(chain.coefficients[:, index])
     slides = bool(np.any(chain.slides[:, :, index]))
-    if len(turned) == 1 and not slides:
-        return _turning(chain, index, int(turned[0]), name, Q, threshold, tolerance)
-    if not len(turned):
+    plane = path.is_signed and not path.swept.directions
+    if len(turned) == 1 and not slides and (path.is_plain or plane):
+        return _turning(path, index, int(turned[0]), name, Q, threshold, tolerance)
+    if not len(turned) and path.is_plain:
         return _sliding(chain, index, name, Q, threshold, tolerance)
-    from pinbound.interpreters import isolation
+    distance, ends = contact_distance(path, threshold, tolerance), (-math.inf, math.inf)
+    if path.is_plain:
+        from pinbound.interpreters import isolation
 
-    rows = [isolation.arcs(chain, index, name, q, max(threshold, tolerance), window) for q in Q]
-    most = max((len(row[0]) for row in rows), default=0)
-    intervals = np.full((len(rows), max(most, 1), 2), np.nan)
-    for number, (found, _, _) in enumerate(rows):
-        intervals[number, : len(found)] = found
-    ends = rows[0][2] if rows else (-math.inf, math.inf)
-    return AllowedArcsTable(name, intervals, np.array([period for _, period, _ in rows]), ends)
+        rows = [isolation.arcs(chain, index, name, q, distance, window) for q in Q]
+        found, periods = [row[0] for row in rows], [row[1] for row in rows]
+        ends = rows[0][2] if rows else ends
+    else:
+        from pinbound.interpreters import swept_isolation
+
+        found, period, ends = swept_isolation.arcs(path, index, name, Q, distance, window)
+        periods = [period if len(one) and math.isfinite(one[0, 0]) else math.inf for one in found]
+    intervals = np.full((len(found), max((len(one) for one in found), default=1) or 1, 2), np.nan)
+    for number, one in enumerate(found):
+        intervals[number, : len(one)] = one
+    return AllowedArcsTable(name, intervals, np.array(periods), ends)
 
 
 def _turning(
-    chain: Chain, index: int, place: int, name: str, Q: Array, threshold: float, tolerance: float
+    path: RelativePath, index: int, place: int, name: str, Q: Array, threshold: float, tolerance: float
 ) -> AllowedArcsTable:
+    chain = path.minimal
     c = float(chain.coefficients[place, index])
     others = chain.coefficients[place].copy()
     others[index] = 0.0
-    angle, half_width, _ = strips(*_parts(chain, place, Q), chain.axes[place], threshold, tolerance)
+    p, s, axis = *_parts(chain, place, Q), chain.axes[place]
+    if path.across is None:
+        angle, half_width, _ = strips(p, s, axis, threshold, tolerance)
+    else:
+        upright = np.zeros_like(chain.offsets)
+        upright[0] = path.across[0]
+        normal = _parts(replace(chain, offsets=upright, slides=np.zeros_like(chain.slides)), place, Q)[0]
+        angle, half_width, _ = height_strips(p, s, axis, normal, threshold)
     period = 2.0 * math.pi / abs(c)
     lower = (angle - Q @ others) / c + half_width / abs(c)
     lower -= period * np.floor((lower + period / 2) / period)

@@ -19,11 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.chain import Chain
 from pinbound.exceptions import UnsupportedError
 from pinbound.interpreters import numeric
 from pinbound.interpreters.derivative_bounds import LeverArms, lever_arms
 from pinbound.interpreters.planar import Arrows, arrows
-from pinbound.path import Chain
 from pinbound.tolerances import CONTOUR_ROUNDING, CONTOUR_TURN, VERTEX
 
 __all__ = ["ContactFunction", "Contour", "trace"]

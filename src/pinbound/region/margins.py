@@ -11,12 +11,12 @@ import shapely
 from numpy.typing import NDArray
 from shapely import affinity
 
+from pinbound.chain import Chain
 from pinbound.exceptions import DimensionError, LeavesRegionError
 from pinbound.interpreters import numeric
 from pinbound.interpreters.derivative_bounds import lever_arms
 from pinbound.interpreters.restriction import restrict
 from pinbound.interpreters.univariate import Strip, one_angle_strip
-from pinbound.path import Chain
 from pinbound.region.arrangement import Corner, Edge
 from pinbound.region.plane import Plane
 from pinbound.tolerances import CONTOUR_ROUNDING, IMPLIED

@@ -21,9 +21,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.chain import Chain, are_parallel, rotation_matrix
 from pinbound.exceptions import UnsupportedError
 from pinbound.interpreters import numeric
-from pinbound.path import Chain, are_parallel, rotation_matrix
 from pinbound.tolerances import REDUCTION
 
 __all__ = ["PlanarImage", "planar_image", "restrict"]

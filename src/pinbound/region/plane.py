@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.boundary import Boundary
+from pinbound.chain import Chain
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.interpreters import numeric
 from pinbound.interpreters.restriction import restrict
 from pinbound.interpreters.univariate import gap_around, one_angle_strip
-from pinbound.path import Chain
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.robot import Robot
 

@@ -21,8 +21,8 @@ import shapely
 import shapely.affinity
 from numpy.typing import NDArray
 
+from pinbound.chain import rotation_matrix
 from pinbound.exceptions import DimensionError, UnsupportedError
-from pinbound.path import rotation_matrix
 from pinbound.region.folds import triangulate
 from pinbound.region.workspace import Measure, Section
 from pinbound.robot import Robot

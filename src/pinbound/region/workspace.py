@@ -24,9 +24,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pinbound.annotations import Point
+from pinbound.chain import Chain, are_parallel
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
-from pinbound.path import Chain, absolute_chain, are_parallel
+from pinbound.path import absolute_chain
 from pinbound.region.folds import Folds, find_folds, split, triangulate
 from pinbound.region.planar_image import PlanarImage, planar_image, restrict
 from pinbound.region.region import Region
@@ -269,7 +269,7 @@ def workspace_section(
     if region.is_empty:
         raise DimensionError("the region is empty, so it has no image")
     x, y, z = (float(value) for value in xyz)
-    chain = absolute_chain(robot.tree, robot.coupling, Point("", link, (x, y, z)))
+    chain = absolute_chain(robot.tree, robot.coupling, link, (x, y, z))
     indices = [robot.coordinates.index(name) for name in region.coordinates]
     turning = None if turn is None else _turn(robot, chain, indices, region, turn)
     upright, foot = (np.array([0.0, 0.0, 1.0]), np.zeros(3)) if turning is None else (turning.axis, turning.point)

@@ -6,6 +6,6 @@ compile for; `engine` chooses.
 """
 
 from pinbound.interpreters.kernel.engine import BACKENDS, Backend, Kernel
-from pinbound.interpreters.kernel.program import Pair, Reference
+from pinbound.interpreters.kernel.program import CommonMark, Pair, Reference
 
-__all__ = ["BACKENDS", "Backend", "Kernel", "Pair", "Reference"]
+__all__ = ["BACKENDS", "Backend", "CommonMark", "Kernel", "Pair", "Reference"]

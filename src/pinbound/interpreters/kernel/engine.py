@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.interpreters.kernel.compiled import compile_source, has_numba
-from pinbound.interpreters.kernel.program import Pair, Program, Reference, compile_program
+from pinbound.interpreters.kernel.program import CommonMark, Pair, Program, Reference, compile_program
 from pinbound.interpreters.kernel.source import kernel_source, scalar_source
 from pinbound.interpreters.kernel.vectorised import LinearProgram, VectorisedProgram
-from pinbound.path import Chain
 
 __all__ = ["BACKENDS", "Backend", "Kernel"]
 
@@ -47,7 +46,7 @@ class Kernel:
         pairs: Sequence[Pair],
         n: int,
         reference: Reference,
-        common: Callable[[], Mapping[str, Chain] | None],
+        common: Callable[[], Mapping[str, CommonMark] | None],
     ) -> None:
         """Hold what to evaluate.
 
@@ -55,7 +54,7 @@ class Kernel:
             pairs: The boundaries.
             n: Number of active coordinates.
             reference: Gives rows that are not finite.
-            common: Returns each marked point's chain in one common frame, or None.
+            common: Returns each mark's chains in one common frame, or None.
         """
         self.pairs, self.n = tuple(pairs), n
         self.reference, self._common = reference, common
@@ -220,10 +219,10 @@ class Kernel:
 
         def one(rows: slice, k: int, square: Any, dots: list[Any]) -> None:
             """Take one boundary's squares, and its `r . dr/dq_j`."""
-            norm = np.sqrt(square)
+            norm = square if self.program.signed[k] else np.sqrt(square)
             if mode == "gradients":
                 for j, dot in enumerate(dots):
-                    target[rows, k * self.n + j] = dot / norm
+                    target[rows, k * self.n + j] = dot if self.program.signed[k] else dot / norm
             elif mode == "norms":
                 target[rows, k] = norm
             elif mode == "clearances":
@@ -263,9 +262,9 @@ class Kernel:
         rows = Q[bad].astype(np.float64)
         if mode == "gradients":
             for k, pair in enumerate(self.pairs):
-                out[bad, k * self.n : (k + 1) * self.n] = self.reference.gradients(pair.minimal, rows)
+                out[bad, k * self.n : (k + 1) * self.n] = self.reference.gradients(pair.path, rows)
             return
-        norms = np.column_stack([self.reference.norms(pair.minimal, rows) for pair in self.pairs])
+        norms = np.column_stack([self.reference.norms(pair.path, rows) for pair in self.pairs])
         if mode == "norms":
             out[bad] = norms
             return

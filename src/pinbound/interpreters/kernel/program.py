@@ -13,21 +13,27 @@ spheres on few links.
 cos and sin are leaves once per distinct angle. An angle that is the sum or difference of two (or three) angles already
 there is taken by angle addition (4 operations a pair), provided that they hold no coordinate that it does not: a NaN in
 a coordinate must stay with the boundaries that depend on it. `docs/kernel.md` has the counts and the error bounds.
+
+A segment brings one vector more, its direction, and r is then the shortest of a family (`nearest`); a line leaves the
+part of r across it, a plane the height along its normal.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.chain import Chain
+from pinbound.interpreters.kernel.nearest import cross, lowest, nearest
 from pinbound.interpreters.kernel.scalars import Graph, Vector
-from pinbound.path import Chain
+from pinbound.path import RelativePath
 from pinbound.tolerances import KERNEL_CONSTANT, REDUCTION
 
-__all__ = ["Pair", "Program", "Reference", "compile_program"]
+__all__ = ["CommonMark", "Pair", "Program", "Reference", "compile_program"]
 
 Array = NDArray[np.float64]
 Angle = tuple[float, ...]
@@ -38,16 +44,32 @@ class Pair:
     """What the kernel needs of one boundary.
 
     Attributes:
-        minimal: Its minimal chain.
-        frame: The position of that chain in whose frame the fewest terms are rotated.
+        path: Its reduced relative path.
         threshold: [m].
-        points: Names of its two marked points, keys of the common frame's chains.
+        marks: Names of its two marks, keys of the common frame's chains.
     """
 
-    minimal: Chain
-    frame: int
+    path: RelativePath
     threshold: float
-    points: tuple[str, str]
+    marks: tuple[str, str]
+
+    @property
+    def minimal(self) -> Chain:
+        """Its minimal chain."""
+        return self.path.minimal
+
+
+@dataclass(frozen=True)
+class CommonMark:
+    """A mark in the common frame.
+
+    Attributes:
+        kind: Which mark it is.
+        chains: Its point; of a segment, both ends; of a line or plane, its point and one further along it.
+    """
+
+    kind: Literal["point", "segment", "line", "plane"]
+    chains: tuple[Chain, ...]
 
 
 @dataclass(frozen=True)
@@ -55,12 +77,12 @@ class Reference:
     """The interpreter that the kernel has to equal, asked for rows that are not finite.
 
     Attributes:
-        norms: (N,) norms of a chain at Q (N, n).
+        norms: (N,) norms, or signed heights, of a path at Q (N, n).
         gradients: (N, n) gradients of the norm.
     """
 
-    norms: Callable[[Chain, Array], Array]
-    gradients: Callable[[Chain, Array], Array]
+    norms: Callable[[RelativePath, Array], Array]
+    gradients: Callable[[RelativePath, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -70,8 +92,8 @@ class Program:
     Attributes:
         graph: The graph.
         vectors: Each boundary's r up to a rotation, three nodes each.
-        squares: Each `|r|^2`, summed from components.
-        gradients: Each `r . dr/dq_j`, n nodes each; filled on demand by `with_gradients`.
+        squares: Each `|r|^2`, summed from components; of a signed one the height itself.
+        signed: Whether each is a height above a plane.
         thresholds: (m,) [m].
         n: Number of active coordinates.
         is_common: Whether the common frame was the cheaper one.
@@ -80,6 +102,7 @@ class Program:
     graph: Graph
     vectors: tuple[Vector, ...]
     squares: tuple[int, ...]
+    signed: tuple[bool, ...]
     thresholds: tuple[float, ...]
     n: int
     is_common: bool
@@ -90,22 +113,30 @@ class Program:
         return len(self.squares)
 
     def gradients(self) -> list[list[int]]:
-        """Return the nodes of `r . dr/dq_j`, one list of n a boundary; divided by the norm it is the gradient."""
-        graph = self.graph
-        return [[graph.dot(r, self._derivative(r, j)) for j in range(self.n)] for r in self.vectors]
+        """Return the nodes of `r . dr/dq_j`, one list of n a boundary; divided by the norm it is the gradient.
+
+        Of a signed boundary they are the gradient itself.
+        """
+        return [self._slopes(k) for k in range(self.size)]
+
+    def _slopes(self, k: int) -> list[int]:
+        graph, r = self.graph, self.vectors[k]
+        if self.signed[k]:
+            return [graph.derivative(self.squares[k], j) for j in range(self.n)]
+        return [graph.dot(r, self._derivative(r, j)) for j in range(self.n)]
 
     def _derivative(self, r: Vector, j: int) -> Vector:
         x, y, z = (self.graph.derivative(component, j) for component in r)
         return x, y, z
 
 
-def compile_program(pairs: Sequence[Pair], n: int, common: Mapping[str, Chain] | None = None) -> Program:
+def compile_program(pairs: Sequence[Pair], n: int, common: Mapping[str, CommonMark] | None = None) -> Program:
     """Return the cheaper of the local and the common program.
 
     Args:
         pairs: The boundaries.
         n: Number of active coordinates.
-        common: Chain of each marked point in one common frame; None where there is no such frame.
+        common: Each mark in one common frame; None where there is no such frame.
     """
     local = _local_program(pairs, n)
     if common is None or len(pairs) < 2:
@@ -117,13 +148,14 @@ def compile_program(pairs: Sequence[Pair], n: int, common: Mapping[str, Chain] |
 def _local_program(pairs: Sequence[Pair], n: int) -> Program:
     graph = Graph()
     angles = _Angles(graph, [angle for pair in pairs for angle in _local_angles(pair)])
-    vectors = [_planar(angles, p) if p.minimal.is_planar else _spatial(angles, p) for p in pairs]
+    vectors = [_local_vector(angles, pair.path) for pair in pairs]
     return _finish(graph, vectors, pairs, n, is_common=False)
 
 
 def _finish(graph: Graph, vectors: Sequence[Vector], pairs: Sequence[Pair], n: int, is_common: bool) -> Program:
-    squares = tuple(graph.dot(r, r) for r in vectors)
-    return Program(graph, tuple(vectors), squares, tuple(p.threshold for p in pairs), n, is_common)
+    signed = tuple(pair.path.is_signed for pair in pairs)
+    squares = tuple(r[0] if height else graph.dot(r, r) for r, height in zip(vectors, signed, strict=True))
+    return Program(graph, tuple(vectors), squares, signed, tuple(p.threshold for p in pairs), n, is_common)
 
 
 class _Angles:
@@ -195,27 +227,45 @@ def _key(coefficients: Array) -> Angle:
 def _local_angles(pair: Pair) -> Iterator[Angle]:
     chain = pair.minimal
     if chain.is_planar:
-        yield from _planar_angles(pair)
+        yield from _planar_angles(chain, pair.path.frame)
     else:
         yield from (_key(c) for c in chain.coefficients)
 
 
-def _planar_angles(pair: Pair) -> list[Angle]:
+def _planar_angles(chain: Chain, frame: int) -> list[Angle]:
     """Return `g_i - g_f` for every offset of a planar chain."""
-    chain = pair.minimal
     signs = np.sign(chain.axes @ chain.axes[0]) if chain.rotations else np.zeros(0)
     steps = np.vstack((np.zeros(chain.coefficients.shape[1]), signs[:, None] * chain.coefficients))
     cumulative = np.cumsum(steps, axis=0)
-    return [_key(row) for row in cumulative - cumulative[pair.frame]]
+    return [_key(row) for row in cumulative - cumulative[frame]]
 
 
-def _planar(angles: _Angles, pair: Pair) -> Vector:
-    g, chain = angles.graph, pair.minimal
-    if not chain.rotations:
-        return _constant_vector(g, chain.offsets[0], chain.slides[0])
-    terms = _planar_angles(pair)
-    lengths = [float(np.linalg.norm(b)) if any(t) else 0.0 for b, t in zip(chain.offsets, terms, strict=True)]
-    basis = _basis(chain.axes[0], chain.offsets[int(np.argmax(lengths))])
+def _local_vector(angles: _Angles, path: RelativePath) -> Vector:
+    """Return r, or what counts of it, in the frame at position f; of a signed path the height, first of three."""
+    g, f, chain = angles.graph, path.frame, path.minimal
+    chains = [chain, *path.swept.turned]
+    basis = np.eye(3)
+    if chain.is_planar and chain.rotations:
+        terms = _planar_angles(chain, f)
+        lengths = [float(np.linalg.norm(b)) if any(t) else 0.0 for b, t in zip(chain.offsets, terms, strict=True)]
+        basis = _basis(chain.axes[0], chain.offsets[int(np.argmax(lengths))])
+        w, *ways = (_planar(angles, one, f, basis) for one in chains)
+    else:
+        w, *ways = (_spatial(angles, one, f) for one in chains)
+    if path.across is None:  # a segment keeps its length, so that q = 0 tells it
+        squares = [g.constant(float(np.sum(np.sum(way, axis=0) ** 2))) for way in path.swept.directions]
+        return nearest(g, w, ways, squares)
+    rows = np.zeros((3, 3))
+    rows[: len(path.across)] = path.across @ basis
+    w, *ways = (_change(g, vector, rows) for vector in (w, *ways))
+    if not path.is_signed:
+        return nearest(g, w, ways)
+    zero = g.constant(0.0)
+    return lowest(g, w[0], [way[0] for way in ways]), zero, zero
+
+
+def _planar(angles: _Angles, chain: Chain, frame: int, basis: Array) -> Vector:
+    g, terms = angles.graph, _planar_angles(chain, frame)
     x = y = z = g.constant(0.0)
     for offset, slide, angle in zip(chain.offsets, chain.slides, terms, strict=True):
         u, v, w = _constant_vector(g, _clean(basis.T @ offset, chain.scale), basis.T @ slide)
@@ -248,12 +298,11 @@ def _constant_vector(g: Graph, offset: Array, slide: Array) -> Vector:
     return x, y, z
 
 
-def _spatial(angles: _Angles, pair: Pair) -> Vector:
+def _spatial(angles: _Angles, chain: Chain, frame: int) -> Vector:
     """Return `b_f + R_{f+1}(b_{f+1} + ...) + R_f^-1(b_{f-1} + R_{f-1}^-1(...))`."""
-    chain = pair.minimal
-    right = _end(angles, chain, range(chain.rotations, pair.frame, -1), 1.0)
-    left = _end(angles, chain, range(1, pair.frame + 1), -1.0)
-    middle = _constant_vector(angles.graph, chain.offsets[pair.frame], chain.slides[pair.frame])
+    right = _end(angles, chain, range(chain.rotations, frame, -1), 1.0)
+    left = _end(angles, chain, range(1, frame + 1), -1.0)
+    middle = _constant_vector(angles.graph, chain.offsets[frame], chain.slides[frame])
     g = angles.graph
     x, y, z = (g.total(parts) for parts in zip(middle, right, left, strict=True))
     return x, y, z
@@ -311,18 +360,41 @@ def _turned(g: Graph, vector: Vector, axis: int, cos: int, sin: int) -> Vector:
     return result[0], result[1], result[2]
 
 
-def _common_program(pairs: Sequence[Pair], n: int, common: Mapping[str, Chain]) -> Program:
+def _common_program(pairs: Sequence[Pair], n: int, common: Mapping[str, CommonMark]) -> Program:
     graph = Graph()
-    chains = {name: common[name] for pair in pairs for name in pair.points}
-    wanted = [_key(c) for chain in chains.values() for c in chain.coefficients]
-    angles = _Angles(graph, wanted)
-    scale = max(chain.scale for chain in chains.values())
-    positions = {name: _position(angles, chain, scale) for name, chain in chains.items()}
-    vectors: list[Vector] = []
-    for pair in pairs:
-        a, b = (positions[name] for name in pair.points)
-        vectors.append((graph.sub(a[0], b[0]), graph.sub(a[1], b[1]), graph.sub(a[2], b[2])))
+    marks = {name: common[name] for pair in pairs for name in pair.marks}
+    chains = [chain for mark in marks.values() for chain in mark.chains]
+    angles = _Angles(graph, [_key(c) for chain in chains for c in chain.coefficients])
+    scale = max(chain.scale for chain in chains)
+    placed = {name: [_position(angles, chain, scale) for chain in mark.chains] for name, mark in marks.items()}
+    vectors = [_common_vector(graph, pair, marks, placed) for pair in pairs]
     return _finish(graph, vectors, pairs, n, is_common=True)
+
+
+def _common_vector(
+    g: Graph, pair: Pair, marks: Mapping[str, CommonMark], placed: Mapping[str, Sequence[Vector]]
+) -> Vector:
+    """Return r, or what counts of it, in the common frame."""
+    kinds = [marks[name].kind for name in pair.marks]
+    a, b = (placed[name] for name in pair.marks)
+    w, ways, squares = _less(g, a[0], b[0]), list[Vector](), list[int]()
+    for side, ends in enumerate((a, b)):
+        if kinds[side] == "segment":
+            ways.append(_less(g, ends[1], ends[0]) if side == 0 else _less(g, ends[0], ends[1]))
+            way = pair.path.swept.directions[len(squares)]
+            squares.append(g.constant(float(np.sum(np.sum(way, axis=0) ** 2))))
+    flat = next((side for side in (0, 1) if kinds[side] in ("line", "plane")), None)
+    if flat is None:
+        return nearest(g, w, ways, squares)
+    upright, zero = _less(g, (a, b)[flat][1], (a, b)[flat][0]), g.constant(0.0)
+    if kinds[flat] == "line":
+        return nearest(g, cross(g, w, upright), [cross(g, way, upright) for way in ways])
+    towards = upright if flat == 1 else _less(g, (zero, zero, zero), upright)
+    return lowest(g, g.dot(w, towards), [g.dot(way, towards) for way in ways]), zero, zero
+
+
+def _less(g: Graph, a: Vector, b: Vector) -> Vector:
+    return g.sub(a[0], b[0]), g.sub(a[1], b[1]), g.sub(a[2], b[2])
 
 
 def _position(angles: _Angles, chain: Chain, scale: float) -> Vector:

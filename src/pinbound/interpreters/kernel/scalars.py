@@ -10,10 +10,24 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-__all__ = ["COSTS", "Graph", "Node", "Vector"]
+__all__ = ["COSTS", "LEAVES", "Graph", "Node", "Vector"]
 
-COSTS = {"add": 1.0, "sub": 1.0, "mul": 1.0, "cos": 12.0, "sin": 12.0, "constant": 0.0, "coordinate": 0.0}
+COSTS = {
+    "add": 1.0,
+    "sub": 1.0,
+    "mul": 1.0,
+    "div": 4.0,
+    "pick": 2.0,
+    "hold": 0.0,
+    "cos": 12.0,
+    "sin": 12.0,
+    "constant": 0.0,
+    "coordinate": 0.0,
+}
 """Cost of a node by kind, in vector instructions; cos and sin of one angle come as a pair."""
+
+LEAVES = ("constant", "coordinate", "cos", "sin")
+"""Kinds whose `args` are no nodes."""
 
 Vector = tuple[int, int, int]
 
@@ -24,7 +38,8 @@ class Node:
 
     Attributes:
         kind: A key of `COSTS`.
-        args: Numbers of the operands; of a coordinate its index in q, of cos and sin the index of the angle.
+        args: Numbers of the operands; of a coordinate its index in q, of cos and sin the index of the angle. A pick
+            (a, b, x, y) is x where a < b, else y; a hold is its operand, and a constant for derivatives.
         value: The constant's value.
     """
 
@@ -117,6 +132,24 @@ class Graph:
             return x
         return self._make(Node("mul", (min(x, y), max(x, y))))
 
+    def div(self, x: int, y: int) -> int:
+        """Return x / y."""
+        a, b = self.value_of(x), self.value_of(y)
+        if b is not None and b != 0.0:
+            return self.constant(a / b) if a is not None else self.mul(x, self.constant(1.0 / b))
+        return self._make(Node("div", (x, y)))
+
+    def pick(self, a: int, b: int, x: int, y: int) -> int:
+        """Return x where a < b, else y."""
+        u, v = self.value_of(a), self.value_of(b)
+        if u is not None and v is not None:
+            return x if u < v else y
+        return x if x == y else self._make(Node("pick", (a, b, x, y)))
+
+    def hold(self, x: int) -> int:
+        """Return x, whose derivatives are zero."""
+        return x if self.value_of(x) is not None else self._make(Node("hold", (x,)))
+
     def total(self, terms: Iterable[int]) -> int:
         """Return the sum."""
         result = self.constant(0.0)
@@ -141,10 +174,13 @@ class Graph:
         return self._derivatives[key]
 
     def _derive(self, node: Node, j: int) -> int:
-        if node.kind == "constant":
+        if node.kind in ("constant", "hold"):
             return self.constant(0.0)
         if node.kind == "coordinate":
             return self.constant(float(node.args[0] == j))
+        if node.kind == "pick":
+            a, b, x, y = node.args
+            return self.pick(a, b, self.derivative(x, j), self.derivative(y, j))
         if node.kind in ("cos", "sin"):
             rate = self.angles[node.args[0]][j]
             other = self._make(Node("sin" if node.kind == "cos" else "cos", node.args))
@@ -153,6 +189,9 @@ class Graph:
         if node.kind in ("add", "sub"):
             combine = self.add if node.kind == "add" else self.sub
             return combine(self.derivative(x, j), self.derivative(y, j))
+        if node.kind == "div":
+            change = self.sub(self.mul(self.derivative(x, j), y), self.mul(x, self.derivative(y, j)))
+            return self.div(change, self.mul(y, y))
         return self.add(self.mul(self.derivative(x, j), y), self.mul(x, self.derivative(y, j)))
 
     def reachable(self, outputs: Iterable[int]) -> list[int]:
@@ -162,7 +201,7 @@ class Graph:
             number = stack.pop()
             if number not in needed:
                 needed.add(number)
-                if self.nodes[number].kind in ("add", "sub", "mul"):
+                if self.nodes[number].kind not in LEAVES:
                     stack.extend(self.nodes[number].args)
         return sorted(needed)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from pinbound.interpreters.kernel.program import Program
-from pinbound.interpreters.kernel.scalars import Graph
+from pinbound.interpreters.kernel.scalars import LEAVES, Graph
 from pinbound.interpreters.kernel.sincos import REGULAR, REGULAR32, SINCOS, SINCOS32
 
 __all__ = ["MODES", "kernel_source", "scalar_source"]
@@ -31,7 +31,15 @@ _LANES = 16
 """Tiles are filled up to a multiple of this, so that vector loops have no scalar rest."""
 
 _TURNING = ("cos", "sin")
-_COMPUTED = ("add", "sub", "mul", *_TURNING)
+_GIVEN = ("constant", "coordinate")
+_FORMS = {
+    "add": "{} + {}",
+    "sub": "{} - {}",
+    "mul": "{} * {}",
+    "div": "{} / {}",
+    "pick": "pick({} < {}, {}, {})",
+    "hold": "{}",
+}
 
 
 def kernel_source(program: Program, mode: str, single: bool = False) -> str:
@@ -64,7 +72,7 @@ class _Writer:
         """Return what more than one loop needs."""
         seen, shared = set[int](), set[int]()
         for outputs, _ in self.groups:
-            needed = {n for n in self.graph.reachable(outputs) if self.graph.nodes[n].kind in _COMPUTED}
+            needed = {n for n in self.graph.reachable(outputs) if self.graph.nodes[n].kind not in _GIVEN}
             shared |= seen & needed
             seen |= needed
         return shared
@@ -151,8 +159,7 @@ class _Writer:
                     self.line(f"sin{node.args[0]} = sine", 3)
                 self.line(f"v{number} = {node.kind}{node.args[0]}", 3)
             else:
-                sign = {"add": "+", "sub": "-", "mul": "*"}[node.kind]
-                self.line(f"v{number} = {self._operand(node.args[0])} {sign} {self._operand(node.args[1])}", 3)
+                self.line(f"v{number} = {_FORMS[node.kind].format(*map(self._operand, node.args))}", 3)
             if number in self.shared:
                 self.line(f"w[{self.row(('node', number))}, i] = v{number}", 3)
                 done.add(number)
@@ -174,10 +181,10 @@ class _Writer:
         while stack:
             number = stack.pop()
             node = self.graph.nodes[number]
-            if number in needed or node.kind not in _COMPUTED:
+            if number in needed or node.kind in _GIVEN:
                 continue
             needed.add(number)
-            if number not in done and node.kind not in _TURNING:
+            if number not in done and node.kind not in LEAVES:
                 stack.extend(node.args)
         return sorted(needed)
 
@@ -189,9 +196,9 @@ class _Writer:
         """Write norms, clearances or gradients of some boundaries into scratch."""
         gradients = self.program.gradients() if self.mode == "gradients" else []
         for slot, k in enumerate(members):
-            self.line(f"norm = math.sqrt({self._operand(self.program.squares[k])})")
+            self.line(f"norm = {self._root(k)}")
             if self.mode == "gradients":
-                self.line(f"inverse = {self.number(1.0)} / norm")
+                self.line(f"inverse = {self.number(1.0)}" + ("" if self.program.signed[k] else " / norm"))
                 for j, dot in enumerate(gradients[k]):
                     row = self.row(("out", slot * self._width + j))
                     self.line(f"w[{row}, i] = {self._operand(dot)} * inverse")
@@ -199,6 +206,11 @@ class _Writer:
             threshold = self.program.thresholds[k]
             less = f" - {self.number(threshold)}" if self.mode == "clearances" and threshold else ""
             self.line(f"w[{self.row(('out', slot))}, i] = norm{less}")
+
+    def _root(self, k: int) -> str:
+        """Return the text of a boundary's norm, or signed height."""
+        value = self._operand(self.program.squares[k])
+        return value if self.program.signed[k] else f"math.sqrt({value})"
 
     def _store(self, members: Sequence[int]) -> None:
         self.line("for i in range(n):")
@@ -213,7 +225,7 @@ class _Writer:
         self.line(f"best = {'INFINITY' if not index else f'w[{best}, i]'}")
         if with_index:
             self.line(f"which = {self.number(-1.0) if not index else f'w[{which}, i]'}")
-        for start, stop in _runs([self.program.thresholds[k] for k in members]):
+        for start, stop in _runs([(self.program.signed[k], self.program.thresholds[k]) for k in members]):
             self.line(f"least = {self._operand(self.program.squares[members[start]])}")
             if with_index:
                 self.line(f"at = {self.number(float(members[start]))}")
@@ -222,7 +234,8 @@ class _Writer:
                 if with_index:
                     self.line(f"at = pick({square} < least, {self.number(float(k))}, at)")
                 self.line(f"least = pick({square} < least, {square}, least)")
-            self.line(f"found = math.sqrt(least) - {self.number(self.program.thresholds[members[start]])}")
+            root = "least" if self.program.signed[members[start]] else "math.sqrt(least)"
+            self.line(f"found = {root} - {self.number(self.program.thresholds[members[start]])}")
             if with_index:
                 self.line("which = pick(found < best, at, which)")
             self.line("best = pick(found < best, found, best)")
@@ -240,7 +253,7 @@ class _Writer:
             self.line(f"index[start + i] = np.int64(w[{self.row('which')}, i])", 4)
 
 
-def _runs(values: Sequence[float]) -> Iterator[tuple[int, int]]:
+def _runs(values: Sequence[tuple[bool, float]]) -> Iterator[tuple[int, int]]:
     start = 0
     for stop in range(1, len(values) + 1):
         if stop == len(values) or values[stop] != values[start]:
@@ -252,7 +265,7 @@ def _groups(program: Program, mode: str) -> Iterator[tuple[list[int], list[int]]
     """Yield, loop by loop, the nodes that are needed and the boundaries that they belong to."""
     order = list(range(program.size))
     if mode in ("smallest", "least"):
-        order.sort(key=lambda k: program.thresholds[k])
+        order.sort(key=lambda k: (program.signed[k], program.thresholds[k]))
     width = program.n if mode == "gradients" else 1
     gradients = program.gradients() if mode == "gradients" else []
     seen, outputs, members, size = set[int](), list[int](), list[int](), 0
@@ -307,7 +320,8 @@ def scalar_source(program: Program, mode: str) -> str:
     for number in graph.reachable(program.squares):
         lines.append(f"    v{number} = {_scalar_node(graph, number)}")
     less = program.thresholds if mode == "clearances" else (0.0,) * program.size
-    words = [f"sqrt(v{s}){f' - {t!r}' if t else ''}" for s, t in zip(program.squares, less, strict=True)]
+    roots = [f"v{s}" if signed else f"sqrt(v{s})" for s, signed in zip(program.squares, program.signed, strict=True)]
+    words = [root + (f" - {t!r}" if t else "") for root, t in zip(roots, less, strict=True)]
     return "\n".join([*lines, f"    return [{', '.join(words)}]"])
 
 
@@ -320,5 +334,6 @@ def _scalar_node(graph: Graph, number: int) -> str:
     if node.kind in ("cos", "sin"):
         terms = [f"{c!r} * q{j}" for j, c in enumerate(graph.angles[node.args[0]]) if c]
         return f"{node.kind}({' + '.join(terms)})"
-    sign = {"add": "+", "sub": "-", "mul": "*"}[node.kind]
-    return f"v{node.args[0]} {sign} v{node.args[1]}"
+    if node.kind == "pick":
+        return "v{2} if v{0} < v{1} else v{3}".format(*node.args)
+    return _FORMS[node.kind].format(*(f"v{arg}" for arg in node.args))

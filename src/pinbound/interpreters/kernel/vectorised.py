@@ -30,7 +30,32 @@ _L2_BYTES = 1 << 20
 _DENSE = 12
 """A matrix entry costs that much less than a ufunc on one term, so that sparser matrices than 1 in 12 do not pay."""
 
-_OPERATIONS: dict[str, Any] = {"add": np.add, "sub": np.subtract, "mul": np.multiply}
+
+def _pick(a: Any, b: Any, x: Any, y: Any, out: Any = None) -> Any:
+    """Return x where a < b, else y."""
+    found = np.where(np.less(a, b), x, y)
+    if out is None:
+        return found
+    out[:] = found
+    return out
+
+
+def _hold(x: Any, out: Any = None) -> Any:
+    """Return x."""
+    if out is None:
+        return x
+    out[:] = x
+    return out
+
+
+_OPERATIONS: dict[str, Any] = {
+    "add": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "div": np.divide,
+    "pick": _pick,
+    "hold": _hold,
+}
 
 
 @cache
@@ -117,8 +142,8 @@ class VectorisedProgram:
                     values[number] = columns.turn(graph.angles[node.args[0]])[node.kind == "sin"]
                 else:
                     buffer = owned[number] = fresh()
-                    x, y = (values[arg] for arg in node.args)
-                    values[number] = _OPERATIONS[node.kind](x, y, out=buffer[:count])
+                    args = (values[arg] for arg in node.args)
+                    values[number] = _OPERATIONS[node.kind](*args, out=buffer[:count])
             take(rows, position, values[outputs[0]], [values[number] for number in outputs[1:]])
             for number in [n for n in owned if self.last_use[n] <= position]:
                 buffers.append(owned.pop(number))
@@ -138,7 +163,8 @@ class LinearProgram:
         self._order = program.graph.reachable(self.features)
         components = [component for r in program.vectors for component in r]
         inner = len(program.graph.reachable(components)) - len(program.graph.reachable(self.features))
-        self.is_worthwhile = len(self.features) * len(forms) <= _DENSE * inner
+        few = len(self.features) * len(forms) <= _DENSE * inner
+        self.is_worthwhile = few and not any(program.signed)
         rows = len(self.features) + len(program.squares) * (len(self.matrices) + 1)
         self.chunk = int(min(8192, max(512, _L2_BYTES // 8 // rows // 256 * 256)))
 

@@ -1,0 +1,247 @@
+"""A chain of rotations about constant axes, and its reduction: the value that every interpreter reads.
+
+    r(q) = b_0 + R_1( b_1 + R_2( b_2 + ... R_k b_k ) ),   R_i = R(u_i, c_i . q),   b_i = s_i + L_i q,
+
+in which L_i is zero unless joints slide. `docs/relative-path.md` proves that each step below preserves its value, or,
+where said, its norm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.tolerances import REDUCTION
+
+__all__ = ["Chain", "Swept", "are_parallel", "drop_head", "reduce_chain", "rotation_matrix", "split"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Chain:
+    """`b_0 + R_1(b_1 + R_2(b_2 + ...))` with k rotations, over n active coordinates.
+
+    Attributes:
+        offsets: (k + 1, 3) [m], the s_i.
+        slides: (k + 1, 3, n), the L_i [m per unit of q].
+        axes: (k, 3) unit vectors u_i.
+        coefficients: (k, n), the c_i; in a reduced chain no row is zero, and no two neighbours are parallel
+            unless their offset lies between them.
+        scale: Metres; the length of the path before reduction, against which rounding is judged.
+    """
+
+    offsets: Array
+    slides: Array
+    axes: Array
+    coefficients: Array
+    scale: float
+
+    def __post_init__(self) -> None:
+        """Make the value immutable."""
+        for array in (self.offsets, self.slides, self.axes, self.coefficients):
+            array.flags.writeable = False
+
+    @property
+    def rotations(self) -> int:
+        """The number k of rotations."""
+        return len(self.axes)
+
+    @property
+    def coordinates(self) -> tuple[int, ...]:
+        """Indices of the active coordinates that occur."""
+        used = np.any(self.coefficients, axis=0) | np.any(self.slides, axis=(0, 1))
+        return tuple(int(index) for index in np.flatnonzero(used))
+
+    @property
+    def is_planar(self) -> bool:
+        """Whether all rotations are about one direction."""
+        return all(are_parallel(self.axes[0], axis) for axis in self.axes[1:])
+
+
+@dataclass(frozen=True)
+class Swept:
+    """A point, or a point that slides along straight ways: `chain + sum_i t_i direction_i`, t_i in [0, 1].
+
+    Attributes:
+        chain: Where all t are zero.
+        directions: One an t, (k + 1, 3) [m]: offsets of a chain with the rotations of `chain`.
+    """
+
+    chain: Chain
+    directions: tuple[Array, ...] = ()
+
+    @cached_property
+    def turned(self) -> tuple[Chain, ...]:
+        """The directions as chains, with all rotations of the chain itself."""
+        still = np.zeros_like(self.chain.slides)
+        return tuple(replace(self.chain, offsets=offsets, slides=still) for offsets in self.directions)
+
+    @cached_property
+    def ways(self) -> tuple[Chain, ...]:
+        """The directions as chains, no longer than they need."""
+        return tuple(map(_trimmed, self.turned))
+
+    @cached_property
+    def corners(self) -> tuple[Chain, ...]:
+        """The chains at all corners of the t, that of zeros first."""
+        found: list[Chain] = []
+        for corner in product((0.0, 1.0), repeat=len(self.directions)):
+            moved = sum((t * way for t, way in zip(corner, self.directions, strict=True)), start=self.chain.offsets)
+            found.append(replace(self.chain, offsets=np.array(moved)))
+        return tuple(found)
+
+
+def rotation_matrix(axis: Array, angle: float) -> Array:
+    """Return Rodrigues' rotation (3, 3) about a unit axis; exactly the identity for angle 0.
+
+    Example:
+        >>> rotation_matrix(np.array([0.0, 1.0, 0.0]), np.pi / 2).round(12) @ [0.0, 0.0, 1.0]
+        array([1., 0., 0.])
+    """
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + 2.0 * np.sin(angle / 2) ** 2 * (cross @ cross)
+
+
+def are_parallel(u: Array, v: Array) -> bool:
+    """Return whether two unit vectors span one line, up to the rounding of folded constants."""
+    (a, b, c), (x, y, z) = u.tolist(), v.tolist()
+    return max(abs(b * z - c * y), abs(c * x - a * z), abs(a * y - b * x)) <= REDUCTION
+
+
+def split(chain: Chain, n: int) -> Swept:
+    """Return a chain over n coordinates, and the directions of the parameters behind them."""
+    own = replace(chain, slides=chain.slides[:, :, :n].copy(), coefficients=chain.coefficients[:, :n].copy())
+    return Swept(own, tuple(chain.slides[:, :, column].copy() for column in range(n, chain.slides.shape[2])))
+
+
+def _trimmed(chain: Chain) -> Chain:
+    """Return a chain that does not slide without the rotations behind its last offset."""
+    used = np.flatnonzero(np.any(chain.offsets, axis=1))
+    k = int(used[-1]) if len(used) else 0
+    return Chain(
+        chain.offsets[: k + 1].copy(),
+        chain.slides[: k + 1].copy(),
+        chain.axes[:k].copy(),
+        chain.coefficients[:k].copy(),
+        chain.scale,
+    )
+
+
+def reduce_chain(chain: Chain) -> Chain:
+    """Collect parallel rotations until nothing changes; the value of the chain stays."""
+    while True:
+        before = chain.rotations
+        chain = _collect_runs(chain)
+        if chain.rotations == before:
+            return chain
+
+
+def _collect_runs(chain: Chain) -> Chain:
+    """Rewrite each maximal run of parallel rotations as a sum over its distinct angles, and nest that again.
+
+    In a run, `R(g_1) b_1 + ... + R(g_m) (b_m + rest)` with cumulative angles g. Offsets under one angle add up,
+    components along the axis and offsets under no angle leave the run, zero offsets vanish.
+    """
+    blocks = [np.column_stack((s, L)) for s, L in zip(chain.offsets, chain.slides, strict=True)]
+    out_blocks, out_axes, out_coefficients = [blocks[0]], list[Array](), list[Array]()
+    start = 0
+    while start < chain.rotations:
+        axis, stop = chain.axes[start], start + 1
+        while stop < chain.rotations and are_parallel(axis, chain.axes[stop]):
+            stop += 1
+        signs = np.sign(chain.axes[start:stop] @ axis)
+        angles = np.cumsum(signs[:, None] * chain.coefficients[start:stop], axis=0)
+        along, across = _split_blocks(blocks[start + 1 : stop + 1], axis)
+        out_blocks[-1] = out_blocks[-1] + along
+        groups = _group(angles, across)
+        last = _Group(angles[-1], np.zeros_like(across[0])) if stop < chain.rotations else None
+        previous = np.zeros(chain.coefficients.shape[1])
+        for group in _ordered(groups, last, chain.scale):
+            step = group.angle - previous
+            if np.any(np.abs(step) > REDUCTION):
+                out_axes.append(axis)
+                out_coefficients.append(np.where(np.abs(step) > REDUCTION, step, 0.0))
+                out_blocks.append(group.block)
+            else:
+                out_blocks[-1] = out_blocks[-1] + group.block
+            previous = group.angle
+        start = stop
+    stacked = np.array(out_blocks)
+    n = chain.coefficients.shape[1]
+    k = len(out_axes)
+    axes, coefficients = np.array(out_axes).reshape(k, 3), np.array(out_coefficients).reshape(k, n)
+    return Chain(stacked[:, :, 0].copy(), stacked[:, :, 1:].copy(), axes, coefficients, chain.scale)
+
+
+@dataclass
+class _Group:
+    """The offsets of a run that turn by one angle `c . q`."""
+
+    angle: Array
+    block: Array
+
+    def has(self, angle: Array) -> bool:
+        return bool(np.all(np.abs(self.angle - angle) <= REDUCTION))
+
+
+def _split_blocks(blocks: list[Array], axis: Array) -> tuple[Array, list[Array]]:
+    """Return the sum of the components along the axis, and the components across it."""
+    along = [np.outer(axis, axis @ block) for block in blocks]
+    return np.sum(along, axis=0), [block - part for block, part in zip(blocks, along, strict=True)]
+
+
+def _group(angles: Array, blocks: list[Array]) -> list[_Group]:
+    groups = [_Group(np.zeros_like(angles[0]), np.zeros_like(blocks[0]))]
+    for angle, block in zip(angles, blocks, strict=True):
+        known = next((group for group in groups if group.has(angle)), None)
+        if known is None:
+            groups.append(_Group(angle, block))
+        else:
+            known.block = known.block + block
+    return groups
+
+
+def _ordered(groups: list[_Group], last: _Group | None, scale: float) -> list[_Group]:
+    """Leave out what is zero; put the angle under which the rest of the chain stands at the end."""
+    kept = [g for g in groups if np.any(np.abs(g.block[:, 0]) > REDUCTION * scale) or np.any(_moving(g.block))]
+    if last is None:
+        return kept
+    first = [group for group in kept if not group.has(last.angle)]
+    return [*first, next((group for group in kept if group.has(last.angle)), last)]
+
+
+def _moving(block: Array) -> NDArray[np.bool_]:
+    return np.abs(block[:, 1:]) > REDUCTION
+
+
+def drop_head(chain: Chain, across: Array | None = None) -> Chain:
+    """Reduce a chain and drop leading rotations that turn nothing that counts.
+
+    `|b_0 + R x| = |b_0 + x|` if b_0 lies along R's axis. Of what lies across a line, R may turn all if it turns about
+    the line; heights above a plane stay if R turns about its normal, whatever b_0.
+    """
+    chain = reduce_chain(chain)
+    while chain.rotations and _turns_nothing(chain, across):
+        offsets, slides = chain.offsets[1:].copy(), chain.slides[1:].copy()
+        offsets[0] += chain.offsets[0]
+        slides[0] += chain.slides[0]
+        chain = reduce_chain(Chain(offsets, slides, chain.axes[1:].copy(), chain.coefficients[1:].copy(), chain.scale))
+    return chain
+
+
+def _turns_nothing(chain: Chain, across: Array | None) -> bool:
+    if across is not None:
+        towards = across[0] if len(across) == 1 else np.cross(across[0], across[1])
+        if not are_parallel(chain.axes[0], towards):
+            return False
+        if len(across) == 1:
+            return True
+    block = np.column_stack((chain.offsets[0], chain.slides[0]))
+    rest = _split_blocks([block], chain.axes[0])[1][0]
+    return not (np.any(np.abs(rest[:, 0]) > REDUCTION * chain.scale) or np.any(_moving(rest)))

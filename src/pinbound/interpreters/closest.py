@@ -1,0 +1,79 @@
+"""Where two swept points are nearest: the t in [0, 1] that make `|w + t_1 e_1 + t_2 e_2|` least.
+
+A convex function of t is least on the square's rim, or at a stationary point inside. Each side of the rim is one
+segment, `t = -w . e / |e|^2` cut to [0, 1]. Inside, with `n = e_1 x e_2`,
+
+    t_1 = -(w x e_2) . n / |n|^2,     t_2 = -(e_1 x w) . n / |n|^2.
+
+n is taken as it is, not `|e_1|^2 |e_2|^2 - (e_1 . e_2)^2`, which has lost all its digits when the segments are parallel
+to 1e-8; and whatever t comes out is cut to the square and moved to the foot on the other segment, so that each of the
+five candidates is a true distance between two points of the segments. The least of them is the answer: rounding can
+only choose badly between candidates that are equal to rounding. `docs/segments.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["nearest"]
+
+Array = NDArray[np.float64]
+
+
+def nearest(w: Array, ways: Sequence[Array]) -> Array:
+    """Return the t (N, k) in [0, 1] at which `|w + sum_i t_i e_i|` is least.
+
+    Args:
+        w: (N, d), d being 3, or 2 across a line.
+        ways: k = 0, 1 or 2 arrays e_i (N, d); one may be zero.
+
+    Example:
+        >>> w, e = np.array([[-0.25, 1.0, 0.0]]), np.array([[1.0, 0.0, 0.0]])
+        >>> nearest(w, [e]).tolist()
+        [[0.25]]
+        >>> nearest(w, [e, np.array([[0.0, -2.0, 0.0]])]).tolist()
+        [[0.25, 0.5]]
+    """
+    if not ways:
+        return np.empty((len(w), 0))
+    if len(ways) == 1:
+        return _foot(w, ways[0])[:, None]
+    first, second = ways
+    zero, one = np.zeros(len(w)), np.ones(len(w))
+    candidates = [
+        (zero, _foot(w, second)),
+        (one, _foot(w + first, second)),
+        (_foot(w, first), zero),
+        (_foot(w + second, first), one),
+        _inside(w, first, second),
+    ]
+    s, t = np.stack([c[0] for c in candidates]), np.stack([c[1] for c in candidates])
+    r = w + s[:, :, None] * first + t[:, :, None] * second
+    best = np.argmin(np.nan_to_num(np.einsum("cni,cni->cn", r, r), nan=np.inf), axis=0)
+    rows = np.arange(len(w))
+    return np.stack((s[best, rows], t[best, rows]), axis=1)
+
+
+def _inside(w: Array, first: Array, second: Array) -> tuple[Array, Array]:
+    """Return the stationary point, cut to the square, one of the two at the foot of the other."""
+    if w.shape[1] == 3:
+        n = np.cross(first, second)
+        s = _cut(-np.einsum("ni,ni->n", np.cross(w, second), n), np.einsum("ni,ni->n", n, n))
+    else:
+        n = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+        s = _cut(-(w[:, 0] * second[:, 1] - w[:, 1] * second[:, 0]) * n, n * n)
+    t = _foot(w + s[:, None] * first, second)
+    s = _foot(w + t[:, None] * second, first)
+    return s, _foot(w + s[:, None] * first, second)
+
+
+def _foot(w: Array, way: Array) -> Array:
+    return _cut(-np.einsum("ni,ni->n", w, way), np.einsum("ni,ni->n", way, way))
+
+
+def _cut(above: Array, below: Array) -> Array:
+    """Return the quotient cut to [0, 1]; 0 where the denominator is."""
+    return np.clip(np.divide(above, below, out=np.zeros_like(above), where=below > 0.0), 0.0, 1.0)

@@ -1,0 +1,133 @@
+"""What a relative path is worth: distances of points and segments, across lines, and signed heights above planes.
+
+With `r(q, t) = w + sum_i t_i e_i` the separation is `f = min_t |r|`, t in [0, 1]. At the least t* a free t has no slope
+and a t at its end does not move, so that with the Hessian H of |r| over (q, t) and the free t marked by f
+
+    grad = r^ . (w' + sum_i t*_i e_i'),      Hess = H_qq - H_qf H_ff^-1 H_fq.
+
+A plane measures `n . r` instead of |r|, which is linear: its least t are 0 or 1. `docs/segments.md` derives all this,
+and says where derivatives jump.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.interpreters import numeric
+from pinbound.interpreters.closest import nearest
+from pinbound.path import RelativePath
+
+__all__ = ["gradients", "hessians", "parameters", "separations", "vectors"]
+
+Array = NDArray[np.float64]
+
+
+def separations(path: RelativePath, Q: Array) -> Array:
+    """Return the distance, or the signed height above a plane, (N,) [m]; NaN for a row that is not finite."""
+    if path.is_plain:
+        return numeric.norm(numeric.positions(path.minimal, Q))
+    w, ways = _measured(path, Q)
+    t = _parameters(path, w, ways)
+    r = w + np.einsum("nk,kni->ni", t, ways)
+    return r[:, 0] if path.is_signed else numeric.norm(r)
+
+
+def parameters(path: RelativePath, Q: Array) -> Array:
+    """Return the t (N, k) in [0, 1], one a segment, at which the two marks are nearest."""
+    return _parameters(path, *_measured(path, Q))
+
+
+def vectors(path: RelativePath, Q: Array) -> Array:
+    """Return `r = x_a - x_b` (N, 3) [m] between the nearest points of the marks, in the ancestor's frame."""
+    r = numeric.positions(path.branch_a.chain, Q) - numeric.positions(path.branch_b.chain, Q)
+    if path.is_plain:
+        return r
+    t = parameters(path, Q)
+    for branch, sign in ((path.branch_a, 1.0), (path.branch_b, -1.0)):
+        for column, way in enumerate(branch.ways):
+            r = r + sign * t[:, column, None] * numeric.positions(way, Q)
+    if path.upright is None:
+        return r
+    unit = numeric.positions(path.upright, Q)
+    along = np.einsum("ni,ni->n", r, unit)[:, None] * unit
+    return along if path.is_signed else r - along
+
+
+def gradients(path: RelativePath, Q: Array) -> Array:
+    """Return the gradient (N, n) of the separation; NaN where a distance is zero, for it has a kink there."""
+    if path.is_plain:
+        return numeric.gradient(path.minimal, Q)
+    r, J, _, _ = _around(path, Q, order=1)
+    n = Q.shape[1]
+    return J[:, 0, :n] if path.is_signed else np.einsum("ni,nia->na", numeric.unit(r), J[:, :, :n])
+
+
+def hessians(path: RelativePath, Q: Array) -> Array:
+    """Return the Hessian (N, n, n) of the separation; NaN where a distance is zero, or segments are parallel."""
+    if path.is_plain:
+        return numeric.hessian(path.minimal, Q)
+    r, J, H, t = _around(path, Q, order=2)
+    n = Q.shape[1]
+    if path.is_signed:
+        return H[:, 0, :n, :n]
+    full = numeric.norm_hessian(r, J, H)
+    free = (t > 0.0) & (t < 1.0)
+    found = full[:, :n, :n].copy()
+    for pattern in product((False, True), repeat=t.shape[1]):
+        rows = np.flatnonzero(np.all(free == pattern, axis=1))
+        columns = n + np.flatnonzero(pattern)
+        if not len(columns) or not len(rows):
+            continue
+        inner, mixed = full[np.ix_(rows, columns, columns)], full[np.ix_(rows, columns, range(n))]
+        found[rows] -= np.swapaxes(mixed, 1, 2) @ _solve(inner, mixed)
+    return found
+
+
+def _solve(inner: Array, mixed: Array) -> Array:
+    """Solve 1x1 or 2x2 systems; a singular one (parallel segments) gives no number."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        if inner.shape[1] == 1:
+            return mixed / inner
+        a, b, d = inner[:, 0, 0], inner[:, 0, 1], inner[:, 1, 1]
+        determinant = a * d - b * b
+        flat = determinant <= 1e-14 * a * d
+        adjugate = np.stack((np.stack((d, -b), axis=1), np.stack((-b, a), axis=1)), axis=1)
+        found = (adjugate / determinant[:, None, None]) @ mixed
+    found[flat] = np.nan
+    return found
+
+
+def _measured(path: RelativePath, Q: Array) -> tuple[Array, Array]:
+    """Return w (N, d) and the e (k, N, d) of what counts: d = 3, 2 across a line, 1 above a plane."""
+    w = numeric.positions(path.minimal, Q)
+    ways = np.array([numeric.positions(way, Q) for way in path.swept.ways]).reshape(-1, *w.shape)
+    return (w, ways) if path.across is None else (w @ path.across.T, ways @ path.across.T)
+
+
+def _parameters(path: RelativePath, w: Array, ways: Array) -> Array:
+    return (ways[:, :, 0] < 0.0).T.astype(np.float64) if path.is_signed else nearest(w, list(ways))
+
+
+def _around(path: RelativePath, Q: Array, order: int) -> tuple[Array, Array, Array, Array]:
+    """Return r (N, d), its derivatives by (q, t), (N, d, n + k) and (N, d, n + k, n + k), and t, at the nearest t."""
+    parts = [numeric.derivatives(chain, Q, order) for chain in (path.minimal, *path.swept.ways)]
+    if path.across is not None:
+        parts = [tuple(np.einsum("di,ni...->nd...", path.across, part) for part in one) for one in parts]
+    (w, J, H), others = parts[0], parts[1:]
+    n, k = Q.shape[1], len(others)
+    ways = np.array([one[0] for one in others]).reshape(k, *w.shape)
+    t = _parameters(path, w, ways)
+    r, slope = w.copy(), np.concatenate((J, np.zeros((*w.shape, k))), axis=2)
+    bend = np.pad(H, ((0, 0), (0, 0), (0, k), (0, k))) if order > 1 else H
+    for i, (e, e_slope, e_bend) in enumerate(others):
+        weight = t[:, i, None]
+        r += weight * e
+        slope[:, :, :n] += weight[:, :, None] * e_slope
+        slope[:, :, n + i] = e
+        if order > 1:
+            bend[:, :, :n, :n] += weight[:, :, None, None] * e_bend
+            bend[:, :, :n, n + i] = bend[:, :, n + i, :n] = e_slope
+    return r, slope, bend, t

@@ -1,0 +1,146 @@
+"""All contacts of a swept path along one coordinate: what is free is proven free, what is left is contact.
+
+Distances of segments are smooth only in pieces, so that roots cannot be isolated by derivatives as in `isolation`. Instead
+the line of the coordinate is halved until each piece is proven free (lower bound above the threshold), proven in
+contact (upper bound below), or so short that halving cannot tell more: that is the width of rounding, and counts as
+contact. Both bounds are of second order, so that the pieces that are left shrink to the contacts quadratically. Many
+configurations of the other coordinates are halved together. `docs/segments.md`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.exceptions import UnsupportedError
+from pinbound.interpreters.bounds import Expansion
+from pinbound.interpreters.isolation import common_period, wrapped
+from pinbound.interpreters.swept_bounds import Bounds, SweptBundle, along_motion, rounding_bound, swept_bundle
+from pinbound.path import RelativePath
+from pinbound.tolerances import ROOT
+
+__all__ = ["arcs", "smallest", "turn_arcs"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_PIECES = 5  # 2^5 pieces to begin with
+_FINEST = 50  # 2^50 steps in all
+_MOST_OPEN = 4096  # pieces a configuration: more are a contact that is flat along an interval
+_ROWS = 1024  # configurations at a time, to bound memory
+_JOINTS = 64.0  # a bound of how many joints lie on a path, for its rounding
+
+
+def arcs(
+    path: RelativePath, index: int, name: str, Q: Array, threshold: float, window: tuple[float, float] | None
+) -> tuple[list[Array], float, tuple[float, float]]:
+    """Return the free intervals (k, 2) of coordinate `index` for each row of Q (N, n), their period, and the window.
+
+    Raises:
+        UnsupportedError: If nothing repeats and there is no finite window, or contact is flat along an interval.
+    """
+    used = path.minimal.coefficients[:, index]
+    used = used[used != 0.0]
+    slides = bool(np.any(path.minimal.slides[:, :, index]))
+    period = common_period(used) if len(used) and not slides else None
+    if not len(used) and not slides:
+        period = 2.0 * math.pi  # it changes nothing: all or nothing is free
+    if period is None and (window is None or not all(map(math.isfinite, window))):
+        raise UnsupportedError(
+            f"{name!r} slides the path, or turns it in angles without a common period, and without joint limits its "
+            "contacts cannot all be listed: give window=(lower, upper)"
+        )
+    low, high = (-period / 2, period / 2) if period is not None else window or (-math.inf, math.inf)
+    found: list[Array] = []
+    for start in range(0, len(Q), _ROWS):
+        found += _free(path, index, name, Q[start : start + _ROWS], threshold, low, high)
+    if period is None:
+        return found, math.inf, (low, high)
+    return [wrapped(one, low, high, period)[0] for one in found], period, (-math.inf, math.inf)
+
+
+def turn_arcs(path: RelativePath, threshold: float) -> Array:
+    """Return the free intervals (k, 2) over one turn of a path of one rotation, in its effective angle [rad]."""
+    return arcs(_one_coordinate(path), 0, "the angle", np.zeros((1, 1)), threshold, None)[0][0]
+
+
+def smallest(path: RelativePath) -> float:
+    """Return the smallest separation over a turn of a path of one rotation [m], to rounding."""
+    one = _one_coordinate(path)
+    swept, error = _bundle(one, np.full(1, -math.pi), np.full(1, math.pi))
+    middle, half, best = np.linspace(-math.pi, math.pi, 65)[:-1] + math.pi / 64, math.pi / 64, math.inf
+    for _ in range(_FINEST):
+        found = _bound(swept, np.zeros((len(middle), 1)), 0, middle, half, error)
+        best = min(best, float(found.value.min()))
+        middle = middle[(found.lower < best) & (found.upper - found.lower > 4.0 * error)]
+        if not len(middle) or len(middle) > _MOST_OPEN:
+            break
+        half /= 2.0
+        middle = np.concatenate((middle - half, middle + half))
+    return best
+
+
+def _one_coordinate(path: RelativePath) -> RelativePath:
+    """Return a path of one rotation over its effective angle alone, counted as `univariate.one_angle` counts it."""
+    chain, c = path.minimal, path.minimal.coefficients[0]
+    sign = np.sign(c[np.flatnonzero(c)[-1]])
+    only = replace(chain, slides=np.zeros((2, 3, 1)), axes=sign * chain.axes, coefficients=np.ones((1, 1)))
+    return replace(path, swept=replace(path.swept, chain=only))
+
+
+def _bundle(path: RelativePath, lower: Array, upper: Array) -> tuple[SweptBundle, float]:
+    swept = swept_bundle([path], lower, upper)
+    return swept, float(rounding_bound(swept, np.array([_JOINTS]), lower, upper)[0])
+
+
+def _bound(swept: SweptBundle, Q: Array, index: int, middle: Array, half: float, error: float) -> Bounds:
+    """Bound the separation while coordinate `index` runs over `middle +- half`, the others as in Q."""
+    q, slope, zero = Q.copy(), np.zeros_like(Q), np.zeros(Q.shape[1])
+    q[:, index], slope[:, index] = middle, 2.0 * half
+    piece = Expansion(q, zero, slope, q[:, None], zero, slope[:, None], zero, np.zeros_like(slope[:, None]), zero)
+    return along_motion(swept, np.zeros(len(Q), dtype=np.intp), piece, np.full(len(Q), error))
+
+
+def _free(
+    path: RelativePath, index: int, name: str, Q: Array, threshold: float, low: float, high: float
+) -> list[Array]:
+    """Return the intervals (k, 2) of [low, high] that are proven free, a row of Q at a time."""
+    ends = Q.min(axis=0), Q.max(axis=0)
+    ends[0][index], ends[1][index] = low, high
+    swept, error = _bundle(path, *ends)
+    step = (high - low) / 2**_FINEST
+    size = 1 << (_FINEST - _PIECES)
+    row = np.repeat(np.arange(len(Q)), 1 << _PIECES)
+    start = np.tile(np.arange(1 << _PIECES, dtype=np.int64) * size, len(Q))
+    kept: list[tuple[Ints, Ints, int]] = []
+    while len(row):
+        half = size * step / 2.0
+        found = _bound(swept, Q[row], index, low + step * start + half, half, error)
+        free = found.lower > threshold
+        kept.append((row[free], start[free], size))
+        stuck = (found.upper - found.lower <= 4.0 * error) | (half <= ROOT * max(1.0, abs(low), abs(high)))
+        left = ~free & ~(found.upper <= threshold) & ~stuck
+        row, start = row[left], start[left]
+        if len(row) and int(np.bincount(row).max()) > _MOST_OPEN:
+            raise UnsupportedError(f"{name!r} stays at exactly the contact distance over a whole interval")
+        size >>= 1
+        row, start = np.concatenate((row, row)), np.concatenate((start, start + size))
+    return _joined(kept, len(Q), low, step)
+
+
+def _joined(kept: list[tuple[Ints, Ints, int]], count: int, low: float, step: float) -> list[Array]:
+    """Return free pieces joined to intervals, row by row."""
+    row = np.concatenate([part[0] for part in kept])
+    start = np.concatenate([part[1] for part in kept])
+    stop = start + np.concatenate([np.full(len(part[0]), part[2], dtype=np.int64) for part in kept])
+    order = np.lexsort((start, row))
+    row, start, stop = row[order], start[order], stop[order]
+    first = np.ones(len(row), dtype=np.bool_)
+    first[1:] = (row[1:] != row[:-1]) | (start[1:] != stop[:-1])
+    last = np.append(first[1:], True)[: len(row)]
+    intervals = low + step * np.stack((start[first], stop[last]), axis=1)
+    owner = row[first]
+    return [intervals[owner == one] for one in range(count)]

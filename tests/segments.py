@@ -1,0 +1,178 @@
+"""Robots with segments, lines and planes, degenerate ones included, and an oracle of Pinocchio and coal; no test."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+import pinbound as pb
+from robots import ARM, HEAD, joint
+
+__all__ = ["ROBOTS", "oracle_clearances", "place"]
+
+FAR = 1e3  # metres: half the length of a capsule that stands for a line
+
+
+def _robot(joints: list[str], marks: list[str], pairs: list[str], home: str = "") -> str:
+    bounds = "".join(f'<pinbound:boundary name="{p}" a="{p.split("_")[0]}" b="{p.split("_")[1]}"/>' for p in pairs)
+    notes = f"<pinbound:annotations>{''.join(marks)}{bounds}{home}</pinbound:annotations>"
+    return f'{HEAD}<link name="base"/>{"".join(joints)}{notes}</robot>'
+
+
+def _segment(name: str, link: str, a: str, b: str, radius: float = 0.0) -> str:
+    return f'<pinbound:segment name="{name}" link="{link}" xyz_a="{a}" xyz_b="{b}" radius="{radius}"/>'
+
+
+def _point(name: str, link: str, xyz: str, radius: float = 0.0) -> str:
+    return f'<pinbound:point name="{name}" link="{link}" xyz="{xyz}" radius="{radius}"/>'
+
+
+def _line(name: str, link: str, xyz: str, direction: str, radius: float = 0.0) -> str:
+    return f'<pinbound:line name="{name}" link="{link}" xyz="{xyz}" direction="{direction}" radius="{radius}"/>'
+
+
+def _plane(name: str, link: str, xyz: str, normal: str) -> str:
+    return f'<pinbound:plane name="{name}" link="{link}" xyz="{xyz}" normal="{normal}"/>'
+
+
+PLANAR = [joint("q1", "revolute", "base", "a", xyz="0 0 0.1"), joint("q2", "revolute", "a", "b", xyz="0 0 0.4")]
+SLIDES = [
+    joint("lift", "prismatic", "base", "a", axis="0 0 1", limit="0 0.5"),
+    joint("turn", "continuous", "a", "b", axis="0 0 1", xyz="0.1 0 0"),
+    joint("reach", "prismatic", "b", "c", axis="1 0 0", xyz="0.2 0 0", limit="0 0.3"),
+    joint("tilt", "revolute", "c", "d", axis="0 1 0", xyz="0 0 0.1"),
+    joint("copy", "revolute", "d", "e", axis="0 1 0", xyz="0.2 0 0", mimic="tilt -2 0.25"),
+]
+
+ROBOTS = {
+    "planar": _robot(
+        PLANAR,
+        [
+            _segment("A", "base", "0.2 0 0.1", "0.5 0 0.3", 0.01),
+            _segment("B", "a", "0.05 0.02 0.1", "0.05 0.02 0.35", 0.02),
+            _segment("C", "b", "0 0.02 0.1", "0.1 0.02 0.3", 0.015),
+            _segment("along", "b", "0.1 -0.3 0.2", "0.1 0.3 0.2"),  # along the axis of every joint
+            _point("p", "base", "-0.3 0.01 0.3", 0.02),
+            _plane("floor", "base", "0 0 -0.2", "0 0 1"),
+            _plane("edge", "b", "-0.05 0 0", "-2 0 0.4"),
+            _line("rod", "base", "0.4 0 0.6", "0 3 0", 0.03),
+            _line("bar", "a", "0.1 0.3 0.2", "1 0 1", 0.01),
+        ],
+        [
+            "A_C",
+            "B_p",
+            "C_p",
+            "A_B",
+            "along_p",
+            "A_along",
+            "C_floor",
+            "floor_along",
+            "edge_p",
+            "rod_C",
+            "C_rod",
+            "bar_p",
+            "p_bar",
+            "bar_C",
+        ],
+        '<pinbound:home q1="-0.4" q2="-0.5"/>',
+    ),
+    "spatial": _robot(
+        ARM,
+        [
+            _segment("A", "base", "0.3 0.3 0.2", "-0.1 0.4 0.7", 0.01),
+            _segment("B", "b", "0.05 0.1 0", "0 0.1 0.3", 0.02),
+            _segment("D", "d", "0.05 0.02 0.1", "0.1 -0.2 0.3", 0.015),
+            _segment("dot", "d", "0.1 0 0.1", "0.1 0 0.1", 0.02),  # of no length
+            _point("p", "base", "0.4 -0.3 0.5", 0.02),
+            _plane("wall", "base", "-0.6 0 0", "1 0.2 0"),
+            _plane("face", "d", "0 0 0.35", "0 0.1 -1"),
+            _line("pole", "base", "0.6 0.6 0", "0.1 0 1", 0.03),
+            _line("ray", "b", "0 0.2 0.2", "1 0.5 0"),
+        ],
+        [
+            "A_D",
+            "A_B",
+            "B_D",
+            "dot_A",
+            "dot_p",
+            "B_p",
+            "p_D",
+            "wall_D",
+            "D_wall",
+            "wall_B",
+            "p_face",
+            "face_A",
+            "pole_D",
+            "D_pole",
+            "p_ray",
+            "ray_D",
+        ],
+        '<pinbound:home j2="0.3" j3="0.2"/>',
+    ),
+    "slides": _robot(
+        SLIDES,
+        [
+            _segment("A", "base", "0.5 0.1 0.2", "0.5 0.3 0.6", 0.01),
+            _segment("B", "b", "0.1 0.1 0.3", "0 -0.2 0.4", 0.02),
+            _segment("E", "e", "0.1 0 0.05", "0.1 0.2 0.1", 0.01),
+            _plane("top", "base", "0 0 1.5", "0 0 -1"),
+            _line("pole", "base", "-0.2 -0.6 0", "0 0 1", 0.05),
+        ],
+        ["A_E", "B_E", "A_B", "top_E", "pole_E"],
+    ),
+    "parallel": _robot(  # two segments that stay parallel, and two that cross, at any angle
+        [
+            joint("x", "prismatic", "base", "a", axis="1 0 0", limit="-2 2"),
+            joint("z", "prismatic", "a", "b", axis="0 0 1", limit="-2 2"),
+            joint("turn", "revolute", "b", "c", axis="0 0 1"),
+        ],
+        [
+            _segment("A", "base", "0 0 0", "0 0 1", 0.1),
+            _segment("B", "b", "0.5 0 0.2", "0.5 0 0.9", 0.1),
+            _segment("C", "base", "-0.5 1 0", "0.5 1 0", 0.05),
+            _segment("D", "c", "-0.5 1.2 0", "0.5 1.2 0", 0.05),
+        ],
+        ["A_B", "C_D", "A_D"],
+    ),
+}
+
+
+def place(robot: pb.Robot, theta: Any, mark: Any, data: Any) -> Any:
+    """Return a mark's points in the world, after `framesForwardKinematics`."""
+    return [data.oMf[robot.model.getFrameId(mark.link, pin.BODY)].act(np.array(xyz)) for xyz in mark.anchors]
+
+
+def oracle_clearances(robot: pb.Robot, Q: Any) -> Any:
+    """Return every clearance (N, m) from Pinocchio's placements and coal's distances of capsules and half-spaces."""
+    data = robot.model.createData()
+    found = np.empty((len(Q), len(robot.boundaries)))
+    for row, theta in enumerate(robot.coupling.expand(Q)):
+        pin.framesForwardKinematics(robot.model, data, theta)
+        for column, boundary in enumerate(robot.boundaries):
+            shapes = [_shape(mark, place(robot, theta, mark, data)) for mark in (boundary.point_a, boundary.point_b)]
+            (one, T_one), (two, T_two) = shapes
+            result = coal.DistanceResult()
+            coal.distance(one, T_one, two, T_two, coal.DistanceRequest(), result)
+            found[row, column] = result.min_distance - boundary.min_distance
+    return found
+
+
+def _shape(mark: Any, ends: Any) -> tuple[Any, Any]:
+    if mark.kind == "plane":
+        normal = ends[1] - ends[0]
+        return coal.Halfspace(normal, float(normal @ ends[0])), coal.Transform3s()
+    if mark.kind == "point":
+        return coal.Sphere(mark.radius), coal.Transform3s(np.eye(3), ends[0])
+    along = ends[1] - ends[0]
+    if mark.kind == "line":
+        ends = [ends[0] - FAR * along, ends[0] + FAR * along]
+        along = ends[1] - ends[0]
+    z = along / np.linalg.norm(along)
+    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    x /= np.linalg.norm(x)
+    rotation = np.column_stack((x, np.cross(z, x), z))
+    capsule = coal.Capsule(mark.radius, float(np.linalg.norm(along)))
+    return capsule, coal.Transform3s(rotation, (ends[0] + ends[1]) / 2)
