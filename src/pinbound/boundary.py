@@ -199,8 +199,8 @@ class Boundary:
     def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> Any:
         """Return the allowed values of one coordinate, the others as in q.
 
-        Used in one rotation, `|r|^2 = a + b cos q_j + c sin q_j` (and the height above a plane likewise), so the allowed
-        set is one arc a turn; used to slide only, it is all but one interval: closed forms. Used otherwise, and between
+        Used in one rotation, `|r|^2 = a + b cos q_j + c sin q_j` (the height above a plane likewise), so the allowed set
+        is one arc a turn; used to slide only, it is all but one interval: closed forms. Used otherwise, and between
         segments or across a line: every contact isolated with a proof.
 
         Args:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinbound.boundary import Boundary, one_configuration
-from pinbound.certificates.constraints import Family, families, select
+from pinbound.certificates.constraints import families, select
+from pinbound.certificates.enclosures import Family
 from pinbound.certificates.records import BoxCertificate, Budget, OpenBox, Reason, Verdict
 from pinbound.certificates.search import Meter
 from pinbound.exceptions import DimensionError

@@ -1,14 +1,15 @@
-"""What has to hold: limits, boundaries of one effective angle, boundaries of several; each with its enclosure.
+"""What has to hold: limits, boundaries of one effective angle, of several, of segments and planes; with enclosures.
 
-Three families, one question: over a part of a motion, or over a box, what is the clearance in the middle, what is it
-at least, and is that beyond every rounding error? `docs/certificates.md` gives the argument for each.
+Four families, one question: over a part of a motion, or over a box, what is the clearance in the middle, what is it
+at least, and is that beyond every rounding error? `docs/certificates.md` and `docs/segments.md` give the arguments.
 
 The *signed clearance* that is certified is `norm - threshold`, except where the threshold is so small that contact
 is a line or a point instead of a strip:
 
 - one effective angle, and arms that just align (`half_width` 0): `+norm` on home's side of the contact lines, `-norm`
   on every other side, so that what crosses a line has changed sign;
-- several effective angles, or a slide: `norm - max(threshold, contact_tolerance)`, the same rule that home must pass.
+- several effective angles, a slide, or segments: `norm - max(threshold, contact_tolerance)`, the same rule that home
+  must pass. Heights above planes are signed as they are.
 """
 
 from __future__ import annotations
@@ -16,12 +17,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinbound.boundary import Boundary
+from pinbound.certificates.enclosures import Enclosure
+from pinbound.certificates.swept import SweptBoundaries, swept_boundaries
 from pinbound.coupling import as_configurations
 from pinbound.exceptions import UnknownNameError
 from pinbound.interpreters import numeric
@@ -39,76 +41,11 @@ from pinbound.interpreters.bounds import (
 from pinbound.robot import Robot
 from pinbound.tolerances import LIMIT, UNIT_ROUNDOFF
 
-__all__ = ["Enclosure", "Family", "OneAngleFamily", "families", "far_sides", "select", "signed_clearances"]
+__all__ = ["families", "far_sides", "select", "signed_clearances"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Enclosure:
-    """What is known of N parts.
-
-    Attributes:
-        value: (N,) signed clearance in the middle, as computed [m, or rad for limits].
-        lower: (N,) proven lower bound over the part.
-        error: (N,) rounding bound of `value`.
-        clear: (N,) whether the part is proven free.
-        violated: (N,) whether the middle is proven not to be.
-        settled: (N,) whether halving cannot tell more: what is left of the part's width is below rounding.
-    """
-
-    value: Array
-    lower: Array
-    error: Array
-    clear: Flags
-    violated: Flags
-    settled: Flags
-
-
-class Family(Protocol):
-    """Constraints of one sort, over one extent of q."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Their names."""
-        ...
-
-    @property
-    def weights(self) -> Array:
-        """(m, n): how much each coordinate moves what is bounded, for the choice of where to halve a box."""
-        ...
-
-    def enclose(self, which: Indices, part: Expansion, rows: Indices) -> Enclosure:
-        """Return what is known of constraints `which` (N,) on the parts `rows` (N,) of those of `part`."""
-        ...
-
-    def enclose_box(self, which: Indices, centre: Array, half: Array) -> Enclosure:
-        """Return what is known of constraints `which` on boxes `centre +- half`."""
-        ...
-
-    def signed(self, Q: Array) -> Array:
-        """Return the signed clearances (N, m) at configurations, as computed."""
-        ...
-
-    def clearance(self, row: int, q: Array) -> float:
-        """Return the signed clearance of one constraint at one q (n,)."""
-        ...
-
-
-@runtime_checkable
-class OneAngleFamily(Family, Protocol):
-    """Constraints on one angle each, or one affine function of q, so that its range says all."""
-
-    @property
-    def angles(self) -> Array:
-        """(m, n) coefficients of the angles."""
-        ...
-
-    def judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
-        """Return what is known of constraints `which` from the angle somewhere, and from its range."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -311,7 +248,7 @@ def select(robot: Robot, boundaries: Sequence[str] | None) -> tuple[Boundary, ..
 
 def families(
     robot: Robot, boundaries: Sequence[Boundary], lower: Array, upper: Array, degree: int = 1
-) -> tuple[Limits, OneAngleBoundaries, ManyAngleBoundaries]:
+) -> tuple[Limits, OneAngleBoundaries, ManyAngleBoundaries, SweptBoundaries]:
     """Return all constraints of a robot, with rounding bounds that hold while q stays in a box.
 
     Args:
@@ -321,12 +258,15 @@ def families(
         upper: (n,) upper corner.
         degree: Degree of the motion's pieces.
     """
-    one = [boundary for boundary in boundaries if boundary.contact is not None]
-    many = tuple(boundary for boundary in boundaries if boundary.contact is None)
+    points = [boundary for boundary in boundaries if boundary.path.is_plain]
+    one = [boundary for boundary in points if boundary.contact is not None]
+    many = tuple(boundary for boundary in points if boundary.contact is None)
+    swept = tuple(boundary for boundary in boundaries if not boundary.path.is_plain)
     return (
         _limits(robot, lower, upper, degree),
         _one_angle(robot, one, lower, upper, degree),
         _many_angles(robot, many, lower, upper, degree),
+        swept_boundaries(swept, joints_between(robot, swept), lower, upper, degree),
     )
 
 
@@ -346,12 +286,16 @@ def _limits(robot: Robot, lower: Array, upper: Array, degree: int) -> Limits:
 
 
 def _errors(robot: Robot, boundaries: Sequence[Boundary], chains: Bundle, lower: Array, upper: Array, degree: int):
-    joints = [
-        len(robot.tree.descent(boundary.ancestor, boundary.point_a.link))
-        + len(robot.tree.descent(boundary.ancestor, boundary.point_b.link))
+    return rounding_bound(chains, joints_between(robot, boundaries), lower, upper, degree)
+
+
+def joints_between(robot: Robot, boundaries: Sequence[Boundary]) -> Array:
+    """Return the number of joints, fixed ones too, on each boundary's path (m,)."""
+    counts = [
+        sum(len(robot.tree.descent(boundary.ancestor, mark.link)) for mark in (boundary.point_a, boundary.point_b))
         for boundary in boundaries
     ]
-    return rounding_bound(chains, np.array(joints, dtype=np.float64), lower, upper, degree)
+    return np.array(counts, dtype=np.float64)
 
 
 def _one_angle(
@@ -390,11 +334,9 @@ def far_sides(robot: Robot, boundaries: Sequence[Boundary], q: Array) -> tuple[s
     """Return the boundaries with a contact strip beyond which q lies, seen from home: clear, but not reachable."""
     found: list[str] = []
     for boundary in boundaries:
-        contact = boundary.contact
-        if contact is not None and contact.half_width:
-            start, end = contact.gap(float(contact.coefficients @ robot.home))
-            if not start < float(contact.coefficients @ q) < end:
-                found.append(boundary.name)
+        is_strip = any(contact.half_width for contact in boundary.contacts or ())
+        if is_strip and boundary.parts(robot.home, q):
+            found.append(boundary.name)
     return tuple(found)
 
 
@@ -406,7 +348,7 @@ class _Signed:
     boundaries: tuple[Boundary, ...]
 
     @cached_property
-    def families(self) -> tuple[OneAngleBoundaries, ManyAngleBoundaries]:
+    def families(self) -> tuple[OneAngleBoundaries, ManyAngleBoundaries, SweptBoundaries]:
         zero = np.zeros(len(self.robot.coordinates))
         return families(self.robot, self.boundaries, zero, zero)[1:]
 

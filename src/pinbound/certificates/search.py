@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.certificates.constraints import Enclosure, Family, OneAngleFamily
+from pinbound.certificates.enclosures import Enclosure, Family, OneAngleFamily
 from pinbound.certificates.records import Budget, Contact, Finding, OpenPart, Reason, Verdict
 from pinbound.certificates.trajectory import Polynomials, Trajectory
 from pinbound.interpreters.bounds import Expansion

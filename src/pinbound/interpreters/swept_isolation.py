@@ -1,8 +1,8 @@
 """All contacts of a swept path along one coordinate: what is free is proven free, what is left is contact.
 
-Distances of segments are smooth only in pieces, so that roots cannot be isolated by derivatives as in `isolation`. Instead
-the line of the coordinate is halved until each piece is proven free (lower bound above the threshold), proven in
-contact (upper bound below), or so short that halving cannot tell more: that is the width of rounding, and counts as
+Distances of segments are smooth only in pieces, so that roots cannot be isolated by derivatives as in `isolation`.
+Instead the line of the coordinate is halved until each piece is proven free (lower bound above the threshold), proven
+in contact (upper bound below), or so short that halving cannot tell more: that is the width of rounding, and counts as
 contact. Both bounds are of second order, so that the pieces that are left shrink to the contacts quadratically. Many
 configurations of the other coordinates are halved together. `docs/segments.md`.
 """
@@ -31,7 +31,6 @@ _PIECES = 5  # 2^5 pieces to begin with
 _FINEST = 50  # 2^50 steps in all
 _MOST_OPEN = 4096  # pieces a configuration: more are a contact that is flat along an interval
 _ROWS = 1024  # configurations at a time, to bound memory
-_JOINTS = 64.0  # a bound of how many joints lie on a path, for its rounding
 
 
 def arcs(
@@ -93,7 +92,8 @@ def _one_coordinate(path: RelativePath) -> RelativePath:
 
 def _bundle(path: RelativePath, lower: Array, upper: Array) -> tuple[SweptBundle, float]:
     swept = swept_bundle([path], lower, upper)
-    return swept, float(rounding_bound(swept, np.array([_JOINTS]), lower, upper)[0])
+    evaluation = np.zeros(1)  # joints whose folding has been rounded: limits are of the path as it is, as elsewhere
+    return swept, float(rounding_bound(swept, evaluation, lower, upper)[0])
 
 
 def _bound(swept: SweptBundle, Q: Array, index: int, middle: Array, half: float, error: float) -> Bounds:

@@ -1,0 +1,82 @@
+"""What is asked of constraints, and what they answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.interpreters.bounds import Expansion
+
+__all__ = ["Enclosure", "Family", "OneAngleFamily"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """What is known of N parts.
+
+    Attributes:
+        value: (N,) signed clearance in the middle, as computed [m, or rad for limits].
+        lower: (N,) proven lower bound over the part.
+        error: (N,) rounding bound of `value`.
+        clear: (N,) whether the part is proven free.
+        violated: (N,) whether the middle is proven not to be.
+        settled: (N,) whether halving cannot tell more: what is left of the part's width is below rounding.
+    """
+
+    value: Array
+    lower: Array
+    error: Array
+    clear: Flags
+    violated: Flags
+    settled: Flags
+
+
+class Family(Protocol):
+    """Constraints of one sort, over one extent of q."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names."""
+        ...
+
+    @property
+    def weights(self) -> Array:
+        """(m, n): how much each coordinate moves what is bounded, for the choice of where to halve a box."""
+        ...
+
+    def enclose(self, which: Indices, part: Expansion, rows: Indices) -> Enclosure:
+        """Return what is known of constraints `which` (N,) on the parts `rows` (N,) of those of `part`."""
+        ...
+
+    def enclose_box(self, which: Indices, centre: Array, half: Array) -> Enclosure:
+        """Return what is known of constraints `which` on boxes `centre +- half`."""
+        ...
+
+    def signed(self, Q: Array) -> Array:
+        """Return the signed clearances (N, m) at configurations, as computed."""
+        ...
+
+    def clearance(self, row: int, q: Array) -> float:
+        """Return the signed clearance of one constraint at one q (n,)."""
+        ...
+
+
+@runtime_checkable
+class OneAngleFamily(Family, Protocol):
+    """Constraints on one angle each, or one affine function of q, so that its range says all."""
+
+    @property
+    def angles(self) -> Array:
+        """(m, n) coefficients of the angles."""
+        ...
+
+    def judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
+        """Return what is known of constraints `which` from the angle somewhere, and from its range."""
+        ...

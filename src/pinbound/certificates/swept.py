@@ -1,0 +1,90 @@
+"""Boundaries of segments, lines and planes: bounded along a direction that stands still."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.boundary import Boundary
+from pinbound.certificates.enclosures import Enclosure
+from pinbound.interpreters import separation
+from pinbound.interpreters.bounds import Expansion
+from pinbound.interpreters.swept_bounds import (
+    Bounds,
+    SweptBundle,
+    along_motion,
+    over_box,
+    rounding_bound,
+    swept_bundle,
+)
+from pinbound.interpreters.univariate import contact_distance
+
+__all__ = ["SweptBoundaries", "swept_boundaries"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class SweptBoundaries:
+    """Boundaries that are not between two points.
+
+    Attributes:
+        names: Their names.
+        swept: Their paths, side by side.
+        threshold: (m,) what the separation must exceed [m]; of distances at least the contact tolerance.
+        error: (m,) rounding bound of a separation [m].
+        boundaries: They themselves.
+    """
+
+    names: tuple[str, ...]
+    swept: SweptBundle
+    threshold: Array
+    error: Array
+    boundaries: tuple[Boundary, ...]
+
+    @property
+    def weights(self) -> Array:
+        """Lever arms, and lengths of slides, a coordinate, of the corner that moves most."""
+        corners = self.swept.corners
+        moved = np.einsum("mk,mkn->mn", self.swept.arms, np.abs(corners.coefficients))
+        if corners.slides is not None:
+            moved = moved + np.linalg.norm(corners.slides, axis=2).sum(axis=1)
+        return moved.reshape(len(self.names), -1, moved.shape[1]).max(axis=1)
+
+    def signed(self, Q: Array) -> Array:
+        """Return the signed clearances (N, m) [m]."""
+        found = [separation.separations(boundary.path, Q) for boundary in self.boundaries]
+        return np.array(found).reshape(len(self.boundaries), len(Q)).T - self.threshold
+
+    def clearance(self, row: int, q: Array) -> float:
+        """Return the signed clearance of one boundary [m]."""
+        return float(self.boundaries[row].norm(q) - self.threshold[row])
+
+    def enclose(self, which: Indices, part: Expansion, rows: Indices) -> Enclosure:
+        """Return the enclosure by the bounds along a motion."""
+        return self._judge(which, along_motion(self.swept, which, part.take(rows), self.error[which]))
+
+    def enclose_box(self, which: Indices, centre: Array, half: Array) -> Enclosure:
+        """Return the enclosure by the bounds over a box."""
+        return self._judge(which, over_box(self.swept, which, centre, half, self.error[which]))
+
+    def _judge(self, which: Indices, found: Bounds) -> Enclosure:
+        error, threshold = self.error[which], self.threshold[which]
+        value, lower = found.value - threshold, found.lower - threshold
+        lower = np.where(self.swept.is_signed[which], lower, np.maximum(lower, -threshold - error))
+        return Enclosure(value, lower, error, lower > 0.0, value < -error, value - lower <= 4.0 * error)
+
+
+def swept_boundaries(
+    boundaries: Sequence[Boundary], joints: Array, lower: Array, upper: Array, degree: int
+) -> SweptBoundaries:
+    """Return boundaries with rounding bounds that hold while q stays in a box; `joints` (m,) counts those between."""
+    swept = swept_bundle([boundary.path for boundary in boundaries], lower, upper)
+    threshold = [contact_distance(b.path, b.threshold, b.contact_tolerance) for b in boundaries]
+    error = rounding_bound(swept, joints, lower, upper, degree)
+    names = tuple(boundary.name for boundary in boundaries)
+    return SweptBoundaries(names, swept, np.array(threshold), error, tuple(boundaries))
