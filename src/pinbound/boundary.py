@@ -102,6 +102,16 @@ class Boundary:
         """`radius_a + radius_b + min_distance` [m]."""
         return self.point_a.radius + self.point_b.radius + self.min_distance
 
+    @property
+    def contact_distance(self) -> float:
+        """Up to which norm there is contact [m]: the threshold, and at least the tolerance where contact is an area."""
+        return univariate.contact_distance(self.path, self.threshold, self.contact_tolerance)
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether it says where bodies first touch: a distance, not a height, of zero threshold."""
+        return self.threshold == 0.0 and not self.path.is_signed
+
     @cached_property
     def contacts(self) -> tuple[ContactAngle, ...] | None:
         """All contact strips of a boundary of one effective angle; None if it has several, or slides.
@@ -199,9 +209,9 @@ class Boundary:
     def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> Any:
         """Return the allowed values of one coordinate, the others as in q.
 
-        Used in one rotation, `|r|^2 = a + b cos q_j + c sin q_j` (the height above a plane likewise), so the allowed set
-        is one arc a turn; used to slide only, it is all but one interval: closed forms. Used otherwise, and between
-        segments or across a line: every contact isolated with a proof.
+        Used in one rotation, `|r|^2 = a + b cos q_j + c sin q_j` (and the height above a plane likewise), so that the
+        allowed set is one arc a turn; used to slide only, it is all but one interval: closed forms. Used otherwise,
+        and between segments or across a line: every contact isolated with a proof.
 
         Args:
             coordinate: An active coordinate of the robot.

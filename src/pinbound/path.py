@@ -104,7 +104,7 @@ def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativeP
         between.up(joint)
     for joint in down_last[shared:]:
         between.down(joint)
-    segments = [mark for mark in (a, b) if mark.kind == "segment"]
+    segments = [mark for mark in (a, b) if isinstance(mark, Segment) and mark.kind == "segment"]
     head, tail = (_placed(mark, segments) for mark in (first, last))
     across = _across(first)
     minimal = drop_head(between.chain(tail, head), across)
@@ -121,12 +121,11 @@ def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativeP
     )
 
 
-def _placed(mark: Mark, segments: Sequence[Mark]) -> Array:
+def _placed(mark: Mark, segments: Sequence[Segment]) -> Array:
     """Return a mark as columns (3, 1 + k): its point, and its direction in the column of its own parameter."""
     columns = [np.array(mark.xyz)]
     for one in segments:
-        turned = isinstance(mark, Segment) and one is mark
-        columns.append(np.subtract(mark.xyz_b, mark.xyz_a) if turned else np.zeros(3))
+        columns.append(np.subtract(one.xyz_b, one.xyz_a) if one is mark else np.zeros(3))
     return np.column_stack(columns)
 
 

@@ -13,6 +13,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.annotations import Mark
+from pinbound.boundary import Boundary
 from pinbound.region import Edge, Region
 from pinbound.robot import Robot
 
@@ -24,6 +26,7 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7
 _GREY = "#8A8A8A"
 _FILL = "#DCEBF5"
 _EDGE_SAMPLES = 200
+_STRETCH = 0.1  # metres of a line, or of a plane's normal, that are drawn
 
 
 def _figure(width: float, height: float) -> tuple[Any, Any]:
@@ -242,13 +245,16 @@ def _draw_skeleton(axes: Any, robot: Robot, q: Array, plane: tuple[int, int], co
 def draw_robot(robot: Robot, q: Array) -> Any:
     """Draw joints, pins and marked points of a robot at one configuration, seen along its flattest axis."""
     figure, axes = _figure(8.2, 6.6)
-    marked = {p.name: robot.positions(p.link, q, p.xyz) for p in robot.annotations.points.values()}
+    marked = {name: _anchors(robot, mark, q) for name, mark in robot.annotations.marks.items()}
     origins = [robot.positions(link, q) for link in robot.tree.links]
-    plane = section_axes(np.array([*origins, *marked.values()]))
+    plane = section_axes(np.array([*origins, *(end for ends in marked.values() for end in ends)]))
     _draw_skeleton(axes, robot, q, plane, "#9AA5B1")
     for index, boundary in enumerate(robot.boundaries):
         colour = PALETTE[index % len(PALETTE)]
-        ends = 1e3 * np.array([marked[boundary.point_a.name], marked[boundary.point_b.name]])[:, list(plane)]
+        ends = _nearest_ends(boundary, marked, q)[:, list(plane)]
+        for mark in (boundary.point_a, boundary.point_b):
+            whole = 1e3 * np.array(marked[mark.name])[:, list(plane)]
+            axes.plot(*whole.T, color=colour, linewidth=4.0, alpha=0.3, solid_capstyle="round", zorder=3)
         style = "-" if index < len(PALETTE) else "--"
         axes.plot(*ends.T, style, marker="o", markersize=5, linewidth=1.1, color=colour, label=boundary.name, zorder=4)
         for point, place in zip((boundary.point_a, boundary.point_b), ends, strict=True):
@@ -263,6 +269,24 @@ def draw_robot(robot: Robot, q: Array) -> Any:
     if len(robot.boundaries):
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     return figure
+
+
+def _anchors(robot: Robot, mark: Mark, q: Array) -> list[Array]:
+    """Return a point, or the ends of a segment; of a line and a plane a stretch of 0.1 m, [m]."""
+    first, *others = (np.array(xyz) for xyz in mark.anchors)
+    if mark.kind in ("line", "plane"):
+        others = [first + _STRETCH * (others[0] - first)]
+    return [robot.positions(mark.link, q, xyz.tolist()) for xyz in (first, *others)]
+
+
+def _nearest_ends(boundary: Boundary, marked: dict[str, list[Array]], q: Array) -> Array:
+    """Return where the marks of a boundary are nearest, (2, 3) [mm]; of a line or plane its own point."""
+    t = iter(boundary.nearest(q).tolist())
+    ends: list[Array] = []
+    for mark in (boundary.point_a, boundary.point_b):
+        first, *others = marked[mark.name]
+        ends.append(first + next(t) * (others[0] - first) if mark.kind == "segment" else first)
+    return 1e3 * np.array(ends)
 
 
 def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:

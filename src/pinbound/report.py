@@ -43,7 +43,10 @@ def boundary_rows(robot: Robot, region: Region | None) -> list[BoundaryRow]:
     rows: list[BoundaryRow] = []
     for boundary in robot.boundaries:
         contact = boundary.contact
-        if contact is None:
+        if contact is None and boundary.contacts:
+            strips = [f"{np.degrees(c.angle):.6f} ± {np.degrees(c.half_width or 0.0):.6f}" for c in boundary.contacts]
+            text, status = f"{boundary.contacts[0].text} = {' and '.join(strips)}°", "no region"
+        elif contact is None:
             text, status = "a curve", "no region"
         elif contact.half_width is None:
             text, status = f"never: |r| ≥ {1e3 * contact.smallest:.3f} mm", "never in contact"

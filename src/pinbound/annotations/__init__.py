@@ -7,6 +7,8 @@ elements and attributes are faults: a misspelt `min_distance` must not pass.
 from pinbound.annotations.inline import read_inline
 from pinbound.annotations.marks import FlatMark, Line, Mark, Plane, Point, Segment
 from pinbound.annotations.records import (
+    FIELDS,
+    KINDS,
     NAMESPACE,
     Annotations,
     BoundaryMark,
@@ -19,6 +21,8 @@ from pinbound.annotations.records import (
 from pinbound.annotations.validation import validate
 
 __all__ = [
+    "FIELDS",
+    "KINDS",
     "NAMESPACE",
     "Annotations",
     "BoundaryMark",

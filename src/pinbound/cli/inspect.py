@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pinbound.boundary import Boundary
+from pinbound.annotations import FIELDS, KINDS, Line, Mark, Plane, Point, Segment
+from pinbound.boundary import Boundary, ContactAngle
 from pinbound.boundary_set import CoordinateLimits
 from pinbound.cli.shared import (
     Annotations,
@@ -52,9 +53,17 @@ def info(
     if loaded.closures:
         rows = [(c.name, f"{c.mark.link_a} - {c.mark.link_b}", f"{c.bound:.1e}") for c in loaded.closures]
         print_table("Closures", ("closure", "links", "residual at most, for every q [m]"), rows)
-    rows = [(p.name, p.link, *(millimetres(x, 3) for x in p.xyz), millimetres(p.radius, 3)) for p in _points(loaded)]
+    rows = [
+        (p.name, p.link, *(millimetres(x, 3) for x in p.xyz), millimetres(p.radius, 3))
+        for p in loaded.annotations.points.values()
+    ]
     if rows:
         print_table("Marked points", ("point", "link", "x [mm]", "y [mm]", "z [mm]", "radius [mm]"), rows)
+    others = [mark for mark in loaded.annotations.marks.values() if not isinstance(mark, Point)]
+    if others:
+        rows = [(m.name, KINDS[type(m)], m.link, *_vectors(m), millimetres(m.radius, 3)) for m in others]
+        headings = ("mark", "kind", "link", "from [mm]", "to [mm] or direction []", "radius [mm]")
+        print_table("Segments, lines and planes", headings, rows)
     out.print(f"{len(loaded.boundaries)} boundaries: {', '.join(loaded.boundaries.names) or 'none'}")
     for heading, lines in (("Notes", loaded.notes), ("Assumptions", loaded.annotations.assumptions)):
         if lines:
@@ -63,8 +72,11 @@ def info(
                 out.print(f"- {line}", markup=False)
 
 
-def _points(robot: Robot) -> list[Any]:
-    return list(robot.annotations.points.values())
+def _vectors(mark: Segment | Line | Plane) -> tuple[str, str]:
+    first = " ".join(millimetres(x, 3) for x in mark.xyz)
+    if isinstance(mark, Segment):
+        return first, " ".join(millimetres(x, 3) for x in mark.xyz_b)
+    return first, " ".join(f"{x:.6g}" for x in mark.upright)
 
 
 def _joint_rows(robot: Robot) -> list[tuple[str, ...]]:
@@ -96,12 +108,18 @@ def _info_record(robot: Robot) -> dict[str, Any]:
         "offset": robot.coupling.offset,
         "links": list(robot.tree.links),
         "closures": [{"name": c.name, "residual_bound": c.bound} for c in robot.closures],
-        "points": [{"name": p.name, "link": p.link, "xyz": p.xyz, "radius": p.radius} for p in _points(robot)],
+        "points": [_mark_record(mark) for mark in robot.annotations.points.values()],
+        "marks": [_mark_record(mark) for mark in robot.annotations.marks.values()],
         "boundaries": robot.boundaries.names,
         "contact_tolerance": robot.annotations.contact_tolerance,
         "notes": robot.notes,
         "assumptions": robot.annotations.assumptions,
     }
+
+
+def _mark_record(mark: Mark) -> dict[str, Any]:
+    required, optional = FIELDS[KINDS[type(mark)]]
+    return {"kind": KINDS[type(mark)]} | {key: getattr(mark, key) for key in (*required, *optional)}
 
 
 def derive(
@@ -151,6 +169,9 @@ def derive(
 
 def _contact_text(boundary: Boundary) -> str:
     contact = boundary.contact
+    if contact is None and boundary.contacts:
+        strips = [f"{degrees(c.angle, 9)} +- {degrees(c.half_width or 0.0)}" for c in boundary.contacts]
+        return f"contact at {boundary.contacts[0].text} = {' and '.join(strips)} deg, every turn"
     if contact is None:
         return "contact: a curve (more than one effective angle)"
     if contact.half_width is None:
@@ -175,14 +196,18 @@ def _boundary_record(boundary: Boundary) -> dict[str, Any]:
         "expression": [str(component) for component in boundary.expression()],
         "expression_ancestor": [str(component) for component in boundary.expression("ancestor")],
         "latex": boundary.latex(),
-        "contact": contact
-        and {
-            "effective_angle": contact.text,
-            "coefficients": contact.coefficients,
-            "angle": contact.angle,
-            "half_width": contact.half_width,
-            "smallest_norm": contact.smallest,
-        },
+        "contact": contact and _contact_record(contact),
+        "contacts": [_contact_record(one) for one in boundary.contacts or ()],
+    }
+
+
+def _contact_record(contact: ContactAngle) -> dict[str, Any]:
+    return {
+        "effective_angle": contact.text,
+        "coefficients": contact.coefficients,
+        "angle": contact.angle,
+        "half_width": contact.half_width,
+        "smallest_norm": contact.smallest,
     }
 
 

@@ -179,7 +179,7 @@ def _check_pair(
         miss_q=miss_q,
         refusal=refusal,
         refusal_q=refusal_q,
-        stops=any(boundary.threshold == 0.0 for boundary in boundaries),
+        stops=any(boundary.is_stop for boundary in boundaries),
     )
 
 
@@ -206,13 +206,12 @@ def _largest(choices: Sequence[tuple[NDArray[np.bool_], Array, Array]]) -> tuple
 
 def _crossing(boundary: Boundary, home: Array, Q: Array) -> Array:
     """Return the share of the way from home to each q (N,) at which the boundary is met; infinite if it is not."""
-    contact = boundary.contact
     share = np.full(len(Q), math.inf)
-    if contact is None or contact.half_width is None:
-        return share
-    start = float(contact.coefficients @ home)
-    phi = Q @ contact.coefficients
-    lower, upper = contact.gap(start)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(phi >= upper, (upper - start) / (phi - start), share)
-        return np.where(phi <= lower, (lower - start) / (phi - start), share)
+    for contact in boundary.contacts or ():
+        start = float(contact.coefficients @ home)
+        phi = Q @ contact.coefficients
+        lower, upper = contact.gap(start)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.fmin(share, np.where(phi >= upper, (upper - start) / (phi - start), math.inf))
+            share = np.fmin(share, np.where(phi <= lower, (lower - start) / (phi - start), math.inf))
+    return share

@@ -88,7 +88,8 @@ class BoundaryLevel:
 class _Claim:
     """A contact that pinbound says a ray meets first: `t` None if it meets none up to `length`.
 
-    `unit` turns differences of t into the angle that they are stated in; `expected` is the clearance there.
+    `unit` turns differences of t into the angle that they are stated in; `expected` is the clearance there, and
+    `level` the one that is contact: above zero where the tolerance is larger than the threshold.
     """
 
     method: str
@@ -99,6 +100,7 @@ class _Claim:
     unit: float = 1.0
     period: float = math.inf
     expected: float = 0.0
+    level: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,7 @@ def check_contacts(robot: Robot, rays: int, rng: np.random.Generator) -> Boundar
 
 def _claim(robot: Robot, boundary: Boundary, start: Array, rng: np.random.Generator) -> _Claim:
     contact = boundary.contact
-    if contact is not None:
+    if contact is not None and boundary.path.is_plain:
         return _one_angle(robot, boundary, contact, rng)
     return _along_one_coordinate(robot, boundary, start, rng)
 
@@ -174,6 +176,7 @@ def _along_one_coordinate(robot: Robot, boundary: Boundary, start: Array, rng: n
     """A ray along one coordinate from a random free start: the articular limit in closed form."""
     index = int(rng.choice(boundary.path.minimal.coordinates))
     name, side = robot.coordinates[index], int(rng.integers(2))
+    level = 0.0 if boundary.path.is_plain else boundary.contact_distance - boundary.threshold
     arcs, around = _arcs_around(boundary, name, index, start)
     if around is None:
         start = robot.home
@@ -182,8 +185,9 @@ def _along_one_coordinate(robot: Robot, boundary: Boundary, start: Array, rng: n
     direction[index] = (-1.0, 1.0)[side]
     length = arcs.period if math.isfinite(arcs.period) else 2.0 * math.pi
     if around is None or not math.isfinite(around[side]):
-        return _Claim("allowed arcs", start, direction, length, None)
-    return _Claim("allowed arcs", start, direction, length, abs(around[side] - float(start[index])))
+        return _Claim("allowed arcs", start, direction, length, None, level=level)
+    t = abs(around[side] - float(start[index]))
+    return _Claim("allowed arcs", start, direction, length, t, expected=level, level=level)
 
 
 def _arcs_around(
@@ -205,6 +209,9 @@ def _compare(engine: Engine, boundary: Boundary, claim: _Claim) -> _Seen:
     def coal(t: float) -> float:
         return engine.distance(claim.start + t * claim.direction, 0)
 
+    def above(t: float) -> float:
+        return coal(t) - claim.level
+
     if claim.method == "smallest norm":
         t = _minimum(coal, claim.length)
         place = claim.start if t is None else claim.start + t * claim.direction
@@ -213,11 +220,11 @@ def _compare(engine: Engine, boundary: Boundary, claim: _Claim) -> _Seen:
     if claim.method == "contact angle":
         t = _minimum(coal, claim.length)
     else:
-        t = _first_root(coal, 0.0, claim.length, _COARSE)
+        t = _first_root(above, 0.0, claim.length, _COARSE)
         if claim.t is not None and (t is None or abs(t - claim.t) * claim.unit > CROSSCHECK_ANGLE):
             # Thinner than the scan, perhaps: look closely just where pinbound claims the contact.
             step = claim.length / _COARSE
-            closer = _first_root(coal, max(0.0, claim.t - step), claim.t + step, _FINE)
+            closer = _first_root(above, max(0.0, claim.t - step), claim.t + step, _FINE)
             t = closer if t is None or (closer is not None and closer < t) else t
     if claim.t is None:
         place = claim.start if t is None else claim.start + t * claim.direction

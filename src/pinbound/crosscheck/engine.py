@@ -10,18 +10,30 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.annotations import Mark
 from pinbound.bodies import Body
 from pinbound.boundary import Boundary
 from pinbound.exceptions import UnsupportedError
 from pinbound.robot import Robot
 
-__all__ = ["Engine", "Shape", "blocks", "body_shapes", "pair_engine", "point_engine", "sample", "within_limits"]
+__all__ = [
+    "Engine",
+    "Shape",
+    "blocks",
+    "body_shapes",
+    "mark_shape",
+    "pair_engine",
+    "point_engine",
+    "sample",
+    "within_limits",
+]
 
 Array = NDArray[np.float64]
 
 _BLOCK = 20_000
 _UNLIMITED_SLIDE = 1.0  # metres: how far a slide without limits is sampled
 _MOST_DRAWS = 50
+_LINE = 1e3  # metres: the capsule that stands for a line
 
 
 @dataclass(frozen=True)
@@ -30,8 +42,8 @@ class Shape:
 
     Attributes:
         link: The link.
-        kind: ``"sphere"``, ``"box"``, ``"cylinder"`` or ``"capsule"``.
-        size: [m], as in `bodies.Body`.
+        kind: ``"sphere"``, ``"box"``, ``"cylinder"``, ``"capsule"`` or ``"halfspace"``.
+        size: [m], as in `bodies.Body`; of a half-space its height, z up.
         rotation: (3, 3), from the shape's frame to the link's.
         translation: (3,) [m] in the link's frame.
     """
@@ -101,6 +113,8 @@ def _coal_shape(shape: Shape) -> Any:
     import coal as coal_untyped
 
     coal = cast(Any, coal_untyped)
+    if shape.kind == "halfspace":
+        return coal.Halfspace(np.array([0.0, 0.0, 1.0]), shape.size[0])
     makers = {"sphere": coal.Sphere, "box": coal.Box, "cylinder": coal.Cylinder, "capsule": coal.Capsule}
     return makers[shape.kind](*shape.size)
 
@@ -111,24 +125,42 @@ def body_shapes(bodies: Sequence[Body]) -> list[Shape]:
 
 
 def point_engine(robot: Robot) -> Engine:
-    """Return the marked points as spheres (radius 0 is a point), one pair a boundary, in their order.
+    """Return the marks as coal's shapes (a sphere of radius 0 is a point), one pair a boundary, in their order.
 
     The first of each pair is larger by the distance to keep, so that coal's distance is the clearance.
     """
-    return _spheres(robot, list(robot.boundaries))
+    return _of_marks(robot, list(robot.boundaries))
 
 
 def pair_engine(robot: Robot, boundary: Boundary) -> Engine:
-    """Return the marked points of one boundary alone: asking for one distance then places two spheres, not all."""
-    return _spheres(robot, [boundary])
+    """Return the marks of one boundary alone: asking for one distance then places two shapes, not all."""
+    return _of_marks(robot, [boundary])
 
 
-def _spheres(robot: Robot, boundaries: Sequence[Boundary]) -> Engine:
+def _of_marks(robot: Robot, boundaries: Sequence[Boundary]) -> Engine:
     shapes: list[Shape] = []
     for boundary in boundaries:
-        for point, more in ((boundary.point_a, boundary.min_distance), (boundary.point_b, 0.0)):
-            shapes.append(Shape(point.link, "sphere", (point.radius + more,), np.eye(3), np.array(point.xyz)))
+        first, second = boundary.point_a, boundary.point_b
+        shapes += [mark_shape(first, boundary.min_distance), mark_shape(second, 0.0)]
     return Engine(robot, shapes, [(2 * index, 2 * index + 1) for index in range(len(boundaries))])
+
+
+def mark_shape(mark: Mark, more: float) -> Shape:
+    """Return a mark as a shape that is thicker by `more` [m]; a line is a capsule that is longer than any robot."""
+    first = np.array(mark.anchors[0])
+    if mark.kind == "point":
+        return Shape(mark.link, "sphere", (mark.radius + more,), np.eye(3), first)
+    along = np.array(mark.anchors[1]) - first
+    length = float(np.linalg.norm(along))
+    z = along / length
+    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    x /= np.linalg.norm(x)
+    rotation: Array = np.column_stack((x, np.cross(z, x), z))
+    if mark.kind == "plane":
+        return Shape(mark.link, "halfspace", (more,), rotation, first)
+    if mark.kind == "line":
+        return Shape(mark.link, "capsule", (mark.radius + more, _LINE), rotation, first)
+    return Shape(mark.link, "capsule", (mark.radius + more, length), rotation, first + along / 2)
 
 
 def sample(robot: Robot, count: int, rng: np.random.Generator) -> Array:

@@ -133,7 +133,7 @@ def _engine(robot: Robot) -> tuple[Engine, str, _Pairs] | str:
         touching = [pair for pair, distance in zip(pairs, at_home, strict=True) if not distance > 0.0]
         ignored = {(bodies[first].link, bodies[second].link) for first, second in touching}
         return Engine(robot, shapes, apart), "bodies", tuple(sorted(ignored))
-    if all(boundary.threshold > 0.0 for boundary in robot.boundaries):
+    if not any(boundary.is_stop for boundary in robot.boundaries):
         return point_engine(robot), "spheres", ()
     return "a flood fill passes through points of zero threshold; it needs collision bodies on every marked link"
 
@@ -212,12 +212,13 @@ def _compare(robot: Robot, region: Region, shapes: str, ignored: _Pairs, flood: 
         contour_inside=float(np.max(apart, initial=0.0)),
         contour_outside=float(np.max(-apart, initial=0.0)),
         tolerance=_angle_tolerance(robot, shapes),
-        stops=any(boundary.threshold == 0.0 for boundary in robot.boundaries),
+        stops=any(boundary.is_stop for boundary in robot.boundaries),
         complete=flood.complete,
     )
 
 
 def _angle_tolerance(robot: Robot, shapes: str) -> float:
     """Return what coal, or the bodies, may be off, as an angle on the shortest lever arm of a marked point."""
-    arms = [float(np.linalg.norm(boundary.path.minimal.offsets[-1])) for boundary in robot.boundaries]
+    ends = [corner.offsets[-1] for boundary in robot.boundaries for corner in boundary.path.swept.corners]
+    arms = [arm for arm in np.linalg.norm(ends, axis=1).tolist() if arm > 0.0]
     return (CROSSCHECK_BODY if shapes == "spheres" else CROSSCHECK_STOP) / min(arms)

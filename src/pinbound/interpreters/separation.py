@@ -81,7 +81,7 @@ def hessians(path: RelativePath, Q: Array) -> Array:
         columns = n + np.flatnonzero(pattern)
         if not len(columns) or not len(rows):
             continue
-        inner, mixed = full[np.ix_(rows, columns, columns)], full[np.ix_(rows, columns, range(n))]
+        inner, mixed = full[np.ix_(rows, columns, columns)], full[np.ix_(rows, columns, np.arange(n))]
         found[rows] -= np.swapaxes(mixed, 1, 2) @ _solve(inner, mixed)
     return found
 
@@ -103,7 +103,7 @@ def _solve(inner: Array, mixed: Array) -> Array:
 def _measured(path: RelativePath, Q: Array) -> tuple[Array, Array]:
     """Return w (N, d) and the e (k, N, d) of what counts: d = 3, 2 across a line, 1 above a plane."""
     w = numeric.positions(path.minimal, Q)
-    ways = np.array([numeric.positions(way, Q) for way in path.swept.ways]).reshape(-1, *w.shape)
+    ways = np.array([numeric.positions(way, Q) for way in path.swept.ways]).reshape(len(path.swept.ways), *w.shape)
     return (w, ways) if path.across is None else (w @ path.across.T, ways @ path.across.T)
 
 

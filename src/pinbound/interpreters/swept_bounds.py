@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.chain import Chain
 from pinbound.interpreters.bounds import Bundle, Expansion, Terms, box_terms, bundle, lever_arms, motion_terms
 from pinbound.interpreters.bounds import rounding_bound as chain_rounding_bound
 from pinbound.interpreters.closest import nearest
@@ -85,7 +86,7 @@ def swept_bundle(paths: Sequence[RelativePath], lower: Array, upper: Array) -> S
     return SweptBundle(corners, lever_arms(corners, lower, upper), across, normal, signed)
 
 
-def _four(path: RelativePath) -> list:
+def _four(path: RelativePath) -> list[Chain]:
     # What the reduction took for zero is 1e-14 m of a direction, however short the path: its scale must not be below 1.
     corners = [replace(chain, scale=max(chain.scale, 1.0)) for chain in path.swept.corners]
     return [corner for corner in corners for _ in range(_CORNERS // len(corners))]
@@ -140,6 +141,6 @@ def _separation(swept: SweptBundle, which: Indices, r: Array) -> tuple[Array, Ar
     w, second, first = measured[:, 0], measured[:, 1] - measured[:, 0], measured[:, 2] - measured[:, 0]
     t = nearest(w, [first, second])
     least = w + t[:, :1] * first + t[:, 1:] * second
-    length = np.sqrt(np.einsum("ni,ni->n", least, least))
-    unit = np.divide(least, length[:, None], out=np.zeros_like(least), where=length[:, None] > 0.0)
+    length: Array = np.sqrt(np.einsum("ni,ni->n", least, least))
+    unit: Array = np.divide(least, length[:, None], out=np.zeros_like(least), where=length[:, None] > 0.0)
     return np.where(signed, heights, length), np.where(signed[:, None], normal, unit)

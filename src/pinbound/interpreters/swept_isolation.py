@@ -3,8 +3,9 @@
 Distances of segments are smooth only in pieces, so that roots cannot be isolated by derivatives as in `isolation`.
 Instead the line of the coordinate is halved until each piece is proven free (lower bound above the threshold), proven
 in contact (upper bound below), or so short that halving cannot tell more: that is the width of rounding, and counts as
-contact. Both bounds are of second order, so that the pieces that are left shrink to the contacts quadratically. Many
-configurations of the other coordinates are halved together. `docs/segments.md`.
+contact. Both bounds are of second order, so that the pieces that are left shrink to the contacts quadratically. What is
+left at the end of a free interval is then bisected to the last bit. Many configurations of the other coordinates are
+halved together. `docs/segments.md`.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.exceptions import UnsupportedError
+from pinbound.interpreters import separation
 from pinbound.interpreters.bounds import Expansion
 from pinbound.interpreters.isolation import common_period, wrapped
 from pinbound.interpreters.swept_bounds import Bounds, SweptBundle, along_motion, rounding_bound, swept_bundle
@@ -31,6 +33,7 @@ _PIECES = 5  # 2^5 pieces to begin with
 _FINEST = 50  # 2^50 steps in all
 _MOST_OPEN = 4096  # pieces a configuration: more are a contact that is flat along an interval
 _ROWS = 1024  # configurations at a time, to bound memory
+_DOUBLINGS, _BISECTIONS = 20, 30  # from the width of a root to 1e-7, and back to the last bit
 
 
 def arcs(
@@ -55,7 +58,9 @@ def arcs(
     low, high = (-period / 2, period / 2) if period is not None else window or (-math.inf, math.inf)
     found: list[Array] = []
     for start in range(0, len(Q), _ROWS):
-        found += _free(path, index, name, Q[start : start + _ROWS], threshold, low, high)
+        rows = Q[start : start + _ROWS]
+        free = _free(path, index, name, rows, threshold, low, high)
+        found += _polished(path, index, rows, threshold, free, (low, high))
     if period is None:
         return found, math.inf, (low, high)
     return [wrapped(one, low, high, period)[0] for one in found], period, (-math.inf, math.inf)
@@ -70,7 +75,8 @@ def smallest(path: RelativePath) -> float:
     """Return the smallest separation over a turn of a path of one rotation [m], to rounding."""
     one = _one_coordinate(path)
     swept, error = _bundle(one, np.full(1, -math.pi), np.full(1, math.pi))
-    middle, half, best = np.linspace(-math.pi, math.pi, 65)[:-1] + math.pi / 64, math.pi / 64, math.inf
+    half, best = math.pi / 64, math.inf
+    middle = half * (2.0 * np.arange(64, dtype=np.float64) - 63.0)
     for _ in range(_FINEST):
         found = _bound(swept, np.zeros((len(middle), 1)), 0, middle, half, error)
         best = min(best, float(found.value.min()))
@@ -131,6 +137,32 @@ def _free(
     return _joined(kept, len(Q), low, step)
 
 
+def _polished(
+    path: RelativePath, index: int, Q: Array, threshold: float, free: list[Array], domain: tuple[float, float]
+) -> list[Array]:
+    """Move ends of free intervals onto the contact, over what rounding left undecided; in place."""
+    rows = np.repeat(np.arange(len(free)), [len(one) for one in free])
+    ends = np.concatenate(free)
+    for side, outwards in ((0, -1.0), (1, 1.0)):
+        q, inside = Q[rows], ends[:, side].copy()
+
+        def above(x: Array, q: Array = q) -> NDArray[np.bool_]:
+            q[:, index] = x
+            return separation.separations(path, q) > threshold
+
+        step = np.full(len(inside), ROOT)
+        for _ in range(_DOUBLINGS):
+            step = np.where(above(inside + outwards * step), 2.0 * step, step)
+        outside = inside + outwards * step
+        met = ~above(outside) & (inside > domain[0]) & (inside < domain[1])  # ends of the window are no contacts
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (inside + outside)
+            apart = above(middle)
+            inside, outside = np.where(apart, middle, inside), np.where(apart, outside, middle)
+        ends[met, side] = inside[met]
+    return np.split(ends, np.cumsum([len(one) for one in free])[:-1])
+
+
 def _joined(kept: list[tuple[Ints, Ints, int]], count: int, low: float, step: float) -> list[Array]:
     """Return free pieces joined to intervals, row by row."""
     row = np.concatenate([part[0] for part in kept])
@@ -141,6 +173,6 @@ def _joined(kept: list[tuple[Ints, Ints, int]], count: int, low: float, step: fl
     first = np.ones(len(row), dtype=np.bool_)
     first[1:] = (row[1:] != row[:-1]) | (start[1:] != stop[:-1])
     last = np.append(first[1:], True)[: len(row)]
-    intervals = low + step * np.stack((start[first], stop[last]), axis=1)
+    intervals: Array = low + step * np.stack((start[first], stop[last]), axis=1).astype(np.float64)
     owner = row[first]
     return [intervals[owner == one] for one in range(count)]

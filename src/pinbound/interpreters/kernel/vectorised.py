@@ -33,7 +33,7 @@ _DENSE = 12
 
 def _pick(a: Any, b: Any, x: Any, y: Any, out: Any = None) -> Any:
     """Return x where a < b, else y."""
-    found = np.where(np.less(a, b), x, y)
+    found: Any = np.where(np.less(a, b), x, y)
     if out is None:
         return found
     out[:] = found
