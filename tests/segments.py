@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import coal
@@ -36,6 +37,10 @@ def _line(name: str, link: str, xyz: str, direction: str, radius: float = 0.0) -
 
 def _plane(name: str, link: str, xyz: str, normal: str) -> str:
     return f'<pinbound:plane name="{name}" link="{link}" xyz="{xyz}" normal="{normal}"/>'
+
+
+def _sweep(name: str, link: str, xyz: str, ways: str, radius: float = 0.0) -> str:
+    return f'<pinbound:sweep name="{name}" link="{link}" xyz="{xyz}" ways="{ways}" radius="{radius}"/>'
 
 
 PLANAR = [joint("q1", "revolute", "base", "a", xyz="0 0 0.1"), joint("q2", "revolute", "a", "b", xyz="0 0 0.4")]
@@ -137,6 +142,35 @@ ROBOTS = {
         ],
         ["A_B", "C_D", "A_D"],
     ),
+    "bodies": _robot(  # rectangles, boxes and a prism of six sides
+        ARM,
+        [
+            _sweep("box", "base", "0.35 0.2 0.1", "0.2 0 0  0 0.3 0  0 0 0.25", 0.01),
+            _sweep("arm", "b", "-0.05 -0.04 0", "0.1 0 0  0 0.08 0  0 0 0.35"),
+            _sweep("hand", "d", "0 0 0.05", "0.1 0.02 0  -0.03 0.1 0  0 0 0.2"),
+            _sweep("plate", "c", "-0.1 -0.1 0.05", "0.2 0 0  0 0.2 0", 0.005),
+            _sweep("prism", "base", "-0.5 -0.5 0", "0.1 0 0  0.05 0.0866 0  -0.05 0.0866 0  0 0 0.8"),
+            _point("p", "base", "0.5 -0.5 0.5", 0.02),
+            _segment("D", "d", "0.05 0.02 0.1", "0.1 -0.2 0.3", 0.015),
+            _plane("wall", "base", "-0.9 0 0", "1 0.2 0"),
+            _line("pole", "base", "0.6 0.6 0", "0.1 0 1", 0.03),
+        ],
+        [
+            "box_hand",
+            "box_arm",
+            "hand_p",
+            "D_box",
+            "prism_hand",
+            "arm_hand",
+            "plate_p",
+            "box_plate",
+            "wall_hand",
+            "pole_hand",
+            "plate_wall",
+            "prism_D",
+        ],
+        '<pinbound:home j1="1.2" j2="0.3" j3="0.2"/>',
+    ),
 }
 
 
@@ -161,13 +195,27 @@ def oracle_clearances(robot: pb.Robot, Q: Any) -> Any:
 
 
 def _shape(mark: Any, ends: Any) -> tuple[Any, Any]:
-    if mark.kind == "plane":
+    if isinstance(mark, pb.Plane):
         normal = ends[1] - ends[0]
         return coal.Halfspace(normal, float(normal @ ends[0])), coal.Transform3s()
-    if mark.kind == "point":
+    if isinstance(mark, pb.Sweep) and len(mark.ways) == 2:
+        sides = [end - ends[0] for end in ends[1:]]
+        axes = [side / np.linalg.norm(side) for side in sides]
+        plate = coal.Box(*map(np.linalg.norm, sides), 0.0)
+        plate.setSweptSphereRadius(mark.radius)
+        rotation = np.column_stack((*axes, np.cross(*axes)))
+        return plate, coal.Transform3s(rotation, ends[0] + sum(sides) / 2)
+    if isinstance(mark, pb.Sweep):
+        points = coal.StdVec_Vec3s()
+        for corner in itertools.product((0.0, 1.0), repeat=len(mark.ways)):
+            points.append(sum(t * (end - ends[0]) for t, end in zip(corner, ends[1:], strict=True)))
+        hull = coal.Convex.convexHull(points, True, "Qt")
+        hull.setSweptSphereRadius(mark.radius)
+        return hull, coal.Transform3s(np.eye(3), ends[0])
+    if len(ends) == 1:
         return coal.Sphere(mark.radius), coal.Transform3s(np.eye(3), ends[0])
     along = ends[1] - ends[0]
-    if mark.kind == "line":
+    if isinstance(mark, pb.Line):
         ends = [ends[0] - FAR * along, ends[0] + FAR * along]
         along = ends[1] - ends[0]
     z = along / np.linalg.norm(along)

@@ -35,7 +35,14 @@ FLOORS = [
 ]
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 SAME_FLOOR = {("tree", "coupling")}
-SHARED = {"numeric", "closest", "separation", "restriction", "derivative_bounds"}  # what a path is worth, held, bounded
+SHARED = {
+    "numeric",
+    "closest",
+    "minimum_norm",
+    "separation",
+    "restriction",
+    "derivative_bounds",
+}  # what a path is worth, held, bounded
 KNOWN = {  # where there is no closed form, and what a swept path's bounds are made of
     ("univariate", "isolation"),
     ("univariate", "swept_isolation"),

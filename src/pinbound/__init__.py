@@ -13,6 +13,7 @@ from pinbound.annotations import (
     Plane,
     Point,
     Segment,
+    Sweep,
 )
 from pinbound.boundary import Boundary, ContactAngle
 from pinbound.boundary_set import BoundarySet, CoordinateLimits, Smallest
@@ -102,6 +103,7 @@ __all__ = [
     "Segment",
     "Smallest",
     "SmallestClearance",
+    "Sweep",
     "SweptBody",
     "UnknownNameError",
     "UnsupportedError",

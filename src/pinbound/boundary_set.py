@@ -19,7 +19,7 @@ from pinbound.interpreters import separation
 from pinbound.interpreters.univariate import AllowedArcs, AllowedArcsTable
 
 if TYPE_CHECKING:
-    from pinbound.interpreters.kernel import Backend, CommonMark, Kernel
+    from pinbound.interpreters.kernel import Backend, CommonMark, Kernel, MixedKernel
 
 __all__ = ["BoundarySet", "CoordinateLimits", "Smallest"]
 
@@ -138,13 +138,13 @@ class BoundarySet(Sequence[Boundary]):
         return self._stack(Q, Boundary.vector, (3,))
 
     @cached_property
-    def kernel(self) -> Kernel:
+    def kernel(self) -> Kernel | MixedKernel:
         """The batch kernel behind `norms`, `clearances`, `gradients`, `smallest` and `free`."""
-        from pinbound.interpreters.kernel import Kernel, Pair, Reference
+        from pinbound.interpreters.kernel import Pair, Reference, kernel_of
 
         pairs = [Pair(b.path, b.threshold, (b.point_a.name, b.point_b.name)) for b in self._boundaries]
         reference = Reference(separation.separations, separation.gradients)
-        return Kernel(pairs, len(self._coordinates), reference, self._common)
+        return kernel_of(pairs, len(self._coordinates), reference, self._common)
 
     def norms(
         self,

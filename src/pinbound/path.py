@@ -3,8 +3,8 @@
 Between two marks lies a path in the tree: up from a's link to the lowest common ancestor, down to b's. With constant
 rotations folded away it is a chain (`chain.py`), reduced until nothing is left in it that does not change the distance.
 
-A marked segment is a point that slides along its link: while the chain is reduced, its parameter is one more
-coordinate, and afterwards a *direction*, the chain's derivative by it. `docs/segments.md` derives that.
+A marked segment or box is a point that slides along its link: while the chain is reduced, each of its parameters is one
+more coordinate, and afterwards a *direction*, the chain's derivative by it. `docs/segments.md` derives that.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.annotations import FlatMark, Line, Mark, Plane, Segment
+from pinbound.annotations import FlatMark, Line, Mark, Plane
 from pinbound.chain import Chain, Swept, are_parallel, drop_head, reduce_chain, rotation_matrix, split
 from pinbound.coupling import Coupling
 from pinbound.exceptions import UnsupportedError
@@ -104,16 +104,15 @@ def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativeP
         between.up(joint)
     for joint in down_last[shared:]:
         between.down(joint)
-    segments = [mark for mark in (a, b) if isinstance(mark, Segment) and mark.kind == "segment"]
-    head, tail = (_placed(mark, segments) for mark in (first, last))
+    head, tail = (_placed(mark, a, b) for mark in (first, last))
     across = _across(first)
     minimal = drop_head(between.chain(tail, head), across)
     ends_at_ancestor = not _moves(down[b.link]) and _moves(down[a.link])
     return RelativePath(
         kind=_kind(tree, ancestor, a.link, b.link),
         ancestor=ancestor,
-        branch_a=_branch(coupling, down[a.link], _placed(a, segments)),
-        branch_b=_branch(coupling, down[b.link], _placed(b, segments)),
+        branch_a=_branch(coupling, down[a.link], _placed(a, a, b)),
+        branch_b=_branch(coupling, down[b.link], _placed(b, a, b)),
         swept=split(minimal, len(coupling.coordinates)),
         frame=0 if across is not None else _best_frame(minimal, last_is_ancestor=ends_at_ancestor),
         across=across,
@@ -121,12 +120,10 @@ def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativeP
     )
 
 
-def _placed(mark: Mark, segments: Sequence[Segment]) -> Array:
-    """Return a mark as columns (3, 1 + k): its point, and its direction in the column of its own parameter."""
-    columns = [np.array(mark.xyz)]
-    for one in segments:
-        columns.append(np.subtract(one.xyz_b, one.xyz_a) if one is mark else np.zeros(3))
-    return np.column_stack(columns)
+def _placed(mark: Mark, *both: Mark) -> Array:
+    """Return a mark as columns (3, 1 + k): its point, and the ways of both marks, those of the other zero."""
+    columns = [mark.xyz, *((way if one is mark else (0.0, 0.0, 0.0)) for one in both for way in one.ways)]
+    return np.array(columns, dtype=np.float64).T
 
 
 def _across(first: Mark) -> Array | None:

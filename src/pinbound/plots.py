@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.annotations import Mark
+from pinbound.annotations import FlatMark, Mark
 from pinbound.boundary import Boundary
 from pinbound.region import Edge, Region
 from pinbound.robot import Robot
@@ -274,7 +274,7 @@ def draw_robot(robot: Robot, q: Array) -> Any:
 def _anchors(robot: Robot, mark: Mark, q: Array) -> list[Array]:
     """Return a point, or the ends of a segment; of a line and a plane a stretch of 0.1 m, [m]."""
     first, *others = (np.array(xyz) for xyz in mark.anchors)
-    if mark.kind in ("line", "plane"):
+    if isinstance(mark, FlatMark):
         others = [first + _STRETCH * (others[0] - first)]
     return [robot.positions(mark.link, q, xyz.tolist()) for xyz in (first, *others)]
 
@@ -285,7 +285,7 @@ def _nearest_ends(boundary: Boundary, marked: dict[str, list[Array]], q: Array) 
     ends: list[Array] = []
     for mark in (boundary.point_a, boundary.point_b):
         first, *others = marked[mark.name]
-        ends.append(first + next(t) * (others[0] - first) if mark.kind == "segment" else first)
+        ends.append(first + sum((next(t) * (other - first) for other in others[: len(mark.ways)]), np.zeros(3)))
     return 1e3 * np.array(ends)
 
 

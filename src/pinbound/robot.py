@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.annotations import Annotations, RawItem, raw_items, read_inline, validate
+from pinbound.annotations import Annotations, Line, Plane, RawItem, raw_items, read_inline, validate
 from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
 from pinbound.closures import Closure
@@ -345,7 +345,10 @@ def _common_marks(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]
     marks = {mark.name: mark for boundary in boundaries for mark in (boundary.point_a, boundary.point_b)}
     try:
         return {
-            name: CommonMark(mark.kind, tuple(absolute_chain(tree, coupling, mark.link, xyz) for xyz in mark.anchors))
+            name: CommonMark(
+                tuple(absolute_chain(tree, coupling, mark.link, xyz) for xyz in mark.anchors),
+                "line" if isinstance(mark, Line) else "plane" if isinstance(mark, Plane) else None,
+            )
             for name, mark in marks.items()
         }
     except UnsupportedError:

@@ -5,7 +5,7 @@ elements and attributes are faults: a misspelt `min_distance` must not pass.
 """
 
 from pinbound.annotations.inline import read_inline
-from pinbound.annotations.marks import FlatMark, Line, Mark, Plane, Point, Segment
+from pinbound.annotations.marks import FlatMark, Line, Mark, Plane, Point, Segment, Sweep
 from pinbound.annotations.records import (
     FIELDS,
     KINDS,
@@ -36,6 +36,7 @@ __all__ = [
     "Point",
     "RawItem",
     "Segment",
+    "Sweep",
     "raw_items",
     "read_inline",
     "validate",

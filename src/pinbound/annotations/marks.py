@@ -1,16 +1,16 @@
-"""What can be marked on a link: points, segments, lines and planes, each with what the relative path needs of it.
+"""What can be marked on a link: points, segments, swept bodies, lines and planes, and what the path needs of them.
 
 A segment is a point that slides along its link, `x = xyz_a + t (xyz_b - xyz_a)`, t in [0, 1]; with a radius it is a
-capsule. A line and a plane have no end, so that only what lies across the line, or along the plane's normal, counts.
+capsule. A sweep slides along several ways, `x = xyz + sum_i t_i way_i`: two make a rectangle, three a box, more a
+prism. A line and a plane have no end, so that only what lies across the line, or along the plane's normal, counts.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
-__all__ = ["FlatMark", "Line", "Mark", "Plane", "Point", "Segment", "Vector"]
+__all__ = ["FlatMark", "Line", "Mark", "Plane", "Point", "Segment", "Sweep", "Vector"]
 
 Vector = tuple[float, float, float]
 
@@ -26,9 +26,9 @@ class Point:
     line: int | None = None
 
     @property
-    def kind(self) -> Literal["point"]:
-        """What its distance is taken for."""
-        return "point"
+    def ways(self) -> tuple[Vector, ...]:
+        """A point slides nowhere."""
+        return ()
 
     @property
     def anchors(self) -> tuple[Vector, ...]:
@@ -53,14 +53,35 @@ class Segment:
         return self.xyz_a
 
     @property
-    def kind(self) -> Literal["segment", "point"]:
-        """What its distance is taken for; without length it is a point."""
-        return "segment" if self.xyz_a != self.xyz_b else "point"
+    def ways(self) -> tuple[Vector, ...]:
+        """From its first end to its second [m]; none, if it has no length."""
+        (x, y, z), (u, v, w) = self.xyz_a, self.xyz_b
+        return ((u - x, v - y, w - z),) if self.xyz_a != self.xyz_b else ()
 
     @property
     def anchors(self) -> tuple[Vector, ...]:
         """Its ends [m]; one, if it has no length."""
-        return (self.xyz_a, self.xyz_b) if self.kind == "segment" else (self.xyz_a,)
+        return (self.xyz_a, self.xyz_b) if self.ways else (self.xyz_a,)
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """A marked body: all `xyz + sum_i t_i way_i`, t_i in [0, 1] [m] in the frame of `link`, `radius` [m] around it.
+
+    One way is a segment, two make a parallelogram, three a box; ways in a plane and one out of it make a prism.
+    """
+
+    name: str
+    link: str
+    xyz: Vector
+    ways: tuple[Vector, ...]
+    radius: float = 0.0
+    line: int | None = None
+
+    @property
+    def anchors(self) -> tuple[Vector, ...]:
+        """Its corner, and the ends of its ways from there [m]."""
+        return (self.xyz, *(_moved(self.xyz, way) for way in self.ways))
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +99,9 @@ class Line:
     line: int | None = None
 
     @property
-    def kind(self) -> Literal["line"]:
-        """What its distance is taken for."""
-        return "line"
+    def ways(self) -> tuple[Vector, ...]:
+        """What has no end has no ways from end to end."""
+        return ()
 
     @property
     def upright(self) -> Vector:
@@ -113,9 +134,9 @@ class Plane:
         return 0.0
 
     @property
-    def kind(self) -> Literal["plane"]:
-        """What its distance is taken for."""
-        return "plane"
+    def ways(self) -> tuple[Vector, ...]:
+        """What has no end has no ways from end to end."""
+        return ()
 
     @property
     def upright(self) -> Vector:
@@ -128,7 +149,7 @@ class Plane:
         return (self.xyz, _moved(self.xyz, self.upright))
 
 
-Mark = Point | Segment | Line | Plane
+Mark = Point | Segment | Sweep | Line | Plane
 FlatMark = Line | Plane
 """Marks without ends; of the two marks of a boundary one at most may be such."""
 

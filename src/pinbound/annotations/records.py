@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
-from pinbound.annotations.marks import Line, Mark, Plane, Point, Segment, Vector
+from pinbound.annotations.marks import Line, Mark, Plane, Point, Segment, Sweep, Vector
 from pinbound.exceptions import Problems
 from pinbound.tolerances import CONTACT
 
@@ -29,6 +29,7 @@ NAMESPACE = "urn:pinbound:1"
 FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "point": (("name", "link", "xyz"), ("radius",)),
     "segment": (("name", "link", "xyz_a", "xyz_b"), ("radius",)),
+    "sweep": (("name", "link", "xyz", "ways"), ("radius",)),
     "line": (("name", "link", "xyz", "direction"), ("radius",)),
     "plane": (("name", "link", "xyz", "normal"), ()),
     "boundary": (("name", "a", "b"), ("min_distance",)),
@@ -40,7 +41,13 @@ FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 """Required and optional fields of each kind; the fields of `home` are joint names."""
 
-KINDS: Mapping[type[Mark], str] = {Point: "point", Segment: "segment", Line: "line", Plane: "plane"}
+KINDS: Mapping[type[Mark], str] = {
+    Point: "point",
+    Segment: "segment",
+    Sweep: "sweep",
+    Line: "line",
+    Plane: "plane",
+}
 """The kinds of what is marked on a link."""
 
 
@@ -109,7 +116,7 @@ class Annotations:
     Attributes:
         contact_tolerance: Metres; see design "contact angle".
         home: A feasible configuration by joint name [rad or m]; coordinates that are left out are at zero.
-        marks: Marked points, segments, lines and planes by name.
+        marks: Marked points, segments, sweeps, lines and planes by name.
         boundaries: Boundaries in the order of the file.
         closures: Closures in the order of the file.
         followers: Followers that replace the URDF's own `<mimic>`.

@@ -16,6 +16,7 @@ __all__ = ["read_sidecar", "sidecar_text"]
 _LISTS = {
     "points": "point",
     "segments": "segment",
+    "sweeps": "sweep",
     "lines": "line",
     "planes": "plane",
     "boundaries": "boundary",
@@ -101,7 +102,7 @@ class _Sidecar:
     def _plain(node: yaml.Node) -> str:
         """Return the node as an attribute would say it: scalars as text, lists of them joined by spaces."""
         if isinstance(node, yaml.SequenceNode):
-            return " ".join(str(entry.value) for entry in node.value)
+            return " ".join(_Sidecar._plain(entry) for entry in node.value)
         return str(node.value)
 
 
@@ -127,6 +128,9 @@ def sidecar_text(items: Iterable[RawItem]) -> str:
 def _value(key: str, text: str) -> Any:
     if key.startswith("xyz") or key in ("direction", "normal"):
         return [float(word) for word in text.split()]
+    if key == "ways":
+        numbers = [float(word) for word in text.split()]
+        return [numbers[start : start + 3] for start in range(0, len(numbers), 3)]
     if key == "passive":
         return text.split()
     return float(text) if key in _NUMBERS else text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from pinbound.annotations.marks import FlatMark, Line, Mark, Plane, Point, Segment, Vector
+from pinbound.annotations.marks import FlatMark, Line, Mark, Plane, Point, Segment, Sweep, Vector
 from pinbound.annotations.records import (
     FIELDS,
     KINDS,
@@ -20,6 +20,8 @@ from pinbound.exceptions import Problems, name_hint
 from pinbound.tolerances import CONTACT
 
 __all__ = ["validate"]
+
+_MOST_WAYS = 9  # of a sweep: its corners are looked at one by one
 
 
 def validate(
@@ -166,6 +168,8 @@ class _Validator:
     def _mark(self, item: RawItem) -> Mark | None:
         self.item = item
         name, link, radius = str(item.fields["name"]), self._link("link"), self._length("radius", 0.0)
+        if item.kind == "sweep":
+            return self._sweep(name, link, radius)
         vectors = [self._vector(key) for key in FIELDS[item.kind][0][2:]]
         if item.kind in ("line", "plane") and vectors[1] is not None and not any(vectors[1]):
             key = FIELDS[item.kind][0][3]
@@ -182,6 +186,21 @@ class _Validator:
         if item.kind == "line":
             return Line(name, link, first, others[0], radius, item.line)
         return Plane(name, link, first, others[0], item.line)
+
+    def _sweep(self, name: str, link: str | None, radius: float) -> Sweep | None:
+        xyz, words = self._vector("xyz"), str(self.item.fields["ways"]).split()
+        if len(words) % 3 or len(words) > 3 * _MOST_WAYS:
+            said = f"ways of sweep {name!r} are {len(words)} numbers"
+            self._fault(said, f"Give three numbers a way, up to {_MOST_WAYS} ways")
+            return None
+        numbers = self._numbers("ways", len(words))
+        if link is None or xyz is None or numbers is None:
+            return None
+        ways = [(numbers[i], numbers[i + 1], numbers[i + 2]) for i in range(0, len(numbers), 3)]
+        if not all(map(any, ways)):
+            self._fault(f"a way of sweep {name!r} is zero", "Leave it out")
+            return None
+        return Sweep(name, link, xyz, tuple(ways), radius, self.item.line)
 
     def _boundary(self, item: RawItem, marks: dict[str, Mark], marked: set[str]) -> BoundaryMark | None:
         self.item = item

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pinbound.batch.sources import load_arrow
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
-from pinbound.interpreters.kernel import Kernel
+from pinbound.interpreters.kernel import Kernel, MixedKernel
 from pinbound.region import Region, feasible_region
 from pinbound.robot import Robot
 
@@ -74,7 +74,7 @@ class Evaluation:
     robot: str
     coordinates: tuple[str, ...]
     boundaries: tuple[str, ...]
-    kernel: Kernel
+    kernel: Kernel | MixedKernel
     limits: tuple[Array, Array, Array, Array]
     region: Region | None
     region_note: str

@@ -48,11 +48,11 @@ class SweptBoundaries:
     @property
     def weights(self) -> Array:
         """Lever arms, and lengths of slides, a coordinate, of the corner that moves most."""
-        corners = self.swept.corners
-        moved = np.einsum("mk,mkn->mn", self.swept.arms, np.abs(corners.coefficients))
-        if corners.slides is not None:
-            moved = moved + np.linalg.norm(corners.slides, axis=2).sum(axis=1)
-        return moved.reshape(len(self.names), -1, moved.shape[1]).max(axis=1)
+        chains, rows = self.swept.chains, self.swept.rows
+        moved = np.einsum("mk,mkn->mn", self.swept.arms, np.abs(chains.coefficients))
+        if chains.slides is not None:
+            moved = moved + np.linalg.norm(chains.slides, axis=2).sum(axis=1)
+        return moved[::rows] if rows else moved
 
     def signed(self, Q: Array) -> Array:
         """Return the signed clearances (N, m) [m]."""

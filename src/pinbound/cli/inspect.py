@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pinbound.annotations import FIELDS, KINDS, Line, Mark, Plane, Point, Segment
+from pinbound.annotations import FIELDS, KINDS, Line, Mark, Plane, Point, Segment, Sweep
 from pinbound.boundary import Boundary, ContactAngle
 from pinbound.boundary_set import CoordinateLimits
 from pinbound.cli.shared import (
@@ -62,8 +62,8 @@ def info(
     others = [mark for mark in loaded.annotations.marks.values() if not isinstance(mark, Point)]
     if others:
         rows = [(m.name, KINDS[type(m)], m.link, *_vectors(m), millimetres(m.radius, 3)) for m in others]
-        headings = ("mark", "kind", "link", "from [mm]", "to [mm] or direction []", "radius [mm]")
-        print_table("Segments, lines and planes", headings, rows)
+        headings = ("mark", "kind", "link", "from [mm]", "to, or ways [mm]; or direction []", "radius [mm]")
+        print_table("Segments, sweeps, lines and planes", headings, rows)
     out.print(f"{len(loaded.boundaries)} boundaries: {', '.join(loaded.boundaries.names) or 'none'}")
     for heading, lines in (("Notes", loaded.notes), ("Assumptions", loaded.annotations.assumptions)):
         if lines:
@@ -72,10 +72,12 @@ def info(
                 out.print(f"- {line}", markup=False)
 
 
-def _vectors(mark: Segment | Line | Plane) -> tuple[str, str]:
+def _vectors(mark: Segment | Sweep | Line | Plane) -> tuple[str, str]:
     first = " ".join(millimetres(x, 3) for x in mark.xyz)
     if isinstance(mark, Segment):
         return first, " ".join(millimetres(x, 3) for x in mark.xyz_b)
+    if isinstance(mark, Sweep):
+        return first, "; ".join(" ".join(millimetres(x, 3) for x in way) for way in mark.ways)
     return first, " ".join(f"{x:.6g}" for x in mark.upright)
 
 

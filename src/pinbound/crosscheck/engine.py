@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.annotations import Mark
+from pinbound.annotations import Line, Mark, Plane, Sweep
 from pinbound.bodies import Body
 from pinbound.boundary import Boundary
 from pinbound.exceptions import UnsupportedError
 from pinbound.robot import Robot
+from pinbound.tolerances import REDUCTION
 
 __all__ = [
     "Engine",
@@ -33,6 +34,7 @@ Array = NDArray[np.float64]
 _BLOCK = 20_000
 _UNLIMITED_SLIDE = 1.0  # metres: how far a slide without limits is sampled
 _MOST_DRAWS = 50
+_SOLID = 3  # dimensions
 _LINE = 1e3  # metres: the capsule that stands for a line
 
 
@@ -42,10 +44,12 @@ class Shape:
 
     Attributes:
         link: The link.
-        kind: ``"sphere"``, ``"box"``, ``"cylinder"``, ``"capsule"`` or ``"halfspace"``.
-        size: [m], as in `bodies.Body`; of a half-space its height, z up.
+        kind: ``"sphere"``, ``"box"``, ``"cylinder"``, ``"capsule"``, ``"halfspace"`` or ``"hull"``.
+        size: [m], as in `bodies.Body`; of a half-space its height, z up; of a hull the radius around it.
         rotation: (3, 3), from the shape's frame to the link's.
         translation: (3,) [m] in the link's frame.
+        vertices: (k, 3) [m], of a hull.
+        swept_radius: [m], around a box.
     """
 
     link: str
@@ -53,6 +57,8 @@ class Shape:
     size: tuple[float, ...]
     rotation: Array
     translation: Array
+    vertices: Array | None = None
+    swept_radius: float = 0.0
 
 
 class Engine:
@@ -113,10 +119,20 @@ def _coal_shape(shape: Shape) -> Any:
     import coal as coal_untyped
 
     coal = cast(Any, coal_untyped)
+    if shape.kind == "hull":
+        points = coal.StdVec_Vec3s()
+        for vertex in shape.vertices if shape.vertices is not None else ():
+            points.append(vertex)
+        hull = coal.Convex.convexHull(points, True, "Qt")
+        hull.setSweptSphereRadius(shape.size[0])
+        return hull
     if shape.kind == "halfspace":
         return coal.Halfspace(np.array([0.0, 0.0, 1.0]), shape.size[0])
     makers = {"sphere": coal.Sphere, "box": coal.Box, "cylinder": coal.Cylinder, "capsule": coal.Capsule}
-    return makers[shape.kind](*shape.size)
+    made = makers[shape.kind](*shape.size)
+    if shape.swept_radius:
+        made.setSweptSphereRadius(shape.swept_radius)
+    return made
 
 
 def body_shapes(bodies: Sequence[Body]) -> list[Shape]:
@@ -147,20 +163,39 @@ def _of_marks(robot: Robot, boundaries: Sequence[Boundary]) -> Engine:
 
 def mark_shape(mark: Mark, more: float) -> Shape:
     """Return a mark as a shape that is thicker by `more` [m]; a line is a capsule that is longer than any robot."""
-    first = np.array(mark.anchors[0])
-    if mark.kind == "point":
-        return Shape(mark.link, "sphere", (mark.radius + more,), np.eye(3), first)
+    first, thick = np.array(mark.anchors[0]), mark.radius + more
+    if isinstance(mark, Sweep):
+        lengths = np.linalg.norm(mark.ways, axis=1)
+        axes = np.array(mark.ways).T / lengths
+        if len(lengths) in (2, 3) and np.abs(axes.T @ axes - np.eye(len(lengths))).max() < REDUCTION:
+            return _box(mark, axes, lengths, thick)
+        if np.linalg.matrix_rank(axes) < _SOLID:
+            raise UnsupportedError(f"coal has no flat body like the sweep {mark.name!r}, but for rectangles")
+        vertices = np.array([mark.ways]).reshape(-1, 3).T @ np.array(list(product((0, 1), repeat=len(mark.ways)))).T
+        return Shape(mark.link, "hull", (thick,), np.eye(3), first, vertices.T)
+    if len(mark.anchors) == 1:
+        return Shape(mark.link, "sphere", (thick,), np.eye(3), first)
     along = np.array(mark.anchors[1]) - first
     length = float(np.linalg.norm(along))
     z = along / length
     x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     x /= np.linalg.norm(x)
-    rotation: Array = np.column_stack((x, np.cross(z, x), z))
-    if mark.kind == "plane":
+    rotation: Any = np.column_stack((x, np.cross(z, x), z))
+    if isinstance(mark, Plane):
         return Shape(mark.link, "halfspace", (more,), rotation, first)
-    if mark.kind == "line":
-        return Shape(mark.link, "capsule", (mark.radius + more, _LINE), rotation, first)
-    return Shape(mark.link, "capsule", (mark.radius + more, length), rotation, first + along / 2)
+    if isinstance(mark, Line):
+        return Shape(mark.link, "capsule", (thick, _LINE), rotation, first)
+    return Shape(mark.link, "capsule", (thick, length), rotation, first + along / 2)
+
+
+def _box(mark: Sweep, axes: Array, lengths: Array, thick: float) -> Shape:
+    """Return a rectangle or box, `thick` around it."""
+    third = np.cross(axes[:, 0], axes[:, 1])
+    flip = 1.0 if axes.shape[1] == 2 or float(third @ axes[:, 2]) > 0.0 else -1.0
+    rotation: Any = np.column_stack((axes[:, 0], axes[:, 1], third))
+    size = (float(lengths[0]), float(lengths[1]), float(lengths[2]) if len(lengths) > 2 else 0.0)
+    middle = np.array(mark.xyz) + rotation @ (np.array([size[0], size[1], flip * size[2]]) / 2)
+    return Shape(mark.link, "box", size, rotation, middle, swept_radius=thick)
 
 
 def sample(robot: Robot, count: int, rng: np.random.Generator) -> Array:

@@ -1,7 +1,8 @@
-"""Where two swept points are nearest: the t in [0, 1] that make `|w + t_1 e_1 + t_2 e_2|` least.
+"""Where two swept points are nearest: the t in [0, 1] that make `|w + t_1 e_1 + t_2 e_2 + ...|` least.
 
-A convex function of t is least on the square's rim, or at a stationary point inside. Each side of the rim is one
-segment, `t = -w . e / |e|^2` cut to [0, 1]. Inside, with `n = e_1 x e_2`,
+More than two ways are for `minimum_norm`. Of two, a convex function of t is least on the square's rim, or at a
+stationary point inside. Each side of the rim is one segment, `t = -w . e / |e|^2` cut to [0, 1]. Inside, with
+`n = e_1 x e_2`,
 
     t_1 = -(w x e_2) . n / |n|^2,     t_2 = -(e_1 x w) . n / |n|^2.
 
@@ -13,34 +14,36 @@ only choose badly between candidates that are equal to rounding. `docs/segments.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["nearest"]
+from pinbound.interpreters.minimum_norm import nearest_corners
+
+__all__ = ["nearest", "overlap"]
 
 Array = NDArray[np.float64]
 
 
-def nearest(w: Array, ways: Sequence[Array]) -> Array:
+def nearest(w: Array, ways: Array) -> Array:
     """Return the t (N, k) in [0, 1] at which `|w + sum_i t_i e_i|` is least.
 
     Args:
         w: (N, d), d being 3, or 2 across a line.
-        ways: k = 0, 1 or 2 arrays e_i (N, d); one may be zero.
+        ways: (k, N, d), the e_i; they may be zero.
 
     Example:
-        >>> w, e = np.array([[-0.25, 1.0, 0.0]]), np.array([[1.0, 0.0, 0.0]])
-        >>> nearest(w, [e]).tolist()
-        [[0.25]]
-        >>> nearest(w, [e, np.array([[0.0, -2.0, 0.0]])]).tolist()
-        [[0.25, 0.5]]
+        >>> w, ways = np.array([[-0.25, 1.0, 0.0]]), np.array([[[1.0, 0.0, 0.0]], [[0.0, -2.0, 0.0]]])
+        >>> nearest(w, ways[:1]).tolist(), nearest(w, ways).tolist()
+        ([[0.25]], [[0.25, 0.5]])
     """
-    if not ways:
+    if not len(ways):
         return np.empty((len(w), 0))
     if len(ways) == 1:
         return _foot(w, ways[0])[:, None]
+    if len(ways) > 2:
+        if w.shape[1] == 2:
+            w, ways = np.pad(w, ((0, 0), (0, 1))), np.pad(ways, ((0, 0), (0, 0), (0, 1)))
+        return nearest_corners(w, ways)[0]
     first, second = ways
     zero, one = np.zeros(len(w)), np.ones(len(w))
     candidates = [
@@ -55,6 +58,14 @@ def nearest(w: Array, ways: Sequence[Array]) -> Array:
     best = np.argmin(np.nan_to_num(np.einsum("cni,cni->cn", r, r), nan=np.inf), axis=0)
     rows = np.arange(len(w))
     return np.stack((s[best, rows], t[best, rows]), axis=1)
+
+
+def overlap(w: Array, ways: Array) -> Array:
+    """Return a ball's radius (N,) within which the origin may move without leaving `w + sum_i t_i e_i`, d = 3.
+
+    Zero where it is outside, or where at most two ways span no body.
+    """
+    return np.maximum(-nearest_corners(w, ways)[1], 0.0) if len(ways) > 2 else np.zeros(len(w))
 
 
 def _inside(w: Array, first: Array, second: Array) -> tuple[Array, Array]:

@@ -11,8 +11,6 @@ and says where derivatives jump.
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,14 +22,15 @@ __all__ = ["gradients", "hessians", "parameters", "separations", "vectors"]
 
 Array = NDArray[np.float64]
 
+_SINGULAR = 1e-14  # a determinant of unit rows: two ways at 1e-7 rad
+
 
 def separations(path: RelativePath, Q: Array) -> Array:
     """Return the distance, or the signed height above a plane, (N,) [m]; NaN for a row that is not finite."""
     if path.is_plain:
         return numeric.norm(numeric.positions(path.minimal, Q))
     w, ways = _measured(path, Q)
-    t = _parameters(path, w, ways)
-    r = w + np.einsum("nk,kni->ni", t, ways)
+    r = w + np.einsum("nk,kni->ni", _parameters(path, w, ways), ways)
     return r[:, 0] if path.is_signed else numeric.norm(r)
 
 
@@ -76,27 +75,23 @@ def hessians(path: RelativePath, Q: Array) -> Array:
     full = numeric.norm_hessian(r, J, H)
     free = (t > 0.0) & (t < 1.0)
     found = full[:, :n, :n].copy()
-    for pattern in product((False, True), repeat=t.shape[1]):
-        rows = np.flatnonzero(np.all(free == pattern, axis=1))
-        columns = n + np.flatnonzero(pattern)
-        if not len(columns) or not len(rows):
-            continue
-        inner, mixed = full[np.ix_(rows, columns, columns)], full[np.ix_(rows, columns, np.arange(n))]
-        found[rows] -= np.swapaxes(mixed, 1, 2) @ _solve(inner, mixed)
+    for pattern in np.unique(free, axis=0):
+        rows, columns = np.flatnonzero(np.all(free == pattern, axis=1)), n + np.flatnonzero(pattern)
+        if len(columns):
+            inner, mixed = full[np.ix_(rows, columns, columns)], full[np.ix_(rows, columns, np.arange(n))]
+            found[rows] -= np.swapaxes(mixed, 1, 2) @ _solve(inner, mixed)
     return found
 
 
 def _solve(inner: Array, mixed: Array) -> Array:
-    """Solve 1x1 or 2x2 systems; a singular one (parallel segments) gives no number."""
+    """Solve for the free t; singular systems (parallel ways: the nearest points are many) give no number."""
+    size = np.sqrt(np.einsum("nii->ni", inner))
     with np.errstate(invalid="ignore", divide="ignore"):
-        if inner.shape[1] == 1:
-            return mixed / inner
-        a, b, d = inner[:, 0, 0], inner[:, 0, 1], inner[:, 1, 1]
-        determinant = a * d - b * b
-        flat = determinant <= 1e-14 * a * d
-        adjugate = np.stack((np.stack((d, -b), axis=1), np.stack((-b, a), axis=1)), axis=1)
-        found = (adjugate / determinant[:, None, None]) @ mixed
-    found[flat] = np.nan
+        scaled = inner / (size[:, :, None] * size[:, None, :])
+    sound = np.all(np.isfinite(scaled), axis=(1, 2))
+    sound[sound] = np.linalg.det(scaled[sound]) > _SINGULAR
+    found = np.full_like(mixed, np.nan)
+    found[sound] = np.linalg.solve(inner[sound], mixed[sound])
     return found
 
 
@@ -108,7 +103,7 @@ def _measured(path: RelativePath, Q: Array) -> tuple[Array, Array]:
 
 
 def _parameters(path: RelativePath, w: Array, ways: Array) -> Array:
-    return (ways[:, :, 0] < 0.0).T.astype(np.float64) if path.is_signed else nearest(w, list(ways))
+    return (ways[:, :, 0] < 0.0).T.astype(np.float64) if path.is_signed else nearest(w, ways)
 
 
 def _around(path: RelativePath, Q: Array, order: int) -> tuple[Array, Array, Array, Array]:

@@ -76,7 +76,7 @@ def smallest(path: RelativePath) -> float:
     one = _one_coordinate(path)
     swept, error = _bundle(one, np.full(1, -math.pi), np.full(1, math.pi))
     half, best = math.pi / 64, math.inf
-    middle = half * (2.0 * np.arange(64, dtype=np.float64) - 63.0)
+    middle: Array = np.array([half * (2 * index - 63) for index in range(64)])
     for _ in range(_FINEST):
         found = _bound(swept, np.zeros((len(middle), 1)), 0, middle, half, error)
         best = min(best, float(found.value.min()))

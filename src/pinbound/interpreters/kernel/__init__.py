@@ -6,6 +6,7 @@ compile for; `engine` chooses.
 """
 
 from pinbound.interpreters.kernel.engine import BACKENDS, Backend, Kernel
+from pinbound.interpreters.kernel.mixed import MixedKernel, kernel_of
 from pinbound.interpreters.kernel.program import CommonMark, Pair, Reference
 
-__all__ = ["BACKENDS", "Backend", "CommonMark", "Kernel", "Pair", "Reference"]
+__all__ = ["BACKENDS", "Backend", "CommonMark", "Kernel", "MixedKernel", "Pair", "Reference", "kernel_of"]

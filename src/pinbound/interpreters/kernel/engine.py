@@ -17,7 +17,7 @@ from pinbound.interpreters.kernel.program import CommonMark, Pair, Program, Refe
 from pinbound.interpreters.kernel.source import kernel_source, scalar_source
 from pinbound.interpreters.kernel.vectorised import LinearProgram, VectorisedProgram
 
-__all__ = ["BACKENDS", "Backend", "Kernel"]
+__all__ = ["BACKENDS", "Backend", "Kernel", "buffer", "real"]
 
 Array = NDArray[Any]
 Backend = Literal["auto", "compiled", "numpy"]
@@ -117,8 +117,8 @@ class Kernel:
         """Return norms or clearances (N, m), or gradients (N, m, n); new arrays have contiguous columns."""
         m = len(self.pairs)
         shape = (len(Q), m, self.n) if mode == "gradients" else (len(Q), m)
-        kind = _real(dtype)
-        result = _buffer(out, shape, kind, columns=mode != "gradients")
+        kind = real(dtype)
+        result = buffer(out, shape, kind, columns=mode != "gradients")
         if not m or not len(Q):
             return result
         flat = result.reshape(len(Q), -1)
@@ -137,8 +137,8 @@ class Kernel:
         dtype: Any = np.float64,
     ) -> tuple[Array, NDArray[np.int64]]:
         """Return each row's smallest clearance (N,) and which boundary has it (N,); NaN and -1 if one is NaN."""
-        kind = _real(dtype)
-        least = _buffer(out, (len(Q),), kind, columns=False)
+        kind = real(dtype)
+        least = buffer(out, (len(Q),), kind, columns=False)
         index = np.full(len(Q) if with_index else 0, -1, dtype=np.int64)
         if not self.pairs:
             least[:] = np.inf
@@ -151,7 +151,7 @@ class Kernel:
         if not has_numba():
             notice_without_numba()
             return "numpy"
-        self._machine_code(mode, _real(dtype) == np.float32)
+        self._machine_code(mode, real(dtype) == np.float32)
         return "compiled"
 
     def _run(
@@ -284,14 +284,19 @@ def _no_common() -> None:
 _NO_INDEX = np.empty(0, dtype=np.int64)
 
 
-def _real(dtype: Any) -> np.dtype[Any]:
+def real(dtype: Any) -> np.dtype[Any]:
+    """Return float64 or float32.
+
+    Raises:
+        DimensionError: If it is neither.
+    """
     kind = np.dtype(dtype)
     if kind not in (np.dtype(np.float64), np.dtype(np.float32)):
         raise DimensionError(f"dtype is {kind}; give float64 or float32")
     return kind
 
 
-def _buffer(out: Any, shape: tuple[int, ...], dtype: np.dtype[Any], columns: bool) -> Array:
+def buffer(out: Any, shape: tuple[int, ...], dtype: np.dtype[Any], columns: bool) -> Array:
     """Return `out` if it fits, or a new array.
 
     Raises:

@@ -64,12 +64,12 @@ class CommonMark:
     """A mark in the common frame.
 
     Attributes:
-        kind: Which mark it is.
-        chains: Its point; of a segment, both ends; of a line or plane, its point and one further along it.
+        chains: Its point, and the ends of its ways; of a line or plane, its point and one further along it.
+        flat: Whether it is a line or a plane.
     """
 
-    kind: Literal["point", "segment", "line", "plane"]
     chains: tuple[Chain, ...]
+    flat: Literal["line", "plane"] | None = None
 
 
 @dataclass(frozen=True)
@@ -375,15 +375,15 @@ def _common_vector(
     g: Graph, pair: Pair, marks: Mapping[str, CommonMark], placed: Mapping[str, Sequence[Vector]]
 ) -> Vector:
     """Return r, or what counts of it, in the common frame."""
-    kinds = [marks[name].kind for name in pair.marks]
+    kinds = [marks[name].flat for name in pair.marks]
     a, b = (placed[name] for name in pair.marks)
     w, ways, squares = _less(g, a[0], b[0]), list[Vector](), list[int]()
-    for side, ends in enumerate((a, b)):
-        if kinds[side] == "segment":
-            ways.append(_less(g, ends[1], ends[0]) if side == 0 else _less(g, ends[0], ends[1]))
+    for side, (start, *ends) in enumerate((a, b)):
+        for end in ends if kinds[side] is None else ():
+            ways.append(_less(g, end, start) if side == 0 else _less(g, start, end))
             way = pair.path.swept.directions[len(squares)]
             squares.append(g.constant(float(np.sum(np.sum(way, axis=0) ** 2))))
-    flat = next((side for side in (0, 1) if kinds[side] in ("line", "plane")), None)
+    flat = next((side for side in (0, 1) if kinds[side] is not None), None)
     if flat is None:
         return nearest(g, w, ways, squares)
     upright, zero = _less(g, (a, b)[flat][1], (a, b)[flat][0]), g.constant(0.0)

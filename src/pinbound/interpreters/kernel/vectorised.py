@@ -33,10 +33,10 @@ _DENSE = 12
 
 def _pick(a: Any, b: Any, x: Any, y: Any, out: Any = None) -> Any:
     """Return x where a < b, else y."""
-    found: Any = np.where(np.less(a, b), x, y)
     if out is None:
-        return found
-    out[:] = found
+        return np.where(np.less(a, b), x, y)
+    np.copyto(out, y)
+    np.copyto(out, x, where=np.less(a, b))
     return out
 
 
