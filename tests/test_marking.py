@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import pinbound as pb
-from pinbound.bodies import Body, cover
+from pinbound.bodies import Body
+from pinbound.covers import cover
 from robots import ARM, robot_xml
 
 SHAPES = {
@@ -57,15 +58,16 @@ def test_a_cover_holds_its_body_and_sticks_out_by_no_more_than_it_says(name: str
     rng, shape = np.random.default_rng(1), name.rsplit(maxsplit=1)[-1] if name != "disc" else "cylinder"
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     body = Body("l", 0, shape, SHAPES[name], turn, np.array([0.1, -0.2, 0.3]))
-    found = cover(body, accuracy)
-    assert 1 <= len(found.centres) <= 64
+    found = cover(body, accuracy, "spheres")
+    centres, radius = np.array([mark.xyz for mark in found.marks]), found.marks[0].radius
+    assert 1 <= len(centres) <= 64
     points = points_of(shape, body.size, rng, 4000) @ turn.T + body.translation
-    nearest = np.min(np.linalg.norm(points[:, None] - found.centres[None], axis=2), axis=1)
-    assert np.all(nearest <= found.radius * (1 + 1e-12))
+    nearest = np.min(np.linalg.norm(points[:, None] - centres[None], axis=2), axis=1)
+    assert np.all(nearest <= radius * (1 + 1e-12))
     directions = rng.normal(size=(2000, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
-    for centre in found.centres:
-        shell = (centre + found.radius * directions - body.translation) @ turn
+    for centre in centres:
+        shell = (centre + radius * directions - body.translation) @ turn
         assert distance_outside(shape, body.size, shell).max() <= found.excess + 1e-12
 
 

@@ -25,6 +25,7 @@ FLOORS = [
     ("robot",),
     ("certificates",),
     ("bodies",),
+    ("covers",),
     ("marking",),
     ("region",),
     ("batch", "motion", "inverse_kinematics"),

@@ -109,8 +109,8 @@ class Boundary:
 
     @property
     def is_stop(self) -> bool:
-        """Whether it says where bodies first touch: a distance, not a height, of zero threshold."""
-        return self.threshold == 0.0 and not self.path.is_signed
+        """Whether it says where bodies first touch: two points of zero threshold."""
+        return self.threshold == 0.0 and self.path.is_plain
 
     @cached_property
     def contacts(self) -> tuple[ContactAngle, ...] | None:

@@ -28,6 +28,8 @@ __all__ = ["Kind", "RelativePath", "absolute_chain", "relative_path"]
 
 Array = NDArray[np.float64]
 
+_SOLID = 2  # ways: two, of one mark or of both, span no body
+
 
 class Kind(Enum):
     """How two links lie to each other in the tree, helper links aside."""
@@ -72,6 +74,11 @@ class RelativePath:
     def is_plain(self) -> bool:
         """Whether it lies between two points."""
         return not self.swept.directions and self.across is None
+
+    @property
+    def is_solid(self) -> bool:
+        """Whether the marks span bodies that may overlap, so that their distance stays zero: boxes, prisms."""
+        return self.across is None and len(self.swept.directions) > _SOLID
 
     @property
     def is_signed(self) -> bool:

@@ -24,6 +24,7 @@ __all__ = [
     "LIMIT",
     "MESH_CHORD",
     "ON_CONTOUR",
+    "OVERLAP",
     "PRECISION",
     "QUADRATURE",
     "REACHED",
@@ -31,6 +32,7 @@ __all__ = [
     "REDUCTION_ROUNDOFFS",
     "REGION_ACCURACY",
     "ROOT",
+    "SAME_BODY",
     "SOLVES",
     "SYMBOLIC_DIGITS",
     "UNIT_ROUNDOFF",
@@ -142,3 +144,10 @@ CROSSCHECK_BODY: Final = 1e-6
 CROSSCHECK_STOP: Final = 1e-4
 """Metres. A boundary of zero threshold says that bodies first touch at the marked points: a gap left when they meet
 may not be larger than this, five times the rounding of the data (`CONTACT`)."""
+
+SAME_BODY: Final = 1e-9
+"""Metres. A cylinder and spheres over its ends are one capsule if ends and radii agree to this: far below any
+manufacture, far above rounding."""
+
+OVERLAP: Final = 1e-14
+"""Relative to the length of a path: boxes or prisms that are nearer than this overlap, as far as rounding can tell."""

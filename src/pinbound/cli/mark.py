@@ -1,13 +1,14 @@
-"""`pinbound mark`: propose a sidecar of spheres and pairs for a robot with simple collision bodies."""
+"""`pinbound mark`: propose a sidecar of marks and pairs for a robot with simple collision bodies."""
 
 from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
+from pinbound.annotations import KINDS
 from pinbound.cli.shared import (
     Annotations,
     AsJson,
@@ -20,6 +21,7 @@ from pinbound.cli.shared import (
     millimetres,
     print_table,
 )
+from pinbound.covers import By, Cover
 from pinbound.exceptions import InputError, Problem
 from pinbound.marking import SHAPES, Proposal, propose_marks
 
@@ -29,30 +31,30 @@ __all__ = ["mark"]
 def mark(
     robot: RobotName,
     out: Annotated[Path | None, typer.Option(help="Sidecar to write; it must not exist.")] = None,
-    accuracy: Annotated[float, typer.Option(help="How far a sphere may stick out of its body [m].")] = 0.02,
+    accuracy: Annotated[float, typer.Option(help="How far a mark may stick out of its body [m].")] = 0.02,
     shapes: Annotated[str, typer.Option(help="Shapes to cover, separated by commas.")] = ",".join(SHAPES),
+    by: Annotated[str, typer.Option(help="Cover by 'bodies' (capsules, boxes, prisms) or by 'spheres'.")] = "bodies",
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Propose spheres over the collision bodies and all pairs worth checking, with reasons for what is left out."""
+    """Propose marks over the collision bodies and all pairs worth checking, with reasons for what is left out."""
     if out is not None and out.exists():
         raise InputError([Problem("exists already", "Remove it, or give another name", str(out))])
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
-    proposal = propose_marks(loaded, accuracy, tuple(word.strip() for word in shapes.split(",") if word.strip()))
+    chosen = tuple(word.strip() for word in shapes.split(",") if word.strip())
+    proposal = propose_marks(loaded, accuracy, chosen, cast(By, by))
     if out is not None:
         proposal.annotations.save(out)
     if as_json:
         emit_json(_record(proposal))
         return
     rows = [
-        (one.body.link, one.body.shape, len(one.centres), millimetres(one.radius, 2), millimetres(one.excess, 2))
+        (one.link, ", ".join(body.shape for body in one.bodies), _said(one), millimetres(one.excess, 2))
         for one in proposal.covers
     ]
-    print_table(
-        "Bodies and the spheres that hold them", ("link", "shape", "spheres", "radius [mm]", "excess [mm]"), rows
-    )
+    print_table("Bodies and the marks that hold them", ("link", "bodies", "marks", "excess [mm]"), rows)
     reasons = [(a, b, reason, count) for (a, b, reason), count in sorted(proposal.left_out.items())]
     print_table("Pairs left out", ("link", "link", "reason", "pairs []"), reasons)
     said = console()
@@ -60,22 +62,26 @@ def mark(
         said.print(
             f"Not covered: {count} bodies of {link} (meshes, or shapes not asked for); no boundary speaks of them."
         )
-    said.print(f"{len(proposal.annotations.points)} points, {len(proposal.annotations.boundaries)} boundaries.")
+    said.print(f"{len(proposal.annotations.marks)} marks, {len(proposal.annotations.boundaries)} boundaries.")
     if out is not None:
         said.print(f"Wrote {out}.", markup=False, soft_wrap=True)
 
 
+def _said(cover: Cover) -> str:
+    counts = Counter(KINDS[type(mark)] for mark in cover.marks)
+    return ", ".join(f"{count} {kind}{'s' if count > 1 else ''}" for kind, count in counts.items())
+
+
 def _record(proposal: Proposal) -> dict[str, object]:
     return {
-        "points": len(proposal.annotations.points),
+        "marks": len(proposal.annotations.marks),
         "boundaries": len(proposal.annotations.boundaries),
         "excess": proposal.excess,
         "covers": [
             {
-                "link": c.body.link,
-                "shape": c.body.shape,
-                "spheres": len(c.centres),
-                "radius": c.radius,
+                "link": c.link,
+                "shapes": [body.shape for body in c.bodies],
+                "marks": [KINDS[type(mark)] for mark in c.marks],
                 "excess": c.excess,
             }
             for c in proposal.covers

@@ -38,6 +38,8 @@ class LinkPair:
         links: The two links.
         boundaries: Names of the boundaries between them.
         bodies: How many pairs of bodies.
+        touching: How many pairs of bodies more were in contact at home, by coal, and therefore left out: home is free,
+            so that they overlap by design.
         both_clear: Samples that both sides call clear.
         both_contact: Samples that both sides refuse.
         misses: Samples that pinbound calls clear, while bodies are in contact.
@@ -55,6 +57,7 @@ class LinkPair:
     links: tuple[str, str]
     boundaries: tuple[str, ...]
     bodies: int
+    touching: int
     both_clear: int
     both_contact: int
     misses: int
@@ -130,20 +133,25 @@ def check_bodies(robot: Robot, samples: int, rng: np.random.Generator) -> BodyLe
     first_met = np.full(len(Q), math.inf)
     for boundary in robot.boundaries:
         first_met = np.minimum(first_met, _crossing(boundary, robot.home, Q))
-    pairs = tuple(
-        _check_pair(robot, groups[links], (bodies[links[0]], bodies[links[1]]), Q, first_met) for links in kept
-    )
-    return BodyLevel(len(Q), pairs, left_out)
+    pairs = [_check_pair(robot, groups[links], (bodies[links[0]], bodies[links[1]]), Q, first_met) for links in kept]
+    return BodyLevel(len(Q), tuple(pair for pair in pairs if pair is not None), left_out)
 
 
 def _check_pair(
     robot: Robot, members: Sequence[int], bodies: tuple[list[Body], list[Body]], Q: Array, first_met: Array
-) -> LinkPair:
-    """Compare one pair of links; `first_met` (N,) is where the way from home to each q meets any contact."""
+) -> LinkPair | None:
+    """Compare one pair of links, unless all its bodies touch at home.
+
+    `first_met` (N,) is where the way from home to each q meets any contact.
+    """
     boundaries = [robot.boundaries[index] for index in members]
-    count = len(bodies[0])
-    places = product(range(count), range(count, count + len(bodies[1])))
-    engine = Engine(robot, body_shapes([*bodies[0], *bodies[1]]), list(places))
+    count, shapes = len(bodies[0]), body_shapes([*bodies[0], *bodies[1]])
+    places = list(product(range(count), range(count, len(shapes))))
+    at_home = Engine(robot, shapes, places).distances(robot.home[None])[0]
+    apart = [place for place, distance in zip(places, at_home, strict=True) if distance > 0.0]
+    if not apart:
+        return None
+    engine = Engine(robot, shapes, apart)
     gap = np.concatenate([np.min(engine.distances(Q[block]), axis=1) for block in blocks(len(Q))])
     crossing = np.min([_crossing(boundary, robot.home, Q) for boundary in boundaries], axis=0)
     touching = _least_clearance(boundaries, Q) <= 0.0
@@ -169,6 +177,7 @@ def _check_pair(
         links=links,
         boundaries=tuple(boundary.name for boundary in boundaries),
         bodies=len(engine.pairs),
+        touching=len(places) - len(apart),
         both_clear=int(np.sum(clear & ~contact)),
         both_contact=int(np.sum(~clear & contact)),
         misses=int(np.sum(clear & contact)),

@@ -19,7 +19,7 @@ from pinbound.boundary import Boundary, ContactAngle
 from pinbound.crosscheck.engine import Engine, pair_engine, sample
 from pinbound.interpreters.univariate import AllowedArcs
 from pinbound.robot import Robot
-from pinbound.tolerances import CROSSCHECK_ANGLE, CROSSCHECK_GRAZING, CROSSCHECK_POINT
+from pinbound.tolerances import CROSSCHECK_ANGLE, CROSSCHECK_BODY, CROSSCHECK_GRAZING, CROSSCHECK_POINT
 
 __all__ = ["BoundaryLevel", "RayCheck", "check_contacts"]
 
@@ -63,25 +63,34 @@ class BoundaryLevel:
     Attributes:
         rays: How many rays in all.
         boundaries: What was seen, by boundary.
+        solid: Boundaries of boxes and prisms, which coal measures by iteration: compared in metres.
         tolerance: [rad].
         metres_tolerance: [m].
+        solid_tolerance: [m], for those of `solid`.
     """
 
     rays: int
     boundaries: Mapping[str, RayCheck]
+    solid: tuple[str, ...] = ()
     tolerance: float = CROSSCHECK_ANGLE
     metres_tolerance: float = CROSSCHECK_POINT
+    solid_tolerance: float = CROSSCHECK_BODY
 
     @property
     def worst(self) -> float:
-        """[rad], the worst difference over all boundaries."""
-        return max((one.angle for one in self.boundaries.values()), default=0.0)
+        """[rad], the worst difference over all boundaries that are not solid."""
+        return max((one.angle for name, one in self.boundaries.items() if name not in self.solid), default=0.0)
 
     @property
     def holds(self) -> bool:
         """Whether all differences are within the tolerances."""
-        metres = max((one.metres for one in self.boundaries.values()), default=0.0)
-        return self.worst <= self.tolerance and metres <= self.metres_tolerance
+        thin = [one for name, one in self.boundaries.items() if name not in self.solid]
+        solid = [one for name, one in self.boundaries.items() if name in self.solid]
+        metres, rough = (max((one.metres for one in part), default=0.0) for part in (thin, solid))
+        seen = all(math.isfinite(one.angle) for one in solid)
+        return (
+            self.worst <= self.tolerance and metres <= self.metres_tolerance and rough <= self.solid_tolerance and seen
+        )
 
 
 @dataclass(frozen=True)
@@ -136,7 +145,8 @@ def check_contacts(robot: Robot, rays: int, rng: np.random.Generator) -> Boundar
             max(one.metres for one in seen),
             worst.place,
         )
-    return BoundaryLevel(sum(one.rays for one in found.values()), found)
+    solid = tuple(boundary.name for boundary in robot.boundaries if boundary.path.is_solid)
+    return BoundaryLevel(sum(one.rays for one in found.values()), found, solid)
 
 
 def _claim(robot: Robot, boundary: Boundary, start: Array, rng: np.random.Generator) -> _Claim:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pinbound.crosscheck.engine import blocks, point_engine, sample
 from pinbound.robot import Robot
-from pinbound.tolerances import CLOSURE, CROSSCHECK_POINT
+from pinbound.tolerances import CLOSURE, CROSSCHECK_BODY, CROSSCHECK_POINT
 
 __all__ = ["PointLevel", "check_points"]
 
@@ -27,7 +27,9 @@ class PointLevel:
         differences: [m], worst `|clearance - coal|` by boundary.
         witnesses: (n,), by boundary, where that was.
         pins: [m], worst gap of every closure, its ends placed by Pinocchio.
+        solid: Boundaries of boxes and prisms, which coal measures by iteration.
         tolerance: [m], for the differences.
+        solid_tolerance: [m], for those of `solid`.
         pin_tolerance: [m], for the pins.
     """
 
@@ -35,7 +37,9 @@ class PointLevel:
     differences: Mapping[str, float]
     witnesses: Mapping[str, Array]
     pins: Mapping[str, float]
+    solid: tuple[str, ...] = ()
     tolerance: float = CROSSCHECK_POINT
+    solid_tolerance: float = CROSSCHECK_BODY
     pin_tolerance: float = CLOSURE
 
     @property
@@ -46,16 +50,24 @@ class PointLevel:
     @property
     def holds(self) -> bool:
         """Whether every difference and every pin is within its tolerance."""
-        return self.worst <= self.tolerance and max(self.pins.values(), default=0.0) <= self.pin_tolerance
+        allowed = {name: self.solid_tolerance if name in self.solid else self.tolerance for name in self.differences}
+        pins = max(self.pins.values(), default=0.0) <= self.pin_tolerance
+        return pins and all(self.differences[name] <= allowed[name] for name in allowed)
 
 
 def check_points(robot: Robot, samples: int, rng: np.random.Generator) -> PointLevel:
-    """Compare clearances at random configurations within the limits."""
+    """Compare clearances at random configurations within the limits.
+
+    Where boxes or prisms overlap, coal measures how deeply, pinbound a distance of zero.
+    """
     Q, engine = sample(robot, samples, rng), point_engine(robot)
     worst = np.zeros(len(robot.boundaries))
     where = np.tile(robot.home, (len(robot.boundaries), 1))
+    solid = np.array([boundary.path.is_solid for boundary in robot.boundaries], dtype=np.bool_)
+    floor = np.where(solid, [-boundary.threshold for boundary in robot.boundaries], -np.inf)
     for block in blocks(len(Q)):
-        difference = np.abs(robot.boundaries.clearances(Q[block]) - engine.distances(Q[block]))
+        coal = np.maximum(engine.distances(Q[block]), floor)
+        difference = np.abs(robot.boundaries.clearances(Q[block]) - coal)
         difference[np.isnan(difference)] = np.inf
         rows = np.argmax(difference, axis=0)
         found = difference[rows, np.arange(len(worst))]
@@ -67,6 +79,7 @@ def check_points(robot: Robot, samples: int, rng: np.random.Generator) -> PointL
         dict(zip(names, worst.tolist(), strict=True)),
         dict(zip(names, where, strict=True)),
         _pin_gaps(robot, Q[: min(len(Q), 1000)]),
+        tuple(name for name, is_solid in zip(names, solid, strict=True) if is_solid),
     )
 
 

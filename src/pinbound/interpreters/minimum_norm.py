@@ -30,8 +30,8 @@ _SUBSETS = tuple(subset for size in (1, 2, 3) for subset in combinations(range(4
 def nearest_corners(w: Array, ways: Array) -> tuple[Array, Array]:
     """Return the least t (N, k), and a proven lower bound of the distance (N,), negative where the origin is inside.
 
-    Outside, bound and distance agree but for rounding. Inside, a ball of minus the bound around the origin is inside, too:
-    that of the four corners at which the search ended.
+    Outside, bound and distance agree but for rounding. Inside, a ball of minus the bound around the origin is inside,
+    too: within the four corners at which the search ended.
 
     Args:
         w: (N, 3).
@@ -129,7 +129,7 @@ def _triangle(points: Array) -> Array:
 
 
 def _tetrahedron(points: Array) -> tuple[Array, Array]:
-    """Return barycentric coordinates (N, 4) of the origin, negative where all is flat, and its distance from the faces."""
+    """Return barycentric coordinates (N, 4) of the origin, negative where all is flat, and its depth inside."""
     volumes: list[Array] = []
     depth = np.full(len(points), np.inf)
     for index in range(4):

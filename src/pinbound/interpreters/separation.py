@@ -11,12 +11,15 @@ and says where derivatives jump.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.interpreters import numeric
 from pinbound.interpreters.closest import nearest
 from pinbound.path import RelativePath
+from pinbound.tolerances import OVERLAP
 
 __all__ = ["gradients", "hessians", "parameters", "separations", "vectors"]
 
@@ -30,7 +33,7 @@ def separations(path: RelativePath, Q: Array) -> Array:
     if path.is_plain:
         return numeric.norm(numeric.positions(path.minimal, Q))
     w, ways = _measured(path, Q)
-    r = w + np.einsum("nk,kni->ni", _parameters(path, w, ways), ways)
+    r = _settled(path, w + np.einsum("nk,kni->ni", _parameters(path, w, ways), ways))
     return r[:, 0] if path.is_signed else numeric.norm(r)
 
 
@@ -75,7 +78,8 @@ def hessians(path: RelativePath, Q: Array) -> Array:
     full = numeric.norm_hessian(r, J, H)
     free = (t > 0.0) & (t < 1.0)
     found = full[:, :n, :n].copy()
-    for pattern in np.unique(free, axis=0):
+    patterns: Any = np.unique(free, axis=0)
+    for pattern in patterns:
         rows, columns = np.flatnonzero(np.all(free == pattern, axis=1)), n + np.flatnonzero(pattern)
         if len(columns):
             inner, mixed = full[np.ix_(rows, columns, columns)], full[np.ix_(rows, columns, np.arange(n))]
@@ -106,6 +110,13 @@ def _parameters(path: RelativePath, w: Array, ways: Array) -> Array:
     return (ways[:, :, 0] < 0.0).T.astype(np.float64) if path.is_signed else nearest(w, ways)
 
 
+def _settled(path: RelativePath, r: Array) -> Array:
+    """Return r, zero where bodies overlap: the search leaves rounding there, which has no direction."""
+    if not path.is_solid:
+        return r
+    return np.where((np.abs(r).max(axis=1) <= OVERLAP * path.minimal.scale)[:, None], 0.0, r)
+
+
 def _around(path: RelativePath, Q: Array, order: int) -> tuple[Array, Array, Array, Array]:
     """Return r (N, d), its derivatives by (q, t), (N, d, n + k) and (N, d, n + k, n + k), and t, at the nearest t."""
     parts = [numeric.derivatives(chain, Q, order) for chain in (path.minimal, *path.swept.ways)]
@@ -125,4 +136,4 @@ def _around(path: RelativePath, Q: Array, order: int) -> tuple[Array, Array, Arr
         if order > 1:
             bend[:, :, :n, :n] += weight[:, :, None, None] * e_bend
             bend[:, :, :n, n + i] = bend[:, :, n + i, :n] = e_slope
-    return r, slope, bend, t
+    return _settled(path, r), slope, bend, t

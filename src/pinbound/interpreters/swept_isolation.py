@@ -31,8 +31,8 @@ Ints = NDArray[np.int64]
 
 _PIECES = 5  # 2^5 pieces to begin with
 _FINEST = 50  # 2^50 steps in all
-_MOST_OPEN = 4096  # pieces a configuration: more are a contact that is flat along an interval
-_ROWS = 1024  # configurations at a time, to bound memory
+_MOST_OPEN = 1 << 16  # pieces a configuration: more are a contact that is flat along an interval
+_ROWS = 64  # configurations at a time, to bound memory
 _DOUBLINGS, _BISECTIONS = 20, 30  # from the width of a root to 1e-7, and back to the last bit
 
 
@@ -81,10 +81,10 @@ def smallest(path: RelativePath) -> float:
         found = _bound(swept, np.zeros((len(middle), 1)), 0, middle, half, error)
         best = min(best, float(found.value.min()))
         middle = middle[(found.lower < best) & (found.upper - found.lower > 4.0 * error)]
-        if not len(middle) or len(middle) > _MOST_OPEN:
+        if not len(middle) or len(middle) > _MOST_OPEN or (best == 0.0 and not path.is_signed):
             break
         half /= 2.0
-        middle = np.concatenate((middle - half, middle + half))
+        middle = np.concatenate((middle - half, middle + half)).astype(np.float64)
     return best
 
 

@@ -33,6 +33,7 @@ __all__ = [
     "allowed_arcs_table",
     "contact_distance",
     "gap_around",
+    "one_angle_smallest",
     "one_angle_strip",
     "one_angle_strips",
     "strip",
@@ -235,6 +236,17 @@ def one_angle_strips(path: RelativePath, threshold: float, tolerance: float) -> 
     middle, half = ends.mean(axis=1), 0.5 * (ends[:, 1] - ends[:, 0])
     middle -= 2.0 * math.pi * np.ceil((middle - math.pi) / (2.0 * math.pi))
     return coefficients, tuple(Strip(float(a), float(w), m) for a, w in zip(middle, half, strict=True))
+
+
+def one_angle_smallest(path: RelativePath) -> float | None:
+    """Return the smallest separation over a turn [m], if the path has one effective angle; else None."""
+    if one_angle(path.minimal) is None:
+        return None
+    if path.is_plain:
+        return strip(*path.minimal.offsets, path.minimal.axes[0], 0.0, 0.0).smallest
+    from pinbound.interpreters.swept_isolation import smallest
+
+    return smallest(path)
 
 
 def contact_distance(path: RelativePath, threshold: float, tolerance: float) -> float:

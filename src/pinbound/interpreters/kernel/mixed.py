@@ -30,11 +30,15 @@ def kernel_of(
     common: Callable[[], Mapping[str, CommonMark] | None],
 ) -> Kernel | MixedKernel:
     """Return the kernel of a set; arguments as for `Kernel`."""
-    searched = [not pair.path.is_signed and len(pair.path.swept.directions) > _MOST_WAYS for pair in pairs]
+    searched = [_is_searched(pair) for pair in pairs]
     if not any(searched):
         return Kernel(pairs, n, reference, common)
     easy = [pair for pair, is_searched in zip(pairs, searched, strict=True) if not is_searched]
     return MixedKernel(Kernel(easy, n, reference, common), tuple(pairs), np.flatnonzero(searched))
+
+
+def _is_searched(pair: Pair) -> bool:
+    return len(pair.path.swept.directions) > _MOST_WAYS and not pair.path.is_signed
 
 
 class MixedKernel:

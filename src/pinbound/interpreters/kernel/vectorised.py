@@ -34,7 +34,7 @@ _DENSE = 12
 def _pick(a: Any, b: Any, x: Any, y: Any, out: Any = None) -> Any:
     """Return x where a < b, else y."""
     if out is None:
-        return np.where(np.less(a, b), x, y)
+        out = np.empty(np.broadcast_shapes(*map(np.shape, (a, b, x, y))))
     np.copyto(out, y)
     np.copyto(out, x, where=np.less(a, b))
     return out
