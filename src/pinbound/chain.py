@@ -232,7 +232,16 @@ def drop_head(chain: Chain, across: Array | None = None) -> Chain:
         offsets[0] += chain.offsets[0]
         slides[0] += chain.slides[0]
         chain = reduce_chain(Chain(offsets, slides, chain.axes[1:].copy(), chain.coefficients[1:].copy(), chain.scale))
-    return chain
+    return chain if across is None else _only_across(chain, across)
+
+
+def _only_across(chain: Chain, across: Array) -> Chain:
+    """Leave of the first block, which nothing turns, what counts."""
+    offsets, slides = chain.offsets.copy(), chain.slides.copy()
+    offsets[0] = across.T @ (across @ offsets[0])
+    slides[0] = across.T @ (across @ slides[0])
+    slides[0][np.abs(slides[0]) <= REDUCTION] = 0.0
+    return replace(chain, offsets=offsets, slides=slides)
 
 
 def _turns_nothing(chain: Chain, across: Array | None) -> bool:

@@ -52,7 +52,7 @@ class SweptBoundaries:
         moved = np.einsum("mk,mkn->mn", self.swept.arms, np.abs(chains.coefficients))
         if chains.slides is not None:
             moved = moved + np.linalg.norm(chains.slides, axis=2).sum(axis=1)
-        return moved[::rows] if rows else moved
+        return moved[::rows]
 
     def signed(self, Q: Array) -> Array:
         """Return the signed clearances (N, m) [m]."""

@@ -39,12 +39,17 @@ def nearest(w: Array, ways: Array) -> Array:
     if not len(ways):
         return np.empty((len(w), 0))
     if len(ways) == 1:
-        return _foot(w, ways[0])[:, None]
+        with np.errstate(invalid="ignore"):
+            return _foot(w, ways[0])[:, None]
     if len(ways) > 2:
         if w.shape[1] == 2:
             w, ways = np.pad(w, ((0, 0), (0, 1))), np.pad(ways, ((0, 0), (0, 0), (0, 1)))
         return nearest_corners(w, ways)[0]
-    first, second = ways
+    with np.errstate(invalid="ignore"):
+        return _on_square(w, ways[0], ways[1])
+
+
+def _on_square(w: Array, first: Array, second: Array) -> Array:
     zero, one = np.zeros(len(w)), np.ones(len(w))
     candidates = [
         (zero, _foot(w, second)),

@@ -72,7 +72,7 @@ def nearest_corners(w: Array, ways: Array) -> tuple[Array, Array]:
         t[rows] = np.einsum("ns,nsk->nk", weights, corners[rows])
         bound[rows[inside]] = -depth[inside]
         rows = rows[~inside]
-    return t, bound
+    return np.clip(t, 0.0, 1.0), bound  # weights add up to one but for rounding
 
 
 def _support(v: Array, w: Array, ways: Array) -> tuple[Array, Array, Array]:

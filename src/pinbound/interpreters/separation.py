@@ -82,7 +82,8 @@ def hessians(path: RelativePath, Q: Array) -> Array:
     for pattern in patterns:
         rows, columns = np.flatnonzero(np.all(free == pattern, axis=1)), n + np.flatnonzero(pattern)
         if len(columns):
-            inner, mixed = full[np.ix_(rows, columns, columns)], full[np.ix_(rows, columns, np.arange(n))]
+            inner = full[rows[:, None, None], columns[:, None], columns]
+            mixed = full[rows[:, None, None], columns[:, None], np.arange(n)]
             found[rows] -= np.swapaxes(mixed, 1, 2) @ _solve(inner, mixed)
     return found
 
@@ -103,7 +104,10 @@ def _measured(path: RelativePath, Q: Array) -> tuple[Array, Array]:
     """Return w (N, d) and the e (k, N, d) of what counts: d = 3, 2 across a line, 1 above a plane."""
     w = numeric.positions(path.minimal, Q)
     ways = np.array([numeric.positions(way, Q) for way in path.swept.ways]).reshape(len(path.swept.ways), *w.shape)
-    return (w, ways) if path.across is None else (w @ path.across.T, ways @ path.across.T)
+    if path.across is None:
+        return w, ways
+    with np.errstate(invalid="ignore"):
+        return w @ path.across.T, ways @ path.across.T
 
 
 def _parameters(path: RelativePath, w: Array, ways: Array) -> Array:

@@ -65,7 +65,7 @@ class SweptBundle:
     @property
     def rows(self) -> int:
         """The number 1 + k of rows a path."""
-        return len(self.arms) // max(1, len(self.normal))
+        return len(self.arms) // len(self.normal) if len(self.normal) else 1
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _nothing(path: RelativePath) -> Chain:
 def rounding_bound(swept: SweptBundle, joints: Array, lower: Array, upper: Array, degree: int = 1) -> Array:
     """Return a bound of every rounding error in a separation while q stays in a box, (m,) [m]."""
     each = chain_rounding_bound(swept.chains, np.repeat(joints, swept.rows), lower, upper, degree)
-    return each.reshape(len(joints), -1).sum(axis=1) + _PROJECTING * UNIT_ROUNDOFF * swept.reach
+    return each.reshape(len(joints), swept.rows).sum(axis=1) + _PROJECTING * UNIT_ROUNDOFF * swept.reach
 
 
 def along_motion(swept: SweptBundle, which: Indices, piece: Expansion, error: Array) -> Bounds:

@@ -22,7 +22,7 @@ from pinbound.interpreters.bounds import Expansion
 from pinbound.interpreters.isolation import common_period, wrapped
 from pinbound.interpreters.swept_bounds import Bounds, SweptBundle, along_motion, rounding_bound, swept_bundle
 from pinbound.path import RelativePath
-from pinbound.tolerances import ROOT
+from pinbound.tolerances import PRECISION, ROOT
 
 __all__ = ["arcs", "smallest", "turn_arcs"]
 
@@ -72,19 +72,22 @@ def turn_arcs(path: RelativePath, threshold: float) -> Array:
 
 
 def smallest(path: RelativePath) -> float:
-    """Return the smallest separation over a turn of a path of one rotation [m], to rounding."""
+    """Return the smallest separation over a turn of a path of one rotation [m], attained, to `tolerances.PRECISION`.
+
+    It may be flat over an interval, as between two boxes side by side, so that no more is asked for.
+    """
     one = _one_coordinate(path)
     swept, error = _bundle(one, np.full(1, -math.pi), np.full(1, math.pi))
     half, best = math.pi / 64, math.inf
-    middle: Array = np.array([half * (2 * index - 63) for index in range(64)])
+    middle = np.linspace(-math.pi, math.pi, 65)[:-1].astype(np.float64) + half
     for _ in range(_FINEST):
         found = _bound(swept, np.zeros((len(middle), 1)), 0, middle, half, error)
         best = min(best, float(found.value.min()))
-        middle = middle[(found.lower < best) & (found.upper - found.lower > 4.0 * error)]
+        middle = middle[(found.lower < best - PRECISION) & (found.upper - found.lower > 4.0 * error)]
         if not len(middle) or len(middle) > _MOST_OPEN or (best == 0.0 and not path.is_signed):
             break
         half /= 2.0
-        middle = np.concatenate((middle - half, middle + half)).astype(np.float64)
+        middle = np.concatenate((middle - half, middle + half))
     return best
 
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from pinbound.chain import Chain
 from pinbound.interpreters import numeric
 from pinbound.path import RelativePath
-from pinbound.tolerances import REDUCTION
+from pinbound.tolerances import PRECISION, REDUCTION
 
 __all__ = [
     "AllowedArcs",
@@ -239,14 +239,15 @@ def one_angle_strips(path: RelativePath, threshold: float, tolerance: float) -> 
 
 
 def one_angle_smallest(path: RelativePath) -> float | None:
-    """Return the smallest separation over a turn [m], if the path has one effective angle; else None."""
+    """Return a lower bound of the separation over a turn [m], tight, if the path has one effective angle; else None."""
     if one_angle(path.minimal) is None:
         return None
     if path.is_plain:
-        return strip(*path.minimal.offsets, path.minimal.axes[0], 0.0, 0.0).smallest
+        p, s = path.minimal.offsets
+        return strip(p, s, path.minimal.axes[0], 0.0, 0.0).smallest
     from pinbound.interpreters.swept_isolation import smallest
 
-    return smallest(path)
+    return smallest(path) - PRECISION
 
 
 def contact_distance(path: RelativePath, threshold: float, tolerance: float) -> float:

@@ -1,0 +1,489 @@
+"""Laws of segments, sweeps, lines and planes: against Pinocchio, coal, brute force, mpmath, differences, sampling."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+import pinbound as pb
+from pinbound.certificates.constraints import families
+from pinbound.certificates.trajectory import as_trajectory
+from pinbound.interpreters.closest import nearest
+from pinbound.interpreters.minimum_norm import nearest_corners
+from pinbound.interpreters.swept_isolation import arcs as searched_arcs
+from pinbound.path import RelativePath
+from robots import random_q
+from segments import ROBOTS, oracle_clearances, place
+
+Load = Callable[..., pb.Robot]
+
+
+@pytest.fixture(scope="module", params=sorted(ROBOTS))
+def robot(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> pb.Robot:
+    path = tmp_path_factory.mktemp("segments") / f"{request.param}.urdf"
+    path.write_text(ROBOTS[request.param])
+    return pb.load(path)
+
+
+def each(robot: pb.Robot, ask: Callable[[pb.Boundary], Any]) -> Any:
+    return np.stack([ask(boundary) for boundary in robot.boundaries], axis=1)
+
+
+def test_clearances_equal_coal_on_capsules_boxes_and_half_spaces(robot: pb.Robot) -> None:
+    Q = random_q(robot, 400, seed=1)
+    found, expected = each(robot, lambda b: b.clearance(Q)), oracle_clearances(robot, Q)
+    for column, boundary in enumerate(robot.boundaries):
+        floor = -boundary.threshold if boundary.path.is_solid else -np.inf  # coal goes on to measure the depth
+        difference = np.abs(found[:, column] - np.maximum(expected[:, column], floor)).max()
+        assert difference < (1e-9 if boundary.path.is_solid else 2e-13), boundary
+        assert (expected[:, column] > 0).any(), boundary
+
+
+def test_the_nearest_points_are_on_the_marks_and_that_far_apart(robot: pb.Robot) -> None:
+    import pinocchio as pin
+
+    Q = random_q(robot, 30, seed=2)
+    data = robot.model.createData()
+    for row, theta in enumerate(robot.coupling.expand(Q)):
+        pin.framesForwardKinematics(robot.model, data, theta)
+        for boundary in robot.boundaries:
+            t = iter(boundary.nearest(Q[row]).tolist())
+            ends = []
+            for mark in (boundary.point_a, boundary.point_b):
+                first, *others = place(robot, theta, mark, data)
+                weights = [next(t) for _ in mark.ways]
+                assert all(0.0 <= weight <= 1.0 for weight in weights)
+                ends.append(first + sum(w * (end - first) for w, end in zip(weights, others, strict=False)))
+            r = ends[0] - ends[1]
+            if boundary.path.upright is not None:
+                flat = next(m for m in (boundary.point_a, boundary.point_b) if isinstance(m, (pb.Line, pb.Plane)))
+                first, further = place(robot, theta, flat, data)
+                unit = further - first
+                r = (r @ unit) * unit if isinstance(flat, pb.Plane) else r - (r @ unit) * unit
+            vector = data.oMf[robot.model.getFrameId(boundary.ancestor)].rotation.T @ r
+            assert np.abs(vector - boundary.vector(Q[row])).max() < 1e-13
+            assert abs(np.linalg.norm(r) - abs(boundary.norm(Q[row]))) < 1e-13
+
+
+def smooth(boundary: pb.Boundary, Q: Any, step: float) -> Any:
+    """Return rows around which the same t stay free, or at the same ends: no switch of features nearby."""
+    patterns = []
+    for shift in np.vstack((np.zeros(Q.shape[1]), step * np.eye(Q.shape[1]), -step * np.eye(Q.shape[1]))):
+        t = boundary.nearest(Q + shift)
+        patterns.append(np.where(t <= 0.0, 0, np.where(t >= 1.0, 2, 1)))
+    return np.all(np.stack(patterns) == patterns[0], axis=(0, 2)) & (np.abs(boundary.norm(Q)) > 1e-2)
+
+
+def test_gradients_and_hessians_equal_central_differences_away_from_switches(robot: pb.Robot) -> None:
+    Q, h, checked = random_q(robot, 60, seed=3), 1e-6, 0
+    for boundary in robot.boundaries:
+        rows = Q[smooth(boundary, Q, 1e-3)]
+        checked += len(rows)
+        if not len(rows):
+            continue
+        gradient, hessian = boundary.gradient(rows), boundary.hessian(rows)
+        for j in range(Q.shape[1]):
+            e = h * np.eye(Q.shape[1])[j]
+            assert np.abs(gradient[:, j] - (boundary.norm(rows + e) - boundary.norm(rows - e)) / (2 * h)).max() < 1e-7
+            bend = (boundary.gradient(rows + e) - boundary.gradient(rows - e)) / (2 * h)
+            known = np.isfinite(hessian).all(axis=(1, 2))
+            assert np.abs(hessian[known, :, j] - bend[known]).max(initial=0.0) < 1e-4
+    assert checked > 10 * len(robot.boundaries)
+
+
+def test_there_is_no_gradient_where_bodies_overlap(tmp_path: Path) -> None:
+    path = tmp_path / "bodies.urdf"
+    path.write_text(ROBOTS["bodies"])
+    robot = pb.load(path)
+    boundary = robot.boundaries["arm_hand"]
+    Q = random_q(robot, 400, seed=4)
+    inside = oracle_clearances(robot, Q)[:, list(robot.boundaries.names).index("arm_hand")] < -1e-3
+    assert inside.sum() > 5
+    assert np.all(boundary.norm(Q[inside]) == 0.0)
+    assert np.isnan(boundary.gradient(Q[inside])).all()
+    assert np.isnan(boundary.hessian(Q[inside])).all()
+    assert np.isnan(robot.boundaries.gradients(Q[inside])[:, list(robot.boundaries.names).index("arm_hand")]).all()
+
+
+@pytest.mark.parametrize("backend", ["numpy", "compiled"])
+def test_the_kernel_equals_the_reference(robot: pb.Robot, backend: Any) -> None:
+    Q, B = random_q(robot, 300, seed=5), robot.boundaries
+    scale = max(boundary.path.minimal.scale for boundary in B)
+    norms, clearances = each(robot, lambda b: b.norm(Q)), each(robot, lambda b: b.clearance(Q))
+    assert np.abs(B.norms(Q, backend=backend) - norms).max() < 4e-15 * scale
+    assert np.abs(B.clearances(Q, backend=backend) - clearances).max() < 4e-15 * scale
+    least = B.smallest(Q, backend=backend)
+    assert np.abs(least.clearance - clearances.min(axis=1)).max() < 4e-15 * scale
+    assert np.abs(clearances[np.arange(len(Q)), least.index] - least.clearance).max() < 4e-15 * scale
+    assert np.array_equal(B.free(Q, backend=backend), least.clearance > 0.0)
+    gradients = each(robot, lambda b: b.gradient(Q))
+    assert np.nanmax(np.abs(B.gradients(Q, backend=backend) - gradients)) < 1e-11  # t may differ by rounding
+    single = B.norms(Q, backend=backend, dtype=np.float32)
+    assert np.abs(single - norms).max() < 2e-5 * scale
+    assert np.abs(np.array([B.clearances(q) for q in Q[:20]]) - clearances[:20]).max() < 4e-15 * scale
+    Q[3, -1], Q[5, 0] = np.nan, np.inf
+    bad = each(robot, lambda b: b.clearance(Q))
+    assert np.array_equal(np.isnan(B.clearances(Q, backend=backend)), np.isnan(bad))
+    assert np.array_equal(np.isnan(B.smallest(Q, backend=backend).clearance), np.isnan(bad).any(axis=1))
+
+
+def test_symbols_equal_numbers_at_the_nearest_points(robot: pb.Robot) -> None:
+    import sympy
+
+    q = random_q(robot, 1, seed=6)[0]
+    for boundary in robot.boundaries:
+        values = dict(zip(robot.coordinates, q, strict=True))
+        values |= {f"t_{i + 1}": t for i, t in enumerate(boundary.nearest(q))}
+        minimal, ancestor = boundary.expression(), boundary.expression("ancestor")
+        point = {symbol: values[symbol.name] for symbol in minimal.free_symbols | ancestor.free_symbols}
+        r = np.array(ancestor.evalf(30, subs=point), dtype=float).ravel()
+        assert np.abs(r - boundary.vector(q)).max() < 1e-13
+        assert abs(float(sympy.sqrt(minimal.dot(minimal)).evalf(30, subs=point)) - abs(boundary.norm(q))) < 1e-13
+        assert set(boundary.coordinates) == {s.name for s in minimal.free_symbols} - {f"t_{i}" for i in range(1, 9)}
+        assert boundary.latex()
+
+
+def test_a_norm_depends_on_its_coordinates_alone(robot: pb.Robot) -> None:
+    Q = random_q(robot, 40, seed=7)
+    for boundary in robot.boundaries:
+        for j, name in enumerate(robot.coordinates):
+            moved = Q.copy()
+            moved[:, j] += 0.7
+            change = np.abs(boundary.norm(moved) - boundary.norm(Q)).max()
+            assert (change > 1e-6) if name in boundary.coordinates else (change < 1e-13), (boundary, name)
+
+
+def test_limits_are_contacts_with_the_promised_sides_and_none_is_missed(robot: pb.Robot) -> None:
+    Q, checked = random_q(robot, 4, seed=8), 0
+    Q[::2] = robot.home + 0.1 * Q[::2]
+    for boundary, (j, name) in itertools.product(robot.boundaries, enumerate(robot.coordinates)):
+        table = boundary.limits(name, Q, window=(-4.0, 4.0))
+        level = boundary.contact_distance - boundary.threshold
+        for row, q in enumerate(Q):
+            arcs = table[row]
+            for end, inwards in ((arcs.intervals[:, 0], 1.0), (arcs.intervals[:, 1], -1.0)):
+                for value in end[np.isfinite(end) & (np.abs(end) != 4.0)]:
+                    there = q.copy()
+                    there[j] = value
+                    assert abs(boundary.clearance(there) - level) < 1e-12
+                    for side in (1.0, -1.0):
+                        there[j] = value + 1e-6 * side * inwards
+                        assert (boundary.clearance(there) - level) * side >= (0.0 if side > 0 else -1e-15)
+                    checked += 1
+            x = np.linspace(-3.99, 3.99, 300)
+            line = np.repeat(q[None], len(x), axis=0)
+            line[:, j] = x
+            free = boundary.clearance(line) - level
+            inside = np.array([arcs.contains(value) for value in x])
+            assert not np.any(inside & (free < -1e-12))
+            assert not np.any(~inside & (free > 1e-9))
+    assert checked > 3
+
+
+def test_the_closed_form_above_a_plane_equals_the_search_and_its_symbols(robot: pb.Robot) -> None:
+    Q, checked = random_q(robot, 5, seed=9), 0
+    for boundary in robot.boundaries:
+        if not boundary.path.is_signed or boundary.path.swept.directions:
+            continue
+        for j, name in enumerate(robot.coordinates):
+            if np.count_nonzero(boundary.path.minimal.coefficients[:, j]) != 1:
+                continue
+            table = boundary.limits(name, Q)
+            found, _, _ = searched_arcs(boundary.path, j, name, Q, boundary.threshold, None)
+            symbols = boundary.limit_expressions(name)
+            for row, q in enumerate(Q):
+                closed, searched = table[row].intervals, found[row]
+                assert closed.shape == searched.shape
+                if not np.isfinite(closed).all():
+                    continue
+                turn = table[row].period
+                for ends in zip(closed.T, searched.T, strict=True):
+                    apart = ends[0] - ends[1]
+                    assert np.abs(apart - turn * np.round(apart / turn)).max() < 1e-9
+                values = dict(zip(robot.coordinates, q, strict=True))
+                lower = float(symbols.upper.evalf(30, subs={s: values[s.name] for s in symbols.upper.free_symbols}))
+                apart = lower - closed[0, 0]
+                assert abs(apart - turn * round(apart / turn)) < 1e-9
+                checked += 1
+    if any(b.path.is_signed and not b.path.swept.directions for b in robot.boundaries):
+        assert checked > 0
+
+
+def parts_of(robot: pb.Robot, rng: np.random.Generator, size: float, spline: bool) -> Any:
+    n = len(robot.coordinates)
+    start = rng.uniform(-1, 1, n)
+    if spline:
+        return CubicSpline(np.arange(4.0), start + size * rng.uniform(-1, 1, (4, n)))
+    return start + np.array([[0.0], [1.0]]) * rng.uniform(-size, size, (1, n))
+
+
+@pytest.mark.parametrize("spline", [False, True])
+def test_enclosures_hold_on_motions_and_boxes(robot: pb.Robot, spline: bool) -> None:
+    rng, tight = np.random.default_rng(10), []
+    for size in (1e-4, 1e-2, 0.3, 2.0):
+        motion = parts_of(robot, rng, size, spline)
+        trajectory = as_trajectory(motion, robot.coordinates)
+        a, b = np.sort(rng.uniform(0, 1, 2))
+        family = families(robot, tuple(robot.boundaries), *trajectory.extent, trajectory.degree)[-1]
+        assert family.names == tuple(x.name for x in robot.boundaries if not x.path.is_plain)
+        which = np.arange(len(family.names))
+        part = trajectory.expand(np.zeros(1, np.intp), np.array([a]), np.array([b]))
+        found = family.enclose(which, part, np.zeros(len(which), np.intp))
+        u = a + (b - a) * np.linspace(0, 1, 200)
+        values = family.signed(trajectory.at(np.zeros(200, np.intp), u))
+        assert np.all(found.lower <= values.min(axis=0) + 1e-15)
+        assert np.all(
+            np.abs(found.value - family.signed(trajectory.at(np.zeros(1, np.intp), np.array([a + b]) / 2))[0]) < 1e-12
+        )
+        if size <= 1e-2:
+            tight += list(values.min(axis=0) - found.lower)
+        low, high = trajectory.extent
+        box = family.enclose_box(
+            which, np.tile((low + high) / 2, (len(which), 1)), np.tile((high - low) / 2, (len(which), 1))
+        )
+        inside = family.signed(rng.uniform(low, high, (400, len(low))))
+        assert np.all(box.lower <= inside.min(axis=0) + 1e-15)
+    assert np.median(tight) < 2e-4  # second order: far less than the 1e-2 rad that the pieces are wide
+
+
+def test_certificates_agree_with_dense_sampling(robot: pb.Robot) -> None:
+    rng, verdicts = np.random.default_rng(11), []
+    swept = [boundary.name for boundary in robot.boundaries if not boundary.path.is_plain]
+    for trial in range(12):
+        motion = parts_of(robot, rng, 1.5, spline=trial % 3 == 2)
+        found = pb.certify(robot, motion, boundaries=swept, limits=False)
+        u = np.linspace(0, 1, 4001) * (3.0 if trial % 3 == 2 else 1.0)
+        Q = motion(u) if trial % 3 == 2 else motion[0] + u[:, None] * (motion[1] - motion[0])
+        signed = pb.signed_clearances(robot, Q, swept)
+        verdicts.append(found.verdict)
+        if found.verdict is pb.Verdict.CERTIFIED:
+            assert signed.min() > 0.0
+            assert found.lower <= signed.min() + 1e-12
+        elif found.verdict is pb.Verdict.VIOLATED:
+            assert found.first_contact is not None
+            first = found.violations[0]
+            assert pb.signed_clearances(robot, first.contact.q, [first.name])[0] < 0.0
+            before = u < first.contact.before - 1e-9
+            assert signed[before].min(initial=1.0) > 0.0
+        for finding in found.boundaries:
+            assert finding.lower <= signed[:, swept.index(finding.name)].min() + 1e-12
+    assert len(set(verdicts)) > 1 or robot.name
+
+
+def test_a_certified_box_is_clear(robot: pb.Robot) -> None:
+    swept = [boundary.name for boundary in robot.boundaries if not boundary.path.is_plain]
+    half = 0.02 * np.ones(len(robot.coordinates))
+    found = pb.certify_box(robot, robot.home - half, robot.home + half, swept, limits=False)
+    Q = np.random.default_rng(12).uniform(robot.home - half, robot.home + half, (3000, len(half)))
+    signed = pb.signed_clearances(robot, Q, swept)
+    if found.verdict is pb.Verdict.CERTIFIED:
+        assert signed.min() >= found.lower > 0.0
+    else:
+        assert signed.min() < 1e-2
+
+
+def test_the_nearest_points_of_segments_against_mpmath_where_they_degenerate() -> None:
+    """Parallel to 1e-16 .. 1e-4, crossing, touching, of no length: the distance is right to rounding."""
+    rng = np.random.default_rng(13)
+    for angle in (0.0, 1e-16, 1e-12, 1e-9, 1e-8, 1e-7, 1e-4, 1.0):
+        for gap in (0.0, 1e-12, 1e-6, 0.1):
+            u = rng.normal(size=3)
+            across = np.cross(u, rng.normal(size=3))
+            across /= np.linalg.norm(across)
+            up = np.cross(u, across) / np.linalg.norm(u)
+            v = rng.uniform(0.3, 2) * (u * np.cos(angle) + np.linalg.norm(u) * across * np.sin(angle))
+            w = gap * up + rng.uniform(-1, 1) * u - rng.uniform(0, 1) * u + rng.uniform(0, 1) * v
+            t = nearest(w[None], np.stack((u[None], -v[None])))[0]
+            found = float(np.linalg.norm(w + t[0] * u - t[1] * v))
+            assert abs(found - least_by_mpmath(w, u, -v)) < 4e-15 * (1 + np.linalg.norm(w))
+    zero, one = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])
+    assert nearest(one, np.stack((zero, zero))).tolist() == [[0.0, 0.0]]
+    assert nearest(one, np.stack((zero, -2 * one))).tolist() == [[0.0, 0.5]]
+
+
+def least_by_mpmath(w: Any, u: Any, v: Any) -> float:
+    """Return the distance by 60 digits: the stationary point, and the four sides of the square."""
+    with mpmath.workdps(60):
+        W, U, V = ([mpmath.mpf(float(x)) for x in vector] for vector in (w, u, v))
+
+        def dot(a: Any, b: Any) -> Any:
+            return sum((x * y for x, y in zip(a, b, strict=True)), mpmath.mpf(0))
+
+        def at(s: Any, t: Any) -> Any:
+            r = [x + s * y + t * z for x, y, z in zip(W, U, V, strict=True)]
+            return mpmath.sqrt(dot(r, r))
+
+        def cut(x: Any) -> Any:
+            return min(max(x, mpmath.mpf(0)), mpmath.mpf(1))
+
+        a, b, c, d, e = dot(U, U), dot(U, V), dot(V, V), dot(U, W), dot(V, W)
+        options = [at(cut(-(d + t * b) / a), t) for t in (mpmath.mpf(0), mpmath.mpf(1))]
+        options += [at(s, cut(-(e + s * b) / c)) for s in (mpmath.mpf(0), mpmath.mpf(1))]
+        determinant = a * c - b * b
+        if determinant > 0:
+            s, t = (b * e - c * d) / determinant, (b * d - a * e) / determinant
+            if 0 <= s <= 1 and 0 <= t <= 1:
+                options.append(at(s, t))
+        return float(min(options))
+
+
+def test_the_nearest_corners_agree_with_a_solver_and_prove_it() -> None:
+    from scipy.optimize import lsq_linear
+
+    rng = np.random.default_rng(14)
+    for k in (3, 4, 6, 10):
+        w, ways = 2 * rng.normal(size=(80, 3)), rng.normal(size=(k, 80, 3)) * rng.choice([0.1, 1.0], (k, 1, 1))
+        ways[1, :20] = 0.7 * ways[0, :20]  # parallel
+        ways[2, 10:40] = ways[0, 10:40] - ways[1, 10:40]  # flat
+        t, bound = nearest_corners(w, ways)
+        assert np.all((t >= 0.0) & (t <= 1.0))
+        found = np.linalg.norm(w + np.einsum("nk,kni->ni", t, ways), axis=1)
+        solved = [lsq_linear(ways[:, i].T, -w[i], (0, 1), tol=1e-14) for i in range(80)]
+        expected = np.array([np.linalg.norm(ways[:, i].T @ s.x + w[i]) for i, s in enumerate(solved)])
+        assert np.all(found <= expected + 1e-14)
+        assert np.all(np.maximum(bound, 0.0) <= found + 1e-14)
+        assert np.all(found - np.maximum(bound, 0.0) < 1e-6)
+        for row in np.flatnonzero(bound < 0.0):  # a ball of that radius is inside
+            for direction in rng.normal(size=(20, 3)):
+                shift = -bound[row] * 0.999 * direction / np.linalg.norm(direction)
+                moved, _ = nearest_corners((w[row] + shift)[None], ways[:, row : row + 1])
+                assert np.linalg.norm(w[row] + shift + moved[0] @ ways[:, row]) < 1e-12
+
+
+def test_two_bars_about_one_pivot_have_two_strips_a_turn(load_text: Load) -> None:
+    robot = load_text(
+        '<robot name="r" xmlns:pinbound="urn:pinbound:1"><link name="base"/><link name="arm"/>'
+        '<joint name="q" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>'
+        '<pinbound:annotations><pinbound:home q="1.5"/>'
+        '<pinbound:segment name="post" link="base" xyz_a="0 0 0.5" xyz_b="0 0 0.9" radius="0.05"/>'
+        '<pinbound:segment name="bar" link="arm" xyz_a="0 0 -0.8" xyz_b="0 0 0.8" radius="0.05"/>'
+        '<pinbound:boundary name="beta" a="post" b="bar"/></pinbound:annotations></robot>'
+    )
+    boundary = robot.boundaries["beta"]
+    assert boundary.contact is None
+    assert boundary.contacts is not None
+    assert sorted(round(c.angle, 9) for c in boundary.contacts) in ([0.0, 3.141592654], [-3.141592654, 0.0])
+    half = float(np.arcsin(0.1 / 0.5))  # the end of the post at 0.5 m from the bar's line
+    assert [c.half_width for c in boundary.contacts] == pytest.approx([half, half], abs=1e-12)
+    found = robot.boundaries.limits("q", [1.5])
+    assert (found.lower, found.upper) == pytest.approx((half, np.pi - half), abs=1e-12)
+    assert robot.boundaries.beyond([4.0]) == ("beta",)
+    assert robot.boundaries.beyond([2.0]) == ()
+
+
+def test_sweeps_of_one_way_are_segments_and_boxes_measure_like_boxes(load_text: Load) -> None:
+    head = '<robot name="r" xmlns:pinbound="urn:pinbound:1"><link name="base"/><link name="arm"/>'
+    head += '<joint name="q" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>'
+    head += '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint><pinbound:annotations>'
+    point = '<pinbound:point name="p" link="arm" xyz="0.3 0.4 1" radius="0.1"/>'
+    tail = '<pinbound:boundary name="beta" a="m" b="p"/></pinbound:annotations></robot>'
+    Q = np.linspace(-3, 3, 200)[:, None]
+    sweep = load_text(f'{head}<pinbound:sweep name="m" link="base" xyz="0 0 -1" ways="0 0.2 0.5"/>{point}{tail}')
+    segment = load_text(
+        f'{head}<pinbound:segment name="m" link="base" xyz_a="0 0 -1" xyz_b="0 0.2 -0.5"/>{point}{tail}'
+    )
+    assert np.array_equal(sweep.boundaries.norms(Q), segment.boundaries.norms(Q))
+    ways = "0.2 0 0  0 0.6 0  0 0 0.4"
+    box = load_text(f'{head}<pinbound:sweep name="m" link="base" xyz="-0.1 -0.3 -1" ways="{ways}"/>{point}{tail}')
+    x, z = 0.3 * np.cos(Q[:, 0]) + np.sin(Q[:, 0]), -0.3 * np.sin(Q[:, 0]) + np.cos(Q[:, 0])
+    beyond = np.maximum(np.abs(np.column_stack((x, 0.4 + 0 * x, z + 0.8))) - [0.1, 0.3, 0.2], 0.0)
+    assert np.abs(box.boundaries.norms(Q)[:, 0] - np.linalg.norm(beyond, axis=1)).max() < 1e-14
+
+
+def test_paths_are_reduced_alike_for_all_marks(tmp_path: Path) -> None:
+    """A rotation about a plane's normal, or about a line, or about a segment's own line turns nothing that counts."""
+    path = tmp_path / "spatial.urdf"
+    path.write_text(ROBOTS["spatial"])
+    B = pb.load(path).boundaries
+    assert B["ray_D"].coordinates == ("j3", "j4")
+    text = (
+        '<robot name="r" xmlns:pinbound="urn:pinbound:1"><link name="base"/><link name="a"/><link name="b"/>'
+        '<joint name="turn" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>'
+        '<joint name="tilt" type="continuous"><parent link="a"/><child link="b"/><origin xyz="0.3 0 0.5"/>'
+        '<axis xyz="0 1 0"/></joint><pinbound:annotations>'
+        '<pinbound:plane name="floor" link="base" xyz="1 2 -3" normal="0 0 2"/>'
+        '<pinbound:line name="pole" link="base" xyz="0 0 7" direction="0 0 -1"/>'
+        '<pinbound:line name="off" link="base" xyz="0.1 0 7" direction="0 0 -1"/>'
+        '<pinbound:segment name="post" link="base" xyz_a="0 0 -1" xyz_b="0 0 1"/>'
+        '<pinbound:point name="p" link="b" xyz="0.2 0.1 0.1"/>'
+        '<pinbound:segment name="s" link="b" xyz_a="0.2 0.1 0.1" xyz_b="0.2 0.4 0.1"/>'
+        + "".join(
+            f'<pinbound:boundary name="{a}_{b}" a="{a}" b="{b}"/>'
+            for a, b in itertools.product(("floor", "pole", "off", "post"), ("p", "s"))
+        )
+        + "</pinbound:annotations></robot>"
+    )
+    (tmp_path / "two.urdf").write_text(text)
+    B = pb.load(tmp_path / "two.urdf").boundaries
+    for name in ("floor_p", "floor_s", "pole_p", "pole_s", "post_p", "post_s"):
+        assert B[name].coordinates == ("tilt",), name
+    assert B["off_p"].coordinates == ("turn", "tilt")
+    assert B["floor_p"].contacts is not None
+    assert isinstance(B["floor_p"].path, RelativePath)
+
+
+FAULTS = {
+    "no length of direction": (
+        '<pinbound:line name="l" link="a" xyz="0 0 0" direction="0 0 0"/>',
+        "direction of line 'l' is zero. Give a vector",
+    ),
+    "no normal": ('<pinbound:plane name="l" link="a" xyz="0 0 0" normal="0 0 0"/>', "normal of plane 'l' is zero"),
+    "two numbers a way": (
+        '<pinbound:sweep name="l" link="a" xyz="0 0 0" ways="0 1"/>',
+        "ways of sweep 'l' are 2 numbers. Give three numbers a way, up to 9 ways",
+    ),
+    "a way of no length": (
+        '<pinbound:sweep name="l" link="a" xyz="0 0 0" ways="0 1 0 0 0 0"/>',
+        "a way of sweep 'l' is zero. Leave it out",
+    ),
+    "a radius of a plane": (
+        '<pinbound:plane name="l" link="a" xyz="0 0 0" normal="0 0 1" radius="1"/>',
+        "plane 'l' has the unknown attribute 'radius'",
+    ),
+    "a name twice": ('<pinbound:segment name="p" link="a" xyz_a="0 0 0" xyz_b="0 0 1"/>', "'p' is declared twice"),
+    "an end missing": ('<pinbound:segment name="l" link="a" xyz_a="0 0 0"/>', "segment 'l' has no xyz_b"),
+    "two without ends": (
+        '<pinbound:plane name="l" link="a" xyz="0 0 0" normal="0 0 1"/>'
+        '<pinbound:line name="m" link="base" xyz="0 0 0" direction="0 0 1"/>'
+        '<pinbound:boundary name="x" a="l" b="m"/>',
+        "'l' and 'm' are lines or planes without ends",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_faults_say_where_and_how_to_mend_them(load_text: Load, fault: str) -> None:
+    mark, message = FAULTS[fault]
+    text = ROBOTS["planar"].replace("<pinbound:annotations>", f"<pinbound:annotations>{mark}")
+    with pytest.raises(pb.InputError) as caught:
+        load_text(text)
+    assert message in " ".join(str(caught.value).split()), str(caught.value)
+    assert "line 1" in str(caught.value) or "robot.urdf:1" in str(caught.value)
+
+
+def test_a_sidecar_says_the_same_as_the_block(robot: pb.Robot, tmp_path: Path) -> None:
+    marks = robot.annotations
+    marks.save(tmp_path / "saved.yaml")
+    again = pb.Annotations.load(tmp_path / "saved.yaml")
+    assert set(again.marks) == set(marks.marks)
+    for name, mark in marks.marks.items():
+        found = again.marks[name]
+        assert type(found) is type(mark)
+        assert (found.link, found.anchors, found.radius) == (mark.link, mark.anchors, mark.radius)
+    assert "<pinbound:" in marks.to_xml()
+
+
+def test_pickled_and_batched_robots_answer_alike(robot: pb.Robot) -> None:
+    import pickle
+
+    again = pickle.loads(pickle.dumps(robot))
+    Q = random_q(robot, 5, seed=15)
+    found, expected = (one.boundaries.clearances(Q, backend="numpy") for one in (again, robot))
+    assert np.abs(found - expected).max() < 1e-14
