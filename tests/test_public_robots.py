@@ -134,7 +134,7 @@ def test_panda_spheres_equal_coal_sphere_distances() -> None:
     """All sphere pairs of links that are not adjacent as boundaries in one call."""
     path = ROBOTS / "panda_description/urdf/panda_collision.urdf"
     proposal = pb.propose_marks(pb.load(path), shapes=("sphere",))
-    assert sum(cover.body.shape == "sphere" for cover in proposal.covers) == 26
+    assert sum(body.shape == "sphere" for cover in proposal.covers for body in cover.bodies) == 26
     robot = pb.load(path, annotations=proposal.annotations)
     assert len(robot.boundaries) > 100
     data = robot.model.createData()

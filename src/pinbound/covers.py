@@ -93,7 +93,7 @@ def cover(body: Body, accuracy: float, by: By = "bodies") -> Cover:
         >>> len(prism.marks[0].ways), round(prism.excess, 5)
         (5, 0.00412)
         >>> len(cover(rod, 0.02, "spheres").marks)
-        5
+        4
     """
     if not accuracy > 0.0:
         raise DimensionError(f"the accuracy {accuracy} is not a positive length")

@@ -28,10 +28,10 @@ _SUBSETS = tuple(subset for size in (1, 2, 3) for subset in combinations(range(4
 
 
 def nearest_corners(w: Array, ways: Array) -> tuple[Array, Array]:
-    """Return the least t (N, k), and a proven lower bound of the distance (N,), negative where the origin is inside.
+    """Return the least t (N, k), and a proven lower bound of the distance (N,), not positive where the origin is inside.
 
     Outside, bound and distance agree but for rounding. Inside, a ball of minus the bound around the origin is inside,
-    too: within the four corners at which the search ended.
+    too: within the four corners at which the search ended; zero if it ended with fewer.
 
     Args:
         w: (N, 3).
@@ -41,7 +41,7 @@ def nearest_corners(w: Array, ways: Array) -> tuple[Array, Array]:
         >>> w = np.array([[-0.25, 1.0, -0.5], [-0.5, -0.5, -0.5]])  # a unit cube beside, and around the origin
         >>> t, bound = nearest_corners(w, np.repeat(np.eye(3)[:, None], 2, axis=1))
         >>> bound.round(12).tolist(), t[0].round(12).tolist()
-        ([1.0, -0.288675134595], [0.25, 0.0, 0.5])
+        ([1.0, 0.0], [0.25, 0.0, 0.5])
     """
     count, k = len(w), len(ways)
     t, bound = np.zeros((count, k)), np.full(count, np.nan)
