@@ -12,12 +12,13 @@ import pinocchio as pin
 import pinbound as pb
 from robots import ARM, HEAD, joint
 
-__all__ = ["ROBOTS", "oracle_clearances", "place"]
+__all__ = ["MARKS", "PLANAR", "ROBOTS", "assemble", "oracle_clearances", "place"]
 
 FAR = 1e3  # metres: half the length of a capsule that stands for a line
 
 
-def _robot(joints: list[str], marks: list[str], pairs: list[str], home: str = "") -> str:
+def assemble(joints: list[str], marks: list[str], pairs: list[str], home: str = "") -> str:
+    """Return a URDF with marks, and a boundary for each pair `a_b` of their names."""
     bounds = "".join(f'<pinbound:boundary name="{p}" a="{p.split("_")[0]}" b="{p.split("_")[1]}"/>' for p in pairs)
     notes = f"<pinbound:annotations>{''.join(marks)}{bounds}{home}</pinbound:annotations>"
     return f'{HEAD}<link name="base"/>{"".join(joints)}{notes}</robot>'
@@ -52,8 +53,21 @@ SLIDES = [
     joint("copy", "revolute", "d", "e", axis="0 1 0", xyz="0.2 0 0", mimic="tilt -2 0.25"),
 ]
 
+MARKS = [  # of PLANAR
+    _segment("A", "base", "0.2 0 0.1", "0.5 0 0.3", 0.01),
+    _segment("B", "a", "0.05 0.02 0.1", "0.05 0.02 0.35", 0.02),
+    _segment("C", "b", "0 0.02 0.1", "0.1 0.02 0.3", 0.015),
+    _segment("Z", "base", "-0.5 0.3 0.1", "-0.2 0.3 0.5", 0.01),
+    _point("p", "base", "-0.3 0.01 0.3", 0.02),
+    _point("s", "b", "0.05 0 0.3", 0.01),
+    _plane("floor", "base", "0 0 -0.2", "0 0 1"),
+    _plane("edge", "b", "-0.05 0 0", "-2 0 0.4"),
+    _line("rod", "base", "0.4 0 0.6", "0 3 0", 0.03),
+    _line("post", "base", "0.45 0.2 0.5", "0.3 1 0.2", 0.02),
+]
+
 ROBOTS = {
-    "planar": _robot(
+    "planar": assemble(
         PLANAR,
         [
             _segment("A", "base", "0.2 0 0.1", "0.5 0 0.3", 0.01),
@@ -84,7 +98,7 @@ ROBOTS = {
         ],
         '<pinbound:home q1="-0.4" q2="-0.5"/>',
     ),
-    "spatial": _robot(
+    "spatial": assemble(
         ARM,
         [
             _segment("A", "base", "0.3 0.3 0.2", "-0.1 0.4 0.7", 0.01),
@@ -117,7 +131,7 @@ ROBOTS = {
         ],
         '<pinbound:home j2="0.3" j3="0.2"/>',
     ),
-    "slides": _robot(
+    "slides": assemble(
         SLIDES,
         [
             _segment("A", "base", "0.5 0.1 0.2", "0.5 0.3 0.6", 0.01),
@@ -128,7 +142,7 @@ ROBOTS = {
         ],
         ["A_E", "B_E", "A_B", "top_E", "pole_E"],
     ),
-    "parallel": _robot(  # two segments that stay parallel, and two that cross, at any angle
+    "parallel": assemble(  # two segments that stay parallel, and two that cross, at any angle
         [
             joint("x", "prismatic", "base", "a", axis="1 0 0", limit="-2 2"),
             joint("z", "prismatic", "a", "b", axis="0 0 1", limit="-2 2"),
@@ -142,7 +156,7 @@ ROBOTS = {
         ],
         ["A_B", "C_D", "A_D"],
     ),
-    "bodies": _robot(  # rectangles, boxes and a prism of six sides
+    "bodies": assemble(  # rectangles, boxes and a prism of six sides
         ARM,
         [
             _sweep("box", "base", "0.35 0.2 0.1", "0.2 0 0  0 0.3 0  0 0 0.25", 0.01),

@@ -117,7 +117,7 @@ def test_a_coarse_search_is_still_a_bound() -> None:
         grid = np.stack(np.meshgrid(*(np.linspace(*polygon.bounds[i::2], 60) for i in (0, 1))), axis=-1).reshape(-1, 2)
         least = numeric.norm(numeric.positions(chain, grid)).min() - 0.1
         for gap in (1.0, 0.1, 1e-3):
-            lower, upper, point = margins._branch_and_bound(chain, 0.1, polygon, gap, np.inf)
+            lower, upper, point = margins._branch_and_bound(margins._PointBounds(chain), 0.1, polygon, gap, np.inf)
             assert lower <= least <= upper + 1e-3
             assert upper - lower <= gap
             assert polygon.covers(shapely.Point(point))

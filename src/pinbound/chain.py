@@ -57,6 +57,16 @@ class Chain:
         used = np.any(self.coefficients, axis=0) | np.any(self.slides, axis=(0, 1))
         return tuple(int(index) for index in np.flatnonzero(used))
 
+    def reversed(self) -> Chain:
+        """Return the same vector, seen in the frame behind the last rotation: `b_k + R_k^T (b_(k-1) + ...)`."""
+        return Chain(
+            self.offsets[::-1].copy(),
+            self.slides[::-1].copy(),
+            -self.axes[::-1],
+            self.coefficients[::-1].copy(),
+            self.scale,
+        )
+
     @property
     def is_planar(self) -> bool:
         """Whether all rotations are about one direction."""

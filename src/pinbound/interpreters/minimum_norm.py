@@ -28,7 +28,7 @@ _SUBSETS = tuple(subset for size in (1, 2, 3) for subset in combinations(range(4
 
 
 def nearest_corners(w: Array, ways: Array) -> tuple[Array, Array]:
-    """Return the least t (N, k), and a proven lower bound of the distance (N,), not positive where the origin is inside.
+    """Return the least t (N, k), and a proven lower bound of the distance (N,), zero or less if the origin is inside.
 
     Outside, bound and distance agree but for rounding. Inside, a ball of minus the bound around the origin is inside,
     too: within the four corners at which the search ended; zero if it ended with fewer.

@@ -7,24 +7,27 @@ boundary that has many effective angles in the robot may have one, or none, in a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.chain import Chain, drop_head, rotation_matrix
+from pinbound.chain import Chain, drop_head, rotation_matrix, split
+from pinbound.path import RelativePath
 
-__all__ = ["restrict"]
+__all__ = ["restrict", "restrict_path"]
 
 Array = NDArray[np.float64]
 
 
-def restrict(chain: Chain, at: Array, keep: Sequence[int]) -> Chain:
+def restrict(chain: Chain, at: Array, keep: Sequence[int], across: Array | None = None) -> Chain:
     """Return a reduced chain over the coordinates `keep` with the same norm, the others held as in `at`.
 
     Args:
         chain: Over n coordinates.
         at: (n,) [rad or m].
         keep: Indices of the coordinates that stay, in their new order.
+        across: Rows that take from the vector what counts; None: all of it.
 
     Example:
         >>> axes, slides = np.array([[0.0, 1.0, 0.0]] * 2), np.zeros((3, 3, 2))
@@ -60,4 +63,19 @@ def restrict(chain: Chain, at: Array, keep: Sequence[int]) -> Chain:
             slides[-1] = slides[-1] + slide
     shape = (-1, len(kept))
     stacked = np.array(axes).reshape(-1, 3), np.array(coefficients).reshape(shape)
-    return drop_head(Chain(np.array(offsets), np.array(slides), *stacked, scale))
+    return drop_head(Chain(np.array(offsets), np.array(slides), *stacked, scale), across)
+
+
+def restrict_path(path: RelativePath, at: Array, keep: Sequence[int]) -> RelativePath:
+    """Return a path over the coordinates `keep` with the same separation, the others held as in `at` (n,).
+
+    Its branches are left as they are: over all coordinates.
+    """
+    chain, n, k = path.minimal, len(at), len(path.swept.directions)
+    ways = np.array(path.swept.directions).reshape(k, *chain.offsets.shape)
+    slides = np.concatenate((chain.slides, np.moveaxis(ways, 0, 2)), axis=2)
+    coefficients = np.pad(chain.coefficients, ((0, 0), (0, k)))
+    whole = Chain(chain.offsets, slides, chain.axes, coefficients, chain.scale)
+    parameters = range(n, n + k)
+    reduced = restrict(whole, np.append(at, np.zeros(k)), [*keep, *parameters], path.across)
+    return replace(path, swept=split(reduced, len(keep)), frame=0)

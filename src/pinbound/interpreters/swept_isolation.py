@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +128,8 @@ def _free(
     kept: list[tuple[Ints, Ints, int]] = []
     while len(row):
         half = size * step / 2.0
-        found = _bound(swept, Q[row], index, low + step * start + half, half, error)
+        middle: Any = low + step * start + half
+        found = _bound(swept, Q[row], index, middle, half, error)
         free = found.lower > threshold
         kept.append((row[free], start[free], size))
         stuck = (found.upper - found.lower <= 4.0 * error) | (half <= ROOT * max(1.0, abs(low), abs(high)))

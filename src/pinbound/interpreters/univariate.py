@@ -375,11 +375,11 @@ def _parts(chain: Chain, place: int, Q: Array) -> tuple[Array, Array]:
         chain.coefficients[place + 1 :].copy(),
         chain.scale,
     )
-    before = Chain(  # the same chain read from its other end: p = b_i + R_i^T (b_{i-1} + R_{i-1}^T (...))
-        chain.offsets[place::-1].copy(),
-        chain.slides[place::-1].copy(),
-        -chain.axes[:place][::-1],
-        chain.coefficients[:place][::-1].copy(),
+    before = Chain(
+        chain.offsets[: place + 1].copy(),
+        chain.slides[: place + 1].copy(),
+        chain.axes[:place].copy(),
+        chain.coefficients[:place].copy(),
         chain.scale,
     )
-    return numeric.positions(before, Q), numeric.positions(behind, Q)
+    return numeric.positions(before.reversed(), Q), numeric.positions(behind, Q)

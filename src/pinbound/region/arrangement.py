@@ -17,8 +17,9 @@ import shapely
 from numpy.typing import NDArray
 
 from pinbound.exceptions import UnsupportedError
-from pinbound.region.contours import ContactFunction, trace
 from pinbound.region.halfplanes import HalfPlane
+from pinbound.region.lines import Line, segment_owners, vertex_owners
+from pinbound.region.outlines import outline
 from pinbound.region.plane import Plane
 from pinbound.tolerances import VERTEX
 
@@ -72,24 +73,6 @@ class Corner:
 
 
 @dataclass(frozen=True)
-class Line:
-    """A straight line or a traced curve, with the function that is zero on it."""
-
-    name: str
-    source: str
-    is_contact: bool
-    points: Array
-    function: ContactFunction | HalfPlane
-
-    def value_gradient(self, x: Array) -> tuple[float, Array]:
-        """Return the function's value and gradient at one point."""
-        if isinstance(self.function, HalfPlane):
-            return float(self.function.normal @ x) - self.function.bound, self.function.normal
-        value, gradient = self.function.value_gradient(x[None])
-        return float(value[0]), gradient[0]
-
-
-@dataclass(frozen=True)
 class Arrangement:
     """The free faces of a plane.
 
@@ -124,11 +107,10 @@ def arrange(plane: Plane, accuracy: float) -> Arrangement:
             lines.append(_straight(wide, HalfPlane(strip.name, strip.name, strip.normal, bound, True)))
     error, unresolved = 0.0, [np.empty((0, 2))]
     for curve in plane.curves:
-        function = ContactFunction.over(curve.chain, curve.threshold, wide)
-        contour = trace(function, wide, accuracy)
-        error = max(error, contour.chord_error)
-        unresolved.append(contour.unresolved)
-        lines += [Line(curve.name, curve.name, True, points, function) for points in contour.lines]
+        found = outline(plane, curve, wide, accuracy)
+        error = max(error, found.chord_error)
+        unresolved.append(found.unresolved)
+        lines += found.lines
     kept = tuple(line for line in lines if line is not None)
     faces = gis.polygonize(gis.get_parts(gis.union_all([gis.linestrings(x.points) for x in kept])))
     polygons = np.asarray(gis.get_parts(faces))
@@ -171,42 +153,23 @@ def arranged_loops(
 ) -> tuple[tuple[tuple[Edge, ...], ...], tuple[Corner, ...]]:
     """Return a face's loops of named edges, the exterior first, and its corners."""
     lines = arrangement.lines
-    points = np.concatenate([line.points for line in lines])
-    owners = np.repeat(np.arange(len(lines)), [len(line.points) for line in lines])
-    keys = points[:, 0] + 1j * points[:, 1]
-    order = np.argsort(keys, kind="stable")
-    keys, owners = keys[order], owners[order]
+    keys, owners = vertex_owners(lines)
     loops: list[tuple[Edge, ...]] = []
     corners: list[Corner] = []
     for ring in (polygon.exterior, *polygon.interiors):
         coordinates = gis.get_coordinates(ring)
-        owner = _segment_owners(lines, keys, owners, coordinates)
+        owner = segment_owners(lines, keys, owners, coordinates)
         edges, met = _edges(lines, coordinates[:-1], owner, accuracy)
         loops.append(edges)
         corners += met
     return tuple(loops), tuple(corners)
 
 
-def _segment_owners(lines: Sequence[Line], keys: Any, owners: Ints, ring: Array) -> Ints:
-    """Return which line each segment of a ring came from: that of both its ends, else the nearest to its middle."""
-    z = ring[:, 0] + 1j * ring[:, 1]
-    left, right = np.searchsorted(keys, z, side="left"), np.searchsorted(keys, z, side="right")
-    known = right > left
-    at = np.where(known, owners[np.minimum(left, len(keys) - 1)], -1)
-    known &= at == owners[np.minimum(np.maximum(right - 1, 0), len(keys) - 1)]
-    at = np.where(known, at, -1)
-    owner = np.where(at[:-1] == at[1:], at[:-1], -1)
-    unsure = np.flatnonzero(owner < 0)
-    if len(unsure):
-        middle = gis.points(0.5 * (ring[unsure] + ring[unsure + 1]))
-        shapes = np.array([gis.linestrings(line.points) for line in lines])
-        owner[unsure] = np.argmin(gis.distance(shapes[None, :], middle[:, None]), axis=1)
-    return owner
-
-
 def _edges(lines: Sequence[Line], ring: Array, owner: Ints, accuracy: float) -> tuple[tuple[Edge, ...], list[Corner]]:
-    """Cut a ring (open, counter-clockwise) into runs of one owner, corners polished."""
-    breaks = np.flatnonzero(owner != np.roll(owner, 1))
+    """Cut a ring (open, counter-clockwise) into runs of one curve, of however many pieces, corners polished."""
+    names = [line.name if not isinstance(line.function, HalfPlane) else "" for line in lines]
+    curve = np.array([names.index(name) if name else place for place, name in enumerate(names)])[owner]
+    breaks = np.flatnonzero(curve != np.roll(curve, 1))
     if not len(breaks):
         line = lines[int(owner[0])]
         closed = np.concatenate((ring, ring[:1]))

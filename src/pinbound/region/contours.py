@@ -26,7 +26,7 @@ from pinbound.interpreters.derivative_bounds import LeverArms, lever_arms
 from pinbound.interpreters.planar import Arrows, arrows
 from pinbound.tolerances import CONTOUR_ROUNDING, CONTOUR_TURN, VERTEX
 
-__all__ = ["ContactFunction", "Contour", "trace"]
+__all__ = ["ContactFunction", "Contour", "HeightFunction", "Traced", "trace"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -49,21 +49,27 @@ class ContactFunction:
         threshold: T [m].
         arms: Bounds of r's derivatives over the window.
         arrows: The chain in the complex plane, if all its rotations share one direction.
+        across: (2, 3) rows that take from r what lies across a line, whose length is then meant; None: all of it.
     """
 
     chain: Chain
     threshold: float
     arms: LeverArms
     arrows: Arrows | None
+    across: Array | None = None
 
     @classmethod
-    def over(cls, chain: Chain, threshold: float, window: Array) -> ContactFunction:
+    def over(cls, chain: Chain, threshold: float, window: Array, across: Array | None = None) -> ContactFunction:
         """Bound the derivatives over a window (2, 2), rows lower and upper."""
-        return cls(chain, threshold, lever_arms(chain, np.max(np.abs(window), axis=0)), arrows(chain))
+        arms = lever_arms(chain, np.max(np.abs(window), axis=0))
+        return cls(chain, threshold, arms, None if across is not None else arrows(chain), across)
 
     def norm(self, X: Array) -> Array:
         """Return `|r|` (N,) [m]."""
-        return self.arrows.norm(X) if self.arrows else numeric.norm(numeric.positions(self.chain, X))
+        if self.arrows:
+            return self.arrows.norm(X)
+        r = numeric.positions(self.chain, X)
+        return numeric.norm(r if self.across is None else r @ self.across.T)
 
     def clearance(self, X: Array) -> Array:
         """Return `|r| - T` (N,) [m]."""
@@ -85,6 +91,8 @@ class ContactFunction:
             length, half, slopes = self.arrows.half_square_gradient(X)
         else:
             r, J = numeric.jacobian(self.chain, X)
+            if self.across is not None:
+                r, J = r @ self.across.T, np.einsum("di,nia->nda", self.across, J)
             length, half = numeric.norm(r), np.einsum("nia,ni->na", J, r)
             slopes = np.sqrt(np.einsum("nia,nia->na", J, J))
         return (length - self.threshold) * (length + self.threshold), 2.0 * half, length, slopes
@@ -95,6 +103,50 @@ class ContactFunction:
         reach = length + half @ first
         slope = np.minimum(slopes + half @ second, first)
         return 2.0 * (slope[:, :, None] * slope[:, None, :] + reach[:, None, None] * second)
+
+
+@dataclass(frozen=True)
+class HeightFunction:
+    """`g(x) = n . r(x) - T` over the plane of two coordinates: of a plane's contact, or of the foot on a segment.
+
+    Attributes:
+        chain: Over the two coordinates.
+        normal: (3,) n, in the frame before the first rotation.
+        threshold: T [m].
+        arms: Bounds of r's derivatives over the window.
+    """
+
+    chain: Chain
+    normal: Array
+    threshold: float
+    arms: LeverArms
+
+    @classmethod
+    def over(cls, chain: Chain, normal: Array, threshold: float, window: Array) -> HeightFunction:
+        """Bound the derivatives over a window (2, 2), rows lower and upper."""
+        return cls(chain, normal, threshold, lever_arms(chain, np.max(np.abs(window), axis=0)))
+
+    def value(self, X: Array) -> Array:
+        """Return g (N,) [m]."""
+        return numeric.positions(self.chain, X) @ self.normal - self.threshold
+
+    def value_gradient(self, X: Array) -> tuple[Array, Array]:
+        """Return g (N,) and its gradient (N, 2)."""
+        value, gradient, _, _ = self.parts(X)
+        return value, gradient
+
+    def parts(self, X: Array) -> tuple[Array, Array, Array, Array]:
+        """Return g (N,), its gradient (N, 2), the height (N,) and the gradient's sizes (N, 2)."""
+        r, J = numeric.jacobian(self.chain, X)
+        height, gradient = r @ self.normal, np.einsum("i,nia->na", self.normal, J)
+        return height - self.threshold, gradient, height, np.abs(gradient)
+
+    def curvature(self, length: Array, slopes: Array, half: Array) -> Array:
+        """Return bounds (N, 2, 2) of g's Hessian."""
+        return np.broadcast_to(self.arms.second, (len(half), 2, 2))
+
+
+Traced = ContactFunction | HeightFunction
 
 
 @dataclass(frozen=True)
@@ -112,7 +164,7 @@ class Contour:
     unresolved: Array
 
 
-def trace(function: ContactFunction, window: Array, accuracy: float) -> Contour:
+def trace(function: Traced, window: Array, accuracy: float) -> Contour:
     """Return every curve `g = 0` in a window.
 
     Args:
@@ -147,7 +199,7 @@ def _box_limit(step: Array, sizes: Ints) -> float:
     return float(np.max(sizes) * np.max(step)) if len(sizes) else 0.0
 
 
-def _subdivide(function: ContactFunction, origin: Array, step: Array) -> tuple[Ints, Ints, Array]:
+def _subdivide(function: Traced, origin: Array, step: Array) -> tuple[Ints, Ints, Array]:
     """Return the regular boxes: lower corners (N, 2) and sides (N,) in finest steps; and unresolved centres."""
     side = 1 << (_FINEST - _ROOT)
     grid = np.arange(1 << _ROOT, dtype=np.int64) * side
@@ -175,9 +227,9 @@ def _subdivide(function: ContactFunction, origin: Array, step: Array) -> tuple[I
     return np.concatenate(kept), np.concatenate(sizes), unresolved
 
 
-def _classify(function: ContactFunction, middle: Array, half: Array) -> tuple[Bools, Bools]:
+def _classify(function: Traced, middle: Array, half: Array) -> tuple[Bools, Bools]:
     value, gradient, length, slopes = function.parts(middle)
-    scale = function.arms.length + function.threshold
+    scale = max(1.0, function.arms.length + abs(function.threshold))
     span = float(function.arms.first @ half) + CONTOUR_ROUNDING * scale
     halves = np.broadcast_to(half, middle.shape)
     change = function.curvature(length, slopes, halves) @ half
@@ -187,7 +239,7 @@ def _classify(function: ContactFunction, middle: Array, half: Array) -> tuple[Bo
     return empty, regular
 
 
-def _crossings(function: ContactFunction, origin: Array, step: Array, boxes: Ints, sizes: Ints) -> tuple[Array, Ints]:
+def _crossings(function: Traced, origin: Array, step: Array, boxes: Ints, sizes: Ints) -> tuple[Array, Ints]:
     """Return the points (K, 2) where curves cross box sides, and the pairs (P, 2) of them that a box connects."""
     if not len(boxes):
         return np.empty((0, 2)), np.empty((0, 2), dtype=np.int64)
@@ -225,7 +277,7 @@ def _crossings(function: ContactFunction, origin: Array, step: Array, boxes: Int
     return points, index[order].reshape(-1, 2)
 
 
-def _bisect(function: ContactFunction, low: Array, high: Array) -> Array:
+def _bisect(function: Traced, low: Array, high: Array) -> Array:
     """Return a zero of g on each segment, by false position (Illinois) within the bracket."""
     a, b = np.zeros(len(low)), np.ones(len(low))
     fa, fb = function.value(low), function.value(high)
@@ -241,7 +293,7 @@ def _bisect(function: ContactFunction, low: Array, high: Array) -> Array:
     return low + t[:, None] * (high - low)
 
 
-def _project(function: ContactFunction, X: Array, limit: float, rounds: int = 4) -> Array:
+def _project(function: Traced, X: Array, limit: float, rounds: int = 4) -> Array:
     """Move points onto the curve along the gradient; a point that would go further than `limit` stays.
 
     Newton's steps shrink quadratically: the one after a step of `tolerances.VERTEX` is below rounding.
@@ -259,7 +311,7 @@ def _project(function: ContactFunction, X: Array, limit: float, rounds: int = 4)
     return np.where(wild[:, None], X, moved)
 
 
-def _refine(function: ContactFunction, points: Array, pairs: Ints, accuracy: float) -> tuple[Array, Ints, float]:
+def _refine(function: Traced, points: Array, pairs: Ints, accuracy: float) -> tuple[Array, Ints, float]:
     """Return chords (C, 2, 2), grouped by pair and in order along it, their pair (C,), and the proven error [rad]."""
     chords = points[pairs]
     owner = np.arange(len(pairs))
@@ -291,7 +343,7 @@ def _refine(function: ContactFunction, points: Array, pairs: Ints, accuracy: flo
     return chords[order], owner[order], error
 
 
-def _chord_bound(function: ContactFunction, chords: Array) -> tuple[Array, Bools]:
+def _chord_bound(function: Traced, chords: Array) -> tuple[Array, Bools]:
     """Return a bound of the distance between chord and curve (C,), and whether it is proven.
 
     Over the disc of the chord's length s around its middle the gradient differs from the middle's by `d = M s`. With

@@ -13,10 +13,12 @@ from shapely import affinity
 
 from pinbound.chain import Chain
 from pinbound.exceptions import DimensionError, LeavesRegionError
-from pinbound.interpreters import numeric
+from pinbound.interpreters import numeric, separation
 from pinbound.interpreters.derivative_bounds import lever_arms
-from pinbound.interpreters.restriction import restrict
+from pinbound.interpreters.restriction import restrict_path
+from pinbound.interpreters.swept_bounds import over_box, rounding_bound, swept_bundle
 from pinbound.interpreters.univariate import Strip, one_angle_strip
+from pinbound.path import RelativePath
 from pinbound.region.arrangement import Corner, Edge
 from pinbound.region.plane import Plane
 from pinbound.tolerances import CONTOUR_ROUNDING, IMPLIED
@@ -139,12 +141,14 @@ def smallest_clearance(plane: Plane, polygon: Any, gap: float) -> SmallestCleara
     best = SmallestClearance(np.inf, np.inf, "", np.full(len(plane.at), np.nan))
     lower = np.inf
     for boundary in plane.robot.boundaries:
-        chain = restrict(boundary.path.minimal, plane.at, indices)
-        found = one_angle_strip(chain, boundary.threshold, 0.0)
+        path = restrict_path(boundary.path, plane.at, indices)
+        chain = path.minimal
+        found = one_angle_strip(chain, boundary.threshold, 0.0) if path.is_plain else None
         if found is not None:
             least, upper, point = _one_angle(chain, boundary.threshold, polygon, *found)
         else:
-            least, upper, point = _branch_and_bound(chain, boundary.threshold, polygon, gap, best.upper)
+            bounds = _PointBounds(chain) if path.is_plain else _SweptBounds(path)
+            least, upper, point = _branch_and_bound(bounds, boundary.threshold, polygon, gap, best.upper)
         lower = min(lower, least)
         if upper < best.upper:
             best = SmallestClearance(lower, upper, boundary.name, plane.lift(point[None])[0])
@@ -172,20 +176,21 @@ def _clearances(chain: Chain, threshold: float, X: Array) -> Array:
     return numeric.norm(numeric.positions(chain, X)) - threshold
 
 
-def _branch_and_bound(
-    chain: Chain, threshold: float, polygon: Any, gap: float, known: float
-) -> tuple[float, float, Array]:
-    """Return lower and upper bound of a clearance over a polygon, and where the upper is attained."""
-    x0, y0, x1, y1 = polygon.bounds
-    arms = lever_arms(chain, np.maximum(np.abs([x0, y0]), np.abs([x1, y1])))
-    slack = CONTOUR_ROUNDING * (arms.length + threshold)
-    points = gis.get_coordinates(polygon)
-    values = _clearances(chain, threshold, points)
-    upper, point, settled = float(values.min()), points[int(np.argmin(values))], np.inf
-    half = 0.5 * np.array([x1 - x0, y1 - y0])
-    middle, parts = np.array([[x0 + x1, y0 + y1]]) / 2.0, np.array([polygon])
-    for _ in range(_ROUNDS):
-        r, J = numeric.jacobian(chain, middle)
+class _PointBounds:
+    """Values and lower bounds of the norm of one chain."""
+
+    def __init__(self, chain: Chain) -> None:
+        self.chain = chain
+
+    def over(self, reach: Array) -> None:
+        self.arms = lever_arms(self.chain, reach)
+        self.weights, self.size = self.arms.first, self.arms.length
+
+    def values(self, X: Array) -> Array:
+        return numeric.norm(numeric.positions(self.chain, X))
+
+    def lower(self, middle: Array, half: Array, parts: Array) -> Array:
+        r, J = numeric.jacobian(self.chain, middle)
         length = numeric.norm(r)
         unit = r / np.where(length > 0.0, length, 1.0)[:, None]
         slope = np.einsum("ni,nia->na", unit, J)
@@ -193,17 +198,54 @@ def _branch_and_bound(
         linear = np.einsum("na,na->n", slope[piece], inside - middle[piece])
         least = np.full(len(parts), np.inf)
         np.minimum.at(least, piece, linear)
-        bounds = np.maximum(length + least - 0.5 * float(half @ arms.second @ half), 0.0) - threshold - slack
-        values = _clearances(chain, threshold, inside)
+        return np.maximum(length + least - 0.5 * float(half @ self.arms.second @ half), 0.0)
+
+
+class _SweptBounds:
+    """Values and lower bounds of the separation of a swept path, over boxes."""
+
+    def __init__(self, path: RelativePath) -> None:
+        self.path = path
+
+    def over(self, reach: Array) -> None:
+        self.swept = swept_bundle([self.path], -reach, reach)
+        self.error = rounding_bound(self.swept, np.zeros(1), -reach, reach)
+        self.weights = (self.swept.arms[0] @ np.abs(self.swept.chains.coefficients[0])) + 1e-12
+        self.size = float(self.swept.reach[0])
+
+    def values(self, X: Array) -> Array:
+        return separation.separations(self.path, X)
+
+    def lower(self, middle: Array, half: Array, parts: Array) -> Array:
+        which = np.zeros(len(middle), dtype=np.intp)
+        return over_box(self.swept, which, middle, np.tile(half, (len(middle), 1)), self.error[which]).lower
+
+
+def _branch_and_bound(
+    bounds: _PointBounds | _SweptBounds, threshold: float, polygon: Any, gap: float, known: float
+) -> tuple[float, float, Array]:
+    """Return lower and upper bound of a clearance over a polygon, and where the upper is attained."""
+    x0, y0, x1, y1 = polygon.bounds
+    bounds.over(np.maximum(np.abs([x0, y0]), np.abs([x1, y1])))
+    slack = CONTOUR_ROUNDING * (bounds.size + threshold)
+    points = gis.get_coordinates(polygon)
+    values = bounds.values(points) - threshold
+    upper, point, settled = float(values.min()), points[int(np.argmin(values))], np.inf
+    half = 0.5 * np.array([x1 - x0, y1 - y0])
+    middle, parts = np.array([[x0 + x1, y0 + y1]]) / 2.0, np.array([polygon])
+    for _ in range(_ROUNDS):
+        found = bounds.lower(middle, half, parts) - threshold - slack
+        inside = gis.get_coordinates(parts)
+        values = bounds.values(inside) - threshold
         if values.min() < upper:
             upper, point = float(values.min()), inside[int(np.argmin(values))]
-        undecided = bounds < min(upper, known) - gap
-        settled = min(settled, float(np.min(bounds[~undecided], initial=np.inf)))
+        undecided = found < min(upper, known) - gap
+        settled = min(settled, float(np.min(found[~undecided], initial=np.inf)))
         if not np.any(undecided) or int(undecided.sum()) > _MOST_BOXES:
-            settled = min(settled, float(np.min(bounds)))
+            settled = min(settled, float(np.min(found)))
             break
         middle, parts = middle[undecided], parts[undecided]
-        axis = np.array([1.0, 0.0]) if arms.first @ (half * [1, -1]) >= 0.0 else np.array([0.0, 1.0])
+        axis = np.array([1.0, 0.0]) if bounds.weights @ (half * [1, -1]) >= 0.0 else np.array([0.0, 1.0])
         half = half * (1.0 - 0.5 * axis)
         middle = np.concatenate((middle - half * axis, middle + half * axis))
         boxes = gis.box(*(middle - half).T, *(middle + half).T)
@@ -211,5 +253,5 @@ def _branch_and_bound(
         kept = ~gis.is_empty(parts)
         middle, parts = middle[kept], parts[kept]
     else:
-        settled = -threshold
+        settled = -np.inf if isinstance(bounds, _SweptBounds) else -threshold
     return min(settled, upper), upper, point

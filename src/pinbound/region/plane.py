@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.boundary import Boundary
-from pinbound.chain import Chain
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
-from pinbound.interpreters import numeric
-from pinbound.interpreters.restriction import restrict
-from pinbound.interpreters.univariate import gap_around, one_angle_strip
+from pinbound.interpreters import separation
+from pinbound.interpreters.restriction import restrict_path
+from pinbound.interpreters.univariate import contact_distance, gap_around, one_angle_strips
+from pinbound.path import RelativePath
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.robot import Robot
 
@@ -81,17 +81,17 @@ class Curve:
 
     Attributes:
         name: The boundary.
-        chain: Over the plane's two coordinates.
+        path: Over the plane's two coordinates.
         threshold: T [m].
     """
 
     name: str
-    chain: Chain
+    path: RelativePath
     threshold: float
 
     def free(self, X: Array) -> Bools:
         """Return whether points (N, 2) are out of contact."""
-        return numeric.norm(numeric.positions(self.chain, X)) > self.threshold
+        return separation.separations(self.path, X) > self.threshold
 
 
 @dataclass(frozen=True)
@@ -182,11 +182,11 @@ def plane_of(
     strips: list[Strips] = []
     curves: list[Curve] = []
     for boundary in robot.boundaries:
-        contact = _contact(boundary, start, indices, margin)
-        if isinstance(contact, Strips):
-            strips.append(contact)
-        elif contact is not None:
-            curves.append(contact)
+        for contact in _contacts(boundary, start, indices, margin):
+            if isinstance(contact, Strips):
+                strips.append(contact)
+            else:
+                curves.append(contact)
     fixed = tuple(robot.coordinates[index] for index in sorted(used - set(indices)))
     box = _box(robot, names, window)
     plane = Plane(robot, names, start, box, tuple(limits), tuple(strips), tuple(curves), fixed, margin)
@@ -235,28 +235,31 @@ def _slab(source: str, normal: Array, lower: float, upper: float) -> list[HalfPl
     return [HalfPlane(source, name, n, bound, False) for name, n, bound in sides if math.isfinite(bound)]
 
 
-def _contact(boundary: Boundary, start: Array, indices: Sequence[int], margin: float) -> Strips | Curve | None:
-    """Return what a boundary is in the plane; None if it never comes into contact there."""
+def _contacts(
+    boundary: Boundary, start: Array, indices: Sequence[int], margin: float
+) -> tuple[Strips, ...] | tuple[Curve, ...]:
+    """Return what a boundary is in the plane; nothing if it never comes into contact there."""
     threshold, tolerance = boundary.threshold + margin, boundary.contact_tolerance
-    whole = one_angle_strip(boundary.path.minimal, threshold, tolerance)
-    if whole is not None:  # one effective angle in the robot: its contact angle, moved by what is held
-        coefficients, strip = whole
+    whole = one_angle_strips(boundary.path, threshold, tolerance)
+    if whole is not None:  # one effective angle in the robot: its contact angles, moved by what is held
+        coefficients, strips = whole
         normal = coefficients[list(indices)]
         if np.any(normal):
             rest = float(coefficients @ start) - float(normal @ start[list(indices)])
-            half_width = strip.half_width
-            return None if half_width is None else Strips(boundary.name, normal, strip.angle - rest, half_width)
-    chain = restrict(boundary.path.minimal, start, indices)
-    if not chain.coordinates:
-        norm = float(numeric.norm(numeric.positions(chain, np.zeros((1, _PLANE))))[0])
-        if norm <= max(threshold, tolerance):
+            return tuple(
+                Strips(boundary.name, normal, s.angle - rest, s.half_width) for s in strips if s.half_width is not None
+            )
+    path = restrict_path(boundary.path, start, indices)
+    distance = contact_distance(path, threshold, tolerance)
+    if not path.minimal.coordinates:
+        if float(separation.separations(path, np.zeros((1, _PLANE)))[0]) <= distance:
             raise DimensionError(f"the start point is not free: {boundary.name!r} is in contact")
-        return None
-    found = one_angle_strip(chain, threshold, tolerance)
+        return ()
+    found = one_angle_strips(path, threshold, tolerance)
     if found is None:
-        return Curve(boundary.name, chain, max(threshold, tolerance))
-    normal, strip = found
-    return None if strip.half_width is None else Strips(boundary.name, normal, strip.angle, strip.half_width)
+        return (Curve(boundary.name, path, distance),)
+    normal, strips = found
+    return tuple(Strips(boundary.name, normal, s.angle, s.half_width) for s in strips if s.half_width is not None)
 
 
 def _check_start(plane: Plane) -> None:

@@ -1,0 +1,64 @@
+"""Lines and traced curves in the plane, and which of them a polygon's side came from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pinbound.region.contours import Traced
+from pinbound.region.halfplanes import HalfPlane
+
+__all__ = ["Line", "segment_owners", "vertex_owners"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+gis = cast(Any, shapely)  # its stubs know only part of what its functions take
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight line or a traced curve, with the function that is zero on it."""
+
+    name: str
+    source: str
+    is_contact: bool
+    points: Array
+    function: Traced | HalfPlane
+
+    def value_gradient(self, x: Array) -> tuple[float, Array]:
+        """Return the function's value and gradient at one point."""
+        if isinstance(self.function, HalfPlane):
+            return float(self.function.normal @ x) - self.function.bound, self.function.normal
+        value, gradient = self.function.value_gradient(x[None])
+        return float(value[0]), gradient[0]
+
+
+def vertex_owners(lines: Sequence[Line]) -> tuple[Any, Ints]:
+    """Return every line's points as sorted complex keys, and the line of each."""
+    points = np.concatenate([line.points for line in lines])
+    owners = np.repeat(np.arange(len(lines)), [len(line.points) for line in lines])
+    keys = points[:, 0] + 1j * points[:, 1]
+    order = np.argsort(keys, kind="stable")
+    return keys[order], owners[order]
+
+
+def segment_owners(lines: Sequence[Line], keys: Any, owners: Ints, ring: Array) -> Ints:
+    """Return which line each segment of a ring came from: that of both its ends, else the nearest to its middle."""
+    z = ring[:, 0] + 1j * ring[:, 1]
+    left, right = np.searchsorted(keys, z, side="left"), np.searchsorted(keys, z, side="right")
+    known = right > left
+    at = np.where(known, owners[np.minimum(left, len(keys) - 1)], -1)
+    known &= at == owners[np.minimum(np.maximum(right - 1, 0), len(keys) - 1)]
+    at = np.where(known, at, -1)
+    owner = np.where(at[:-1] == at[1:], at[:-1], -1)
+    unsure = np.flatnonzero(owner < 0)
+    if len(unsure):
+        middle = gis.points(0.5 * (ring[unsure] + ring[unsure + 1]))
+        shapes = np.array([gis.linestrings(line.points) for line in lines])
+        owner[unsure] = np.argmin(gis.distance(shapes[None, :], middle[:, None]), axis=1)
+    return owner

@@ -1,0 +1,151 @@
+"""Where a boundary of several effective angles comes into contact: curves of one smooth function, or of several.
+
+Two points, a point across a line and a height above a plane have one smooth contact function, whose zeros are traced
+(`contours`). The distance of segments is smooth in pieces: that of a point to an end, or to the whole line of a segment
+where the foot lies between the ends. Each piece is traced as a whole, together with the curves at which the foot is at
+an end; between all these curves contact or freedom does not change, so that one exact evaluation a face decides, and
+the contour of the faces in contact is the contact curve. `docs/segments.md` says why no feature is missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, cast
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pinbound.annotations import Line as LineMark
+from pinbound.annotations import Mark, Point, Segment
+from pinbound.annotations import Plane as PlaneMark
+from pinbound.chain import Chain
+from pinbound.exceptions import UnsupportedError
+from pinbound.interpreters.restriction import restrict_path
+from pinbound.path import RelativePath, relative_path
+from pinbound.region.contours import ContactFunction, HeightFunction, Traced, trace
+from pinbound.region.lines import Line, segment_owners, vertex_owners
+from pinbound.region.plane import Curve, Plane
+from pinbound.tolerances import REDUCTION
+
+__all__ = ["Outline", "outline"]
+
+Array = NDArray[np.float64]
+_INSET = 0.005  # of the window's side: a quarter of what it is wider than the box of the plane
+
+gis = cast(Any, shapely)  # its stubs know only part of what its functions take
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The contact curves of one boundary in a window.
+
+    Attributes:
+        lines: Their pieces, each with the function that is zero on it.
+        chord_error: [rad]; no point of a curve is further than this from its polyline.
+        unresolved: (u, 2) centres of tiny boxes in which a curve may cross itself.
+    """
+
+    lines: tuple[Line, ...]
+    chord_error: float
+    unresolved: Array
+
+
+def outline(plane: Plane, curve: Curve, window: Array, accuracy: float) -> Outline:
+    """Return where contact of a curve begins, in a window (2, 2), to an accuracy [rad].
+
+    Raises:
+        UnsupportedError: If a curve is degenerate (`contours.trace`), or the boundary's pieces are not known.
+    """
+    functions = _functions(plane, curve, window)
+    contours = [trace(function, window, accuracy) for function in functions]
+    lines = tuple(
+        Line(curve.name, curve.name, True, points, function)
+        for function, contour in zip(functions, contours, strict=True)
+        for points in contour.lines
+    )
+    error = max((contour.chord_error for contour in contours), default=0.0)
+    unresolved = np.concatenate([contour.unresolved for contour in contours])
+    if len(functions) > 1 and lines:
+        lines = _between(curve, lines, window)
+    return Outline(lines, error, unresolved)
+
+
+def _functions(plane: Plane, curve: Curve, window: Array) -> list[Traced]:
+    """Return the smooth functions whose zeros hold all contact curves, and all places where one takes over."""
+    path, T = curve.path, curve.threshold
+    if path.is_signed:
+        return [_height(path, corner, T, window) for corner in path.swept.corners]
+    if not path.swept.directions:
+        return [ContactFunction.over(path.minimal, T, window, path.across)]
+    boundary = plane.robot.boundaries[curve.name]
+    segments = [mark for mark in (boundary.point_a, boundary.point_b) if isinstance(mark, Segment) and mark.ways]
+    known = len(segments) == len(path.swept.directions) and path.across is None
+    if not known or (len(segments) > 1 and not _is_flat(path)):
+        raise UnsupportedError(
+            f"the contact curve of {curve.name!r} in this plane is not traced: it turns by several angles there, and "
+            "its segments or boxes may meet edge to edge. Take points or planes, or ask limits and certify_box"
+        )
+    found: list[Traced] = [ContactFunction.over(corner, T, window) for corner in path.swept.corners]
+    for segment in segments:
+        other = boundary.point_b if segment is boundary.point_a else boundary.point_a
+        for xyz in other.anchors:
+            end = Point("", other.link, xyz)
+            line = _seen(plane, LineMark("", segment.link, segment.xyz, segment.ways[0]), end)
+            found.append(ContactFunction.over(line.minimal, T, window, line.across))
+            for foot in segment.anchors:  # the foot on the line passes an end of the segment
+                upright = _seen(plane, PlaneMark("", segment.link, foot, segment.ways[0]), end)
+                found.append(_height(upright, upright.minimal, 0.0, window))
+    return [function for function in found if function.chain.coordinates]
+
+
+def _seen(plane: Plane, mark: Mark, end: Point) -> RelativePath:
+    """Return the path between a line or plane and a point, in the plane of the two coordinates."""
+    robot = plane.robot
+    path = relative_path(robot.tree, robot.coupling, mark, end)
+    return restrict_path(path, plane.at, [robot.coordinates.index(name) for name in plane.coordinates])
+
+
+def _height(path: RelativePath, chain: Chain, threshold: float, window: Array) -> HeightFunction:
+    assert path.across is not None
+    return HeightFunction.over(chain, path.across[0], threshold, window)
+
+
+def _is_flat(path: RelativePath) -> bool:
+    """Return whether two segments stay across the one axis of all rotations: their lines are as far apart always."""
+    chain = path.minimal
+    across = [float(np.abs(np.sum(way, axis=0) @ chain.axes[0])) for way in path.swept.directions]
+    return chain.is_planar and max(across) <= REDUCTION
+
+
+def _between(curve: Curve, lines: tuple[Line, ...], window: Array) -> tuple[Line, ...]:
+    """Return the pieces of lines that part contact from freedom."""
+    rim = window + _INSET * (window[1] - window[0]) * np.array([[1.0], [-1.0]])  # which traced curves cross properly
+    (x, y), (u, v) = rim
+    frame = gis.linestrings([(x, y), (u, y), (u, v), (x, v), (x, y)])
+    noded = gis.union_all([frame, *(gis.linestrings(line.points) for line in lines)])
+    faces = np.asarray(gis.get_parts(gis.polygonize(gis.get_parts(noded))))
+    inside = gis.get_coordinates(gis.point_on_surface(faces))
+    contact = gis.union_all(faces[~curve.free(inside)])
+    keys, owners = vertex_owners(lines)
+    pieces: list[Line] = []
+    for ring in gis.get_parts(gis.boundary(contact)):
+        points = gis.get_coordinates(ring)
+        if len(points) > 1:
+            pieces += _pieces(lines, points, segment_owners(lines, keys, owners, points), rim)
+    return tuple(pieces)
+
+
+def _pieces(lines: tuple[Line, ...], points: Array, owner: NDArray[np.int64], rim: Array) -> list[Line]:
+    """Cut a polyline where its owner changes, and leave out what runs along the rim."""
+    middle = 0.5 * (points[1:] + points[:-1])
+    at_rim = np.any(np.abs(middle[:, None] - rim) <= REDUCTION * (1.0 + np.abs(rim)), axis=(1, 2))
+    kind = np.where(at_rim, -1, owner)
+    breaks = [0, *(np.flatnonzero(np.diff(kind)) + 1).tolist(), len(kind)]
+    return [
+        Line(line.name, line.source, True, points[start : stop + 1], line.function)
+        for start, stop in pairwise(breaks)
+        if kind[start] >= 0
+        for line in (lines[int(kind[start])],)
+    ]
