@@ -2,7 +2,7 @@
 
 The folder is `PINBOUND_CACHE_DIR`, else `XDG_CACHE_HOME/pinbound`, else `~/.cache/pinbound`.
 What is read here is executed. So a file counts only if it and its folder belong to this user and nobody else may write
-to them, and if it holds, after its key, the SHA-256 of key and code: a file that is cut short, changed, or
+to them, and if it begins with its key and the SHA-256 of the code: a file that is cut short, changed, or
 renamed from another key's is as good as none, and is written anew. Files are renamed into place, so that processes that
 compile the same kernel at once never see half of one. Where the folder cannot be used, nothing is kept.
 """
@@ -63,7 +63,7 @@ def store_object(key: str, code: bytes) -> None:
 
 
 def _head(key: str, code: bytes) -> bytes:
-    digest = hashlib.sha256(key.encode() + code).hexdigest()
+    digest = hashlib.sha256(code).hexdigest()
     return _MAGIC + f"{key}\n{digest}\n".encode()
 
 
