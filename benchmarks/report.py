@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import datetime
+import importlib.metadata
 import os
 import platform
 import resource
@@ -23,7 +24,7 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np  # noqa: E402
 
-from benchmarks import peers, robots  # noqa: E402
+from benchmarks import casadi_drake, peers, robots  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
 N = 90_000
@@ -34,6 +35,22 @@ PEERS = (
     ("coal", "`coal.distance`, pair by pair", peers.coal_pair_by_pair, 300),
     ("pairs", "NumPy, pair by pair (reference interpreter)", peers.pair_by_pair, 20_000),
 )
+DRAKE = (
+    ("drake", "Drake, `CheckConfigsCollisionFree` (yes or no)", casadi_drake.drake_checker, 2000),
+    ("drake distances", "Drake, signed distances, Python loop", casadi_drake.drake_distances, 300),
+)
+OPTIONAL = {
+    "casadi": (
+        "CasADi",
+        "gets the same ten expressions, with common parts found once, and works on NumPy's memory without a copy.",
+    ),
+    "drake": (
+        "Drake",
+        "gets the same joints, and spheres of 1 um at the marked points. Its checker filters pairs of bodies, not of\n"
+        "spheres, and gives a yes or no.",
+    ),
+}
+INSTALLED = {name for name, module in (("casadi", "casadi"), ("drake", "pydrake")) if casadi_drake.has(module)}
 
 
 def configurations(robot: Any, count: int) -> Any:
@@ -54,7 +71,10 @@ def minervabot(repetitions: int) -> tuple[list[str], dict[str, Any]]:
         calls[mode] = (peers.kernel(robot, Q, mode), N)
     calls["norms, float32"] = (peers.kernel(robot, Q, dtype=np.float32), N)
     calls["norms, NumPy"] = (peers.kernel(robot, Q, backend="numpy"), N)
-    for key, _, peer, rows in PEERS:
+    if "casadi" in INSTALLED:
+        calls |= {f"casadi, {name}": (call, N) for name, call in casadi_drake.casadi_norms(robot, Q).items()}
+    others = PEERS + (DRAKE if "drake" in INSTALLED else ())
+    for key, _, peer, rows in others:
         calls[key] = (peer(robot, Q[:rows]), rows)
     times = peers.interleaved(calls, repetitions)
     unit = "c norms" if "c norms" in times else "norms"
@@ -68,7 +88,9 @@ def minervabot(repetitions: int) -> tuple[list[str], dict[str, Any]]:
         "gradients": "pinbound, ten gradients",
         "norms, float32": "pinbound, ten norms, float32",
         "norms, NumPy": "pinbound, ten norms, NumPy alone",
-        **{key: label for key, label, _, _ in PEERS},
+        "casadi, generated C": "CasADi, ten norms mapped over the rows, generated C",
+        "casadi, virtual machine": "the same, CasADi's virtual machine",
+        **{key: label for key, label, _, _ in others},
     }
     rows = [
         f"| {labels[k]} | {np.median(t):,.1f} | {t.min():,.1f} "
@@ -92,6 +114,8 @@ def panda(repetitions: int, folder: Path) -> tuple[list[str], dict[str, Any], in
         "least, float32": (peers.kernel(robot, Q, "least", dtype=np.float32), len(Q)),
         "parallel": (peers.collisions_in_parallel(robot, Q[:500]), 500),
     }
+    if "drake" in INSTALLED:
+        calls["drake"] = (casadi_drake.drake_collisions(robot, Q[:500]), 500)
     times = peers.interleaved(calls, repetitions)
     print("panda prepared and measured in", round(time.perf_counter() - start), "s", file=sys.stderr)
     labels = {
@@ -101,6 +125,7 @@ def panda(repetitions: int, folder: Path) -> tuple[list[str], dict[str, Any], in
         "smallest": "smallest clearance and its pair",
         "least, float32": "smallest clearance, float32",
         "parallel": "`pin.computeCollisionsInParallel`, same spheres and pairs (yes or no)",
+        "drake": "Drake, `HasCollisions`, same spheres and pairs, Python loop (yes or no)",
     }
     rows = [
         f"| {labels[k]} | {np.median(t):,.1f} | {t.min():,.1f} | {ratio(times, k, 'least'):,.2f} |"
@@ -130,23 +155,26 @@ def single(repetitions: int = 20) -> float:
     return float(np.median(best))
 
 
-def startup(repetitions: int) -> dict[str, float]:
-    """Seconds of processor time of fresh processes, interleaved; medians."""
+def startup(repetitions: int) -> dict[str, dict[str, np.ndarray]]:
+    """Seconds of wall and of processor time of fresh processes, interleaved, by name and repetition."""
     first = "import numpy as np, pinbound as pb\nB = pb.load('minervabot_v3').boundaries\nQ = np.ones((1000, 3))\n"
     programs = {
         "pinocchio": "import pinocchio",
         "pinbound": "import pinbound",
-        "without": first + "B.norms(Q, backend='numpy')",
+        "numpy": first + "B.norms(Q, backend='numpy')",
         "cached": first + "B.norms(Q, backend='compiled')",
     }
-    times: dict[str, list[float]] = {name: [] for name in programs}
+    wall: dict[str, list[float]] = {name: [] for name in programs}
+    processor: dict[str, list[float]] = {name: [] for name in programs}
     for _ in range(repetitions + 1):
         for name, code in programs.items():
-            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
             subprocess.run([sys.executable, "-c", code], check=True)
+            wall[name].append(time.perf_counter() - start)
             after = resource.getrusage(resource.RUSAGE_CHILDREN)
-            times[name].append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-    return {name: float(np.median(values[1:])) for name, values in times.items()}
+            processor[name].append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    clocks = {"wall": wall, "processor": processor}
+    return {clock: {name: np.array(t[1:]) for name, t in times.items()} for clock, times in clocks.items()}
 
 
 def curves(folder: Path, picture: Path) -> None:
@@ -239,16 +267,27 @@ def main() -> None:
         folder = Path(name)
         rows, times = minervabot(options.repetitions)
         panda_rows, panda_times, pairs = panda(options.repetitions, folder)
-        two, one, start = threads(9), single(), startup(7)
+        two, one, start = threads(9), single(), startup(15)
         curves(folder, options.out / "performance.png")
         _, again = minervabot(options.repetitions)
-    versions = {p: __import__(p).__version__ for p in ("numpy", "numba", "pinocchio")}
+    versions = {p: importlib.metadata.version(p) for p in ("numpy", "numba", "pin", *sorted(INSTALLED))}
+    more = {
+        f"{name}_{clock}": float(np.median(times["cached"] - times[name]))
+        for clock, times in start.items()
+        for name in ("pinbound", "numpy")
+    }
     unit = "c norms" if "c norms" in times else "norms"
     key = [
         ("ten norms / hand-written C", "norms", unit),
         ("NumPy alone / hand-written C", "norms, NumPy", unit),
         ("`computeCollisionsInParallel` / ten norms", "parallel", "norms"),
         ("placements loop / ten norms", "placements", "norms"),
+        *(
+            [("CasADi's generated C / ten norms", "casadi, generated C", "norms")]
+            if "casadi, generated C" in times
+            else []
+        ),
+        *([("Drake's checker / ten norms", "drake", "norms")] if "drake" in times else []),
         ("smallest clearance only / ten norms", "least", "norms"),
         ("smallest clearance and its boundary / ten norms", "smallest", "norms"),
     ]
@@ -268,8 +307,11 @@ def main() -> None:
         factor=ratio(panda_times, "parallel", "least"),
         two=two,
         one=one,
-        imports=start["pinbound"] / start["pinocchio"],
-        cached=start["cached"] - start["without"],
+        imports=ratio(start["processor"], "pinbound", "pinocchio"),
+        notes="\n".join(
+            f"{label} {note if name in INSTALLED else 'was not installed.'}" for name, (label, note) in OPTIONAL.items()
+        ),
+        **more,
     )
     (options.out / "performance.md").write_text(page)
     print(page)
@@ -289,6 +331,9 @@ end of the run. Others' work shares caches and memory: trust the ratios more tha
 | method | median [ns a configuration] | least [ns] | / hand-written C | / ten norms |
 | --- | ---: | ---: | ---: | ---: |
 {rows}
+
+{notes}
+What the hand-written C, CasADi and Drake return is compared with pinbound's before they are timed.
 
 The key ratios, measured again at the end of the run:
 
@@ -316,7 +361,13 @@ float32 check of a Panda of 59 spheres takes 85 ns for a yes or no. It has more 
 | two threads against one, ten norms, N = 2,000,000, wall time (needs two idle cores) | {two:.2f} times faster |
 | one single q, `B.norms(q)` | {one:.1f} us |
 | `import pinbound` / `import pinocchio` | {imports:.2f} |
-| first compiled call from the cache, more than the same program in NumPy (Numba's import included) | {cached:.2f} s |
+| first compiled call of a process, cached code, more than `import pinbound`, wall time | {pinbound_wall:.2f} s |
+| the same, processor time | {pinbound_processor:.2f} s |
+| the same, more than with `backend="numpy"`, wall time | {numpy_wall:.2f} s |
+| the same, processor time | {numpy_processor:.2f} s |
+
+The process of the last four rows loads MinervaBotV3 and takes its ten norms for 1,000 configurations. What it needs
+beyond the import is mostly the reading of the robot and the reduction of its paths, which NumPy needs too.
 
 ![Time for one configuration against N, and against the number of boundaries](performance.png)
 """

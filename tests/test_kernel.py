@@ -4,8 +4,6 @@ import importlib.metadata
 import importlib.util
 import logging
 import pickle
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -221,6 +219,34 @@ def test_out_is_filled_and_returned(order: Any, backend: Any, robots: dict[str, 
     assert close(row, out[0])
 
 
+@pytest.mark.skipif(not importlib.util.find_spec("numba"), reason="no Numba")
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("name", NAMES)
+def test_layouts_and_threads_do_not_change_a_bit(name: str, dtype: Any, robots: dict[str, Robot]) -> None:
+    robot, N = robots[name], 9001
+    B, Q = robot.boundaries, configurations(robot, 9001, seed=11)
+    Q[N - 3, 0], Q[N - 2, 0] = np.nan, 1e9
+    m, each = len(B), np.dtype(dtype).itemsize
+    whole = B.norms(Q, backend="compiled", dtype=dtype)
+    steps = np.zeros((2 * N, 3 * m), dtype)[::-2, ::3]
+    uneven = np.zeros(N, np.dtype([("norms", dtype, (m,)), ("rest", np.int8)]))["norms"]
+    odd = np.frombuffer(bytearray(N * m * each + 1), dtype=dtype, count=N * m, offset=1).reshape(N, m)
+    assert uneven.strides[0] % each
+    assert not odd.flags.aligned
+    for out in (np.empty((N, m), dtype), np.empty((N, m), dtype, order="F"), steps, uneven, odd):
+        B.norms(Q, out, backend="compiled", dtype=dtype, threads=2)
+        assert np.array_equal(out, whole, equal_nan=True)
+    for rows in (np.asfortranarray(Q), np.repeat(Q, 2, axis=0)[::2], Q[::-1].copy()[::-1]):
+        assert np.array_equal(B.norms(rows, backend="compiled", dtype=dtype), whole, equal_nan=True)
+    least = B.smallest(Q, backend="compiled", dtype=dtype)
+    every = np.zeros((N, 5), dtype)
+    again = B.smallest(Q, every[:, 3], backend="compiled", dtype=dtype, threads=2)
+    assert np.array_equal(every[:, 3], least.clearance, equal_nan=True)
+    assert np.array_equal(again.index, least.index)
+    assert not np.any(every[:, [0, 1, 2, 4]])
+    assert not np.any(steps.base[::-2, 1::3])
+
+
 def test_out_of_a_wrong_shape_or_type_is_refused(robots: dict[str, Robot]) -> None:
     B = robots["minervabot"].boundaries
     for out in (np.empty((4, 10)), np.empty((5, 10), dtype=np.float32), [[0.0]]):
@@ -293,27 +319,3 @@ def test_without_numba_there_is_one_notice(
     assert len(caplog.records) == 1
     with pytest.raises(pb.UnsupportedError, match=r"pinbound\[fast\]"):
         B.norms(np.ones((50, 3)), backend="compiled")
-
-
-@pytest.mark.skipif(not importlib.util.find_spec("numba"), reason="no Numba")
-def test_machine_code_is_cached_on_disk(tmp_path: Path) -> None:
-    code = (
-        "import numpy as np, pinbound as pb, sys\n"
-        "B = pb.load('minervabot_v3').boundaries\n"
-        "assert 'numba' not in sys.modules\n"
-        "print(B.norms(np.ones((3, 3)), backend='compiled').sum())\n"
-        "function = B.kernel._machine_code('norms', False)\n"
-        "print(sum(function.stats.cache_hits.values()), file=sys.stderr)\n"
-    )
-    runs = [
-        subprocess.run(
-            [sys.executable, "-c", code],
-            capture_output=True,
-            text=True,
-            check=True,
-            env={**__import__("os").environ, "PINBOUND_CACHE_DIR": str(tmp_path)},
-        )
-        for _ in range(2)
-    ]
-    assert [run.stderr.strip() for run in runs] == ["0", "1"]
-    assert runs[0].stdout == runs[1].stdout

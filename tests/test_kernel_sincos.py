@@ -25,8 +25,9 @@ def compiled(text: str, dtype: Any) -> Any:
     statements = text.format(x="w[0, i]") + "w[1, i] = sine\nw[2, i] = cosine\n"
     tile = 1024
     body = loop_body(statements, tile, dtype is np.float32)
+    pointer = numba.types.CPointer(numba.from_dtype(np.dtype(dtype)))
 
-    @numba.njit(error_model="numpy", fastmath={"contract"})
+    @numba.cfunc(numba.void(pointer), error_model="numpy", fastmath={"contract"})
     def run(w: Any) -> None:
         for i in range(tile):
             body(w, i)
@@ -36,7 +37,7 @@ def compiled(text: str, dtype: Any) -> Any:
         for start in range(0, len(X), tile):
             part = X[start : start + tile]
             w[0, : len(part)] = part
-            run(w)
+            run.ctypes(w.ctypes.data_as(run.ctypes.argtypes[0]))
             S[start : start + tile], C[start : start + tile] = w[1, : len(part)], w[2, : len(part)]
         return S, C
 

@@ -1,23 +1,86 @@
-"""Machine code of a program: its source goes to a file of the user's cache, Numba compiles it and keeps the result.
+"""Machine code of a program: Numba compiles its source once, later processes link what the cache folder kept.
 
-The file's name is a hash of its text and of `lowering.py`, so that another robot, or another version of pinbound,
-never meets old code.
-The folder is `PINBOUND_CACHE_DIR`, else `XDG_CACHE_HOME/pinbound`, else `~/.cache/pinbound`; where it cannot be
-written, code is compiled for this process alone.
+Kept is object code without a symbol of Python's or Numba's: pointers and strides go in, and sines of far angles come
+from the process's own libm. So llvmlite alone loads it, in a few milliseconds, where `import numba` takes tenths of
+a second; and code just compiled takes the same way into memory as code from the cache.
+The key is a hash of all that machine code depends on: the source and `lowering.py`, the versions of pinbound, Numba
+and llvmlite, and the processor.
 """
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
+import importlib
+import importlib.metadata
 import importlib.util
+import itertools
 import os
-import sys
+import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-__all__ = ["compile_source", "has_numba"]
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.interpreters.kernel.object_cache import load_object, store_object
+from pinbound.interpreters.kernel.source import KernelSource
+
+__all__ = ["MachineCode", "compile_source", "has_numba"]
+
+Array = NDArray[Any]
+
+_SYMBOL = "pinbound_kernel"
+
+_SETTINGS = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_ENABLE_AVX")
+"""What in the environment makes Numba compile for another processor than this one."""
+
+_CACHE_LINE = 64
+"""Bytes; vector loads of scratch do not straddle two."""
+
+_PROTOTYPE = ctypes.CFUNCTYPE(
+    ctypes.c_int64,
+    ctypes.c_void_p,
+    ctypes.c_void_p,
+    ctypes.c_int64,
+    ctypes.c_int64,
+    ctypes.c_void_p,
+    ctypes.c_void_p,
+    ctypes.c_int64,
+)
+"""As `kernel_source` says; ctypes gives the interpreter's lock away during the call."""
+
+
+@dataclass(frozen=True)
+class MachineCode:
+    """A kernel in memory."""
+
+    function: Callable[..., int]
+    scratch: int
+    """Bytes."""
+    owner: Any
+    """Keeps the memory of the code alive."""
+
+    def __call__(self, Q: Array, out: Array, index: Array) -> int:
+        """Fill rows and return how many numbers were not finite.
+
+        Args:
+            Q: (N, n), C-contiguous, of the kernel's type.
+            out: (N, columns) of the kernel's type, in any layout.
+            index: (N,) int64, contiguous; (0,) in a mode that writes none.
+        """
+        if not out.flags.aligned or any(step % out.itemsize for step in out.strides):
+            whole = np.empty(out.shape, out.dtype)
+            irregular = self(Q, whole, index)
+            out[:] = whole
+            return irregular
+        row, column = (step // out.itemsize for step in out.strides)
+        scratch = np.empty(self.scratch + _CACHE_LINE, dtype=np.uint8)
+        start = -_address(scratch) % _CACHE_LINE + _address(scratch)
+        return self.function(_address(Q), _address(out), row, column, _address(index), start, len(Q))
 
 
 @cache
@@ -26,47 +89,97 @@ def has_numba() -> bool:
     return importlib.util.find_spec("numba") is not None
 
 
-def compile_source(source: str) -> Callable[..., int]:
-    """Return the `kernel` of a source; machine code comes from the cache where it is there."""
-    lowering = hashlib.sha256(Path(__file__).with_name("lowering.py").read_bytes()).hexdigest()
-    source = f"# lowering.py {lowering}\n{source}"
-    digest = hashlib.sha256(source.encode()).hexdigest()[:24]
-    name = f"pinbound_kernel_{digest}"
-    path = _cached_file(name, "CACHE = True\n" + source)
-    if path is None:
-        namespace: dict[str, Any] = {"__name__": name}
-        exec(compile("CACHE = False\n" + source, f"<{name}>", "exec"), namespace)  # our own text, from numbers alone
-        return namespace["kernel"]
-    if name in sys.modules:
-        return sys.modules[name].kernel
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise ImportError(f"cannot import {path}")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # Numba's cached code looks its module up by name
-    spec.loader.exec_module(module)
-    return module.kernel
+def compile_source(source: KernelSource) -> MachineCode:
+    """Return the machine code of a source, from the cache where it is there."""
+    key = _key(source.text)
+    with _lock:
+        if key not in _linked:
+            _linked[key] = _from_cache(key) or _fresh(key, source.text)
+        function, owner = _linked[key]
+    return MachineCode(function, source.scratch, owner)
 
 
-def _cached_file(name: str, text: str) -> Path | None:
-    """Return a file with exactly this text; None if the cache cannot be written."""
-    import tempfile
+_lock = threading.Lock()
+_linked: dict[str, tuple[Callable[..., int], Any]] = {}
+_numbers = itertools.count()
 
-    folder = _cache_folder()
-    path = folder / f"{name}.py"
+
+def _from_cache(key: str) -> tuple[Callable[..., int], Any] | None:
+    code = load_object(key)
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if not path.is_file() or path.read_text(encoding="utf-8") != text:
-            with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=folder, suffix=".tmp", delete=False) as file:
-                file.write(text)
-            os.replace(file.name, path)
-        return path if os.access(folder, os.W_OK) else None
-    except OSError:
+        return None if code is None else _link(code)
+    except RuntimeError:  # a symbol that this process does not have
         return None
 
 
-def _cache_folder() -> Path:
-    if given := os.environ.get("PINBOUND_CACHE_DIR"):
-        return Path(given) / "kernels"
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "pinbound" / "kernels"
+def _fresh(key: str, text: str) -> tuple[Callable[..., int], Any]:
+    code = _compile(text)
+    store_object(key, code)
+    return _link(code)
+
+
+def _key(text: str) -> str:
+    llvm = _llvm()
+    lowering = Path(__file__).with_name("lowering.py").read_text(encoding="utf-8")
+    versions = [_version(name) for name in ("pinbound", "numba", "llvmlite")]
+    processor = [llvm.get_process_triple(), llvm.get_host_cpu_name(), _features()]
+    settings = [os.environ.get(name, "") for name in _SETTINGS]
+    return hashlib.sha256(repr([text, lowering, versions, processor, settings]).encode()).hexdigest()
+
+
+def _version(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:  # run from its sources
+        return ""
+
+
+def _features() -> str:
+    try:
+        return _llvm().get_host_cpu_features().flatten()
+    except RuntimeError:  # llvmlite cannot tell on this processor
+        return ""
+
+
+def _compile(text: str) -> bytes:
+    """Return the object code of a source."""
+    registry: Any = importlib.import_module("numba.core.registry")
+    namespace: dict[str, Any] = {"__name__": _SYMBOL}
+    exec(compile(text, f"<{_SYMBOL}>", "exec"), namespace)  # our own text, from numbers alone
+    callback = namespace["kernel"]
+    llvm = _llvm()
+    module = llvm.parse_assembly(callback.inspect_llvm().replace(callback.native_name, _SYMBOL))
+    triple, cpu, features = registry.cpu_target.target_context.codegen().magic_tuple()
+    reloc = "static" if triple.startswith("x86") else "default"
+    target = llvm.Target.from_triple(triple)
+    machine = target.create_target_machine(cpu, features, opt=3, reloc=reloc, codemodel="jitdefault", jit=True)
+    return machine.emit_object(module)
+
+
+def _link(code: bytes) -> tuple[Callable[..., int], Any]:
+    """Put object code into memory.
+
+    Raises:
+        RuntimeError: If it needs a symbol that is not there.
+    """
+    builder = _llvm().JITLibraryBuilder().add_object_img(code).add_current_process().export_symbol(_SYMBOL)
+    library = builder.link(_linker(), f"{_SYMBOL}_{next(_numbers)}")
+    return _PROTOTYPE(library[_SYMBOL]), library
+
+
+@cache
+def _linker() -> Any:
+    return _llvm().create_lljit_compiler(suppress_errors=True)
+
+
+@cache
+def _llvm() -> Any:
+    """Return llvmlite's bindings, ready to make and link code for this machine."""
+    llvm: Any = importlib.import_module("llvmlite.binding")
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm
+
+
+def _address(array: Array) -> int:
+    return array.__array_interface__["data"][0]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
-from pinbound.interpreters.kernel.compiled import compile_source, has_numba
+from pinbound.interpreters.kernel.compiled import MachineCode, compile_source, has_numba
 from pinbound.interpreters.kernel.program import CommonMark, Pair, Program, Reference, compile_program
 from pinbound.interpreters.kernel.source import kernel_source, scalar_source
 from pinbound.interpreters.kernel.vectorised import LinearProgram, VectorisedProgram
@@ -59,7 +59,7 @@ class Kernel:
         self.pairs, self.n = tuple(pairs), n
         self.reference, self._common = reference, common
         self._scalar: dict[str, Callable[..., list[float]]] = {}
-        self._compiled: dict[tuple[str, bool], Callable[..., int]] = {}
+        self._compiled: dict[tuple[str, bool], MachineCode] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave machine code out; the receiver compiles or loads its own."""
@@ -189,13 +189,13 @@ class Kernel:
         )
         if compiled:
             function = self._machine_code(mode, is_single)
-            data = np.ascontiguousarray(Q, dtype=np.float32 if is_single else np.float64)
-            return lambda lo, hi: int(function(data, out, index, lo, hi))
+            data = np.require(Q, np.float32 if is_single else np.float64, ["C", "A"])
+            return lambda lo, hi: function(data[lo:hi], out[lo:hi], index[lo:hi])
         if large and backend == "auto":
             notice_without_numba()
         return lambda lo, hi: self._in_numpy(Q, mode, out, index, lo, hi)
 
-    def _machine_code(self, mode: str, is_single: bool) -> Callable[..., int]:
+    def _machine_code(self, mode: str, is_single: bool) -> MachineCode:
         key = (mode, is_single)
         if key not in self._compiled:
             self._compiled[key] = compile_source(kernel_source(self.program, mode, is_single))

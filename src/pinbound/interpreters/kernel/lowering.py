@@ -18,10 +18,13 @@ _types: Any = importlib.import_module("numba.types")
 _cgutils: Any = importlib.import_module("numba.core.cgutils")
 _intrinsic: Any = importlib.import_module("numba.extending").intrinsic
 
-__all__ = ["loop_body"]
+__all__ = ["copy_columns", "load", "loop_body"]
 
 _FLAGS = ("contract",)
 """The one liberty that LLVM gets: `a * b + c` with one rounding."""
+
+_PIECE = 16
+"""Numbers of a column copied at once: all columns are written side by side, which memory takes better than in turn."""
 
 _REAL: dict[type[ast.operator], str] = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
 _INTEGER: dict[type[ast.operator], str] = {
@@ -34,19 +37,83 @@ _COMPARE: dict[type[ast.cmpop], str] = {ast.Lt: "<", ast.Gt: ">", ast.NotEq: "!=
 
 
 def loop_body(text: str, tile: int, is_single: bool) -> Any:
-    """Return a Numba intrinsic `body(w, i)` that runs the statements on column i of the scratch w."""
+    """Return a Numba intrinsic `body(w, i)` that runs the statements on column i of the scratch that w points to."""
     tree = ast.parse(text)
 
     def body(_: Any, w: Any, i: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            array = _cgutils.create_struct_proxy(signature.args[0])(context, builder, value=args[0])
-            _Lowering(builder, array.data, args[1], tile, is_single).run(tree)
+        def generate(context: Any, builder: Any, _: Any, args: Any) -> Any:
+            _Lowering(builder, args[0], args[1], tile, is_single).run(tree)
             return context.get_dummy_value()
 
         return _types.void(w, _types.intp), generate
 
     body.__doc__ = "Run one loop body."
     return _intrinsic(body)
+
+
+@_intrinsic
+def load(_: Any, Q: Any, at: Any) -> Any:
+    """Load `Q[at]`, by itself: an atomic unordered load is one like any other, but LLVM makes no gather of several.
+
+    Gathers down a column wait for memory where plain loads along the rows have theirs fetched ahead.
+    """
+
+    def generate(_: Any, builder: Any, signature: Any, args: Any) -> Any:
+        pointer = builder.gep(args[0], [args[1]])
+        return builder.load_atomic(pointer, "unordered", _bytes(pointer.type.pointee))
+
+    return Q.dtype(Q, _types.intp), generate
+
+
+@_intrinsic
+def copy_columns(
+    _: Any, out: Any, at: Any, row: Any, column: Any, w: Any, source: Any, tile: Any, columns: Any, n: Any
+) -> Any:
+    """Copy rows of scratch, `w[source + c tile + i]`, to columns of the output, `out[at + i row + c column]`.
+
+    It is one function for all loops, so that LLVM does not unroll it for each.
+    """
+
+    def generate(_: Any, builder: Any, signature: Any, args: Any) -> Any:
+        out, at, row, column, w, source, tile, columns, n = args
+        arguments = builder.gep(out, [at]), row, column, builder.gep(w, [source]), tile, columns, n
+        kind = _ir.FunctionType(_ir.VoidType(), [argument.type for argument in arguments])
+        function = _cgutils.get_or_insert_function(builder.module, kind, "pinbound_copy_columns")
+        if function.is_declaration:
+            function.linkage = "internal"
+            function.attributes.add("noinline")
+            _copy_columns(function)
+        return builder.call(function, arguments)
+
+    return _types.void(out, *[_types.intp] * 3, w, *[_types.intp] * 4), generate
+
+
+def _copy_columns(function: Any) -> None:
+    """Write the body: columns without gaps piece by piece, all columns in turn, else number by number."""
+    out, row, column, w, tile, columns, n = function.args
+    builder = _ir.IRBuilder(function.append_basic_block())
+    add, times, piece = builder.add, builder.mul, n.type(_PIECE)
+
+    def copy(c: Any, start: Any, count: Any) -> None:
+        places = [builder.gep(p, [add(times(c, step), start)]) for p, step in ((out, column), (w, tile))]
+        _cgutils.raw_memcpy(builder, *places, count, _bytes(out.type.pointee))
+
+    with builder.if_else(builder.icmp_signed("==", row, row.type(1))) as (is_dense, has_gaps):
+        with is_dense:
+            whole = builder.sdiv(n, piece)
+            with _cgutils.for_range(builder, whole) as k, _cgutils.for_range(builder, columns) as c:
+                copy(c.index, times(k.index, piece), piece)
+            rest = times(whole, piece)
+            with _cgutils.for_range(builder, columns) as c:
+                copy(c.index, rest, builder.sub(n, rest))
+        with has_gaps, _cgutils.for_range(builder, n) as i, _cgutils.for_range(builder, columns) as c:
+            value = builder.load(builder.gep(w, [add(i.index, times(c.index, tile))]))
+            builder.store(value, builder.gep(out, [add(times(i.index, row), times(c.index, column))]))
+    builder.ret_void()
+
+
+def _bytes(real: Any) -> int:
+    return 4 if isinstance(real, _ir.FloatType) else 8
 
 
 class _Lowering:

@@ -8,12 +8,13 @@ scratch; all others live in registers. Nothing is reassociated: LLVM may only co
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 from pinbound.interpreters.kernel.program import Program
 from pinbound.interpreters.kernel.scalars import LEAVES, Graph
 from pinbound.interpreters.kernel.sincos import REGULAR, REGULAR32, SINCOS, SINCOS32
 
-__all__ = ["MODES", "kernel_source", "scalar_source"]
+__all__ = ["MODES", "KernelSource", "kernel_source", "scalar_source"]
 
 MODES = ("norms", "clearances", "gradients", "smallest", "least")
 """What a kernel writes; `least` is the smallest clearance without its boundary."""
@@ -42,15 +43,27 @@ _FORMS = {
 }
 
 
-def kernel_source(program: Program, mode: str, single: bool = False) -> str:
-    """Return the source of `kernel(Q, out, index, lo, hi)`, which returns how many values were not finite.
+@dataclass(frozen=True)
+class KernelSource:
+    """The source of a kernel in Python, for Numba, and what its caller has to bring."""
+
+    text: str
+    scratch: int
+    """Bytes."""
+
+
+def kernel_source(program: Program, mode: str, single: bool = False) -> KernelSource:
+    """Return the source of `kernel(Q, out, row, column, index, w, count)`.
+
+    It takes pointers: Q to (count, n) numbers without gaps; out to numbers `row` and `column` apart, counted in
+    numbers; index to count integers in mode `smallest`; w to scratch. It returns how many values were not finite.
 
     Args:
         program: The program.
         mode: One of `MODES`.
         single: float32 instead of float64.
     """
-    return _Writer(program, mode, single).text()
+    return _Writer(program, mode, single).source()
 
 
 class _Writer:
@@ -60,6 +73,9 @@ class _Writer:
         self.lines: list[str] = []
         self.loops: list[str] = []
         self.groups = list(_groups(program, mode))
+        if mode not in ("smallest", "least"):
+            for slot in range(max(len(members) for _, members in self.groups) * self._width):
+                self.row(("out", slot))  # one after the other
         self.shared = self._shared_nodes()
 
     def row(self, key: object) -> int:
@@ -77,7 +93,7 @@ class _Writer:
             seen |= needed
         return shared
 
-    def text(self) -> str:
+    def source(self) -> KernelSource:
         used = [self.graph.nodes[n] for n in self.graph.reachable(n for outputs, _ in self.groups for n in outputs)]
         angles = sorted({node.args[0] for node in used if node.kind in _TURNING})
         self._load({node.args[0] for node in used if node.kind == "coordinate"}, angles)
@@ -88,16 +104,15 @@ class _Writer:
         body = "\n".join(self.lines)
         item = 4 if self.single else 8
         tile = min(512, max(64, _SCRATCH // item // max(1, len(self.rows)) // 32 * 32))
-        real = "np.float32" if self.single else "np.float64"
-        return _FRAME.format(
+        text = _FRAME.format(
             loops="\n".join(self.loops),
             body=body,
-            rows=max(1, len(self.rows)),
             tile=tile,
-            lanes=_LANES,
-            real=real,
+            rest=_LANES - 1,
+            real="float32" if self.single else "float64",
             regular=REGULAR32 if self.single else REGULAR,
         )
+        return KernelSource(text, max(1, len(self.rows)) * tile * item)
 
     def line(self, text: str, depth: int = 3) -> None:
         self.lines.append("    " * (depth - 1) + text)
@@ -108,31 +123,34 @@ class _Writer:
         An angle beyond the polynomials' range is replaced by libm's `atan2(sin x, cos x)`, which is as good as an
         argument reduction of any length and, for the rare element that needs it, cheap enough.
         """
-        words: dict[int, str] = {self.row(("q", j)): f"Q[start + i, {j}]" for j in sorted(coordinates)}
+        words: dict[int, str] = {self.row(("q", j)): self._input(j) for j in sorted(coordinates)}
         for angle in angles:
-            terms = [(c, f"Q[start + i, {j}]") for j, c in enumerate(self.graph.angles[angle]) if c]
+            terms = [(c, self._input(j)) for j, c in enumerate(self.graph.angles[angle]) if c]
             parts = [word if c == 1.0 else f"{self.number(c)} * {word}" for c, word in terms]
             words[self.row(("angle", angle))] = " + ".join(parts)
         if not words:
             return
         self.line("for i in range(n):")
         for row, word in words.items():
-            self.line(f"w[{row}, i] = {word}", 4)
+            self.line(f"w[{row} * TILE + i] = {word}", 4)
         self.line("for i in range(n, padded):")
         for row in words:
-            self.line(f"w[{row}, i] = {self.number(0.0)}", 4)
+            self.line(f"w[{row} * TILE + i] = {self.number(0.0)}", 4)
         self.line("far = 0")
         self.line("for i in range(padded):")
         for row in words:
-            self.line(f"far += 0 if abs(w[{row}, i]) <= REGULAR else 1", 4)
+            self.line(f"far += 0 if abs(w[{row} * TILE + i]) <= REGULAR else 1", 4)
         self.line("if far:")
         self.line("for i in range(n):", 4)
         for row in words:
-            self.line(f"x = w[{row}, i]", 5)
+            self.line(f"x = w[{row} * TILE + i]", 5)
             self.line("irregular += 0 if abs(x) < INFINITY else 1", 5)
             if row in {self.row(("angle", angle)) for angle in angles}:
                 self.line("if not abs(x) <= REGULAR:", 5)
-                self.line(f"w[{row}, i] = math.atan2(math.sin(x), math.cos(x))", 6)
+                self.line(f"w[{row} * TILE + i] = math.atan2(math.sin(x), math.cos(x))", 6)
+
+    def _input(self, j: int) -> str:
+        return f"load(Q, (start + i) * {self.program.n} + {j})"
 
     def _operand(self, number: int) -> str:
         node = self.graph.nodes[number]
@@ -213,10 +231,9 @@ class _Writer:
         return value if self.program.signed[k] else f"math.sqrt({value})"
 
     def _store(self, members: Sequence[int]) -> None:
-        self.line("for i in range(n):")
-        for slot in range(len(members) * self._width):
-            row = self.row(("out", slot))
-            self.line(f"out[start + i, {members[0] * self._width + slot}] = w[{row}, i]", 4)
+        first, source = members[0] * self._width, self.row(("out", 0))
+        places = f"out, start * row + {first} * column, row, column, w, {source} * TILE, TILE"
+        self.line(f"copy_columns({places}, {len(members) * self._width}, n)")
 
     def _minimum(self, index: int, members: Sequence[int]) -> None:
         """Take the least square of each threshold, one root a threshold; sqrt and the subtraction are monotone."""
@@ -247,10 +264,10 @@ class _Writer:
         if self.mode not in ("smallest", "least"):
             return
         self.line("for i in range(n):")
-        self.line(f"out[start + i, 0] = w[{self.row('best')}, i]", 4)
+        self.line(f"out[(start + i) * row] = w[{self.row('best')} * TILE + i]", 4)
         if self.mode == "smallest":
             self.line("for i in range(n):")
-            self.line(f"index[start + i] = np.int64(w[{self.row('which')}, i])", 4)
+            self.line(f"index[start + i] = np.int64(w[{self.row('which')} * TILE + i])", 4)
 
 
 def _runs(values: Sequence[tuple[bool, float]]) -> Iterator[tuple[int, int]]:
@@ -286,25 +303,30 @@ _FRAME = '''"""Generated by pinbound; do not edit."""
 import math
 
 import numpy as np
-from numba import njit
+from numba import cfunc, types
 
-from pinbound.interpreters.kernel.lowering import loop_body
+from pinbound.interpreters.kernel.lowering import copy_columns, load, loop_body
 
-F = {real}
+F = np.{real}
 INFINITY = F(np.inf)
 REGULAR = F({regular})
 TILE = {tile}
+REALS, INTEGER, INTEGERS = types.CPointer(types.{real}), types.int64, types.CPointer(types.int64)
 
 
 {loops}
-@njit(cache=CACHE, nogil=True, error_model="numpy", fastmath={{"contract"}}, boundscheck=False)
-def kernel(Q, out, index, lo, hi):
-    w = np.empty(({rows}, TILE), {real})
+@cfunc(
+    INTEGER(REALS, REALS, INTEGER, INTEGER, INTEGERS, REALS, INTEGER),
+    error_model="numpy", fastmath={{"contract"}}, boundscheck=False,
+)
+def kernel(Q, out, row, column, index, w, count):
     irregular = 0
-    for start in range(lo, hi, TILE):
-        n = min(TILE, hi - start)
-        padded = (n + {lanes} - 1) // {lanes} * {lanes}
+    start = 0
+    while start < count:
+        n = TILE if count - start > TILE else count - start
+        padded = n + (-n & {rest})
 {body}
+        start += TILE
     return irregular
 '''
 
