@@ -12,6 +12,7 @@ __all__ = [
     "CROSSCHECK_BODY",
     "CROSSCHECK_GRAZING",
     "CROSSCHECK_POINT",
+    "CROSSCHECK_SOLID",
     "CROSSCHECK_STOP",
     "EVALUATION",
     "FIRST_CONTACT",
@@ -140,6 +141,9 @@ contact is compared in metres, not in radians."""
 
 CROSSCHECK_BODY: Final = 1e-6
 """Metres. How well coal (GJK, EPA) knows the distance of bodies other than spheres: its own default tolerance."""
+
+CROSSCHECK_SOLID: Final = 1e-8
+"""Metres. How well coal's iteration, asked for 1e-9 m, knows the distance of boxes and prisms."""
 
 CROSSCHECK_STOP: Final = 1e-4
 """Metres. A boundary of zero threshold says that bodies first touch at the marked points: a gap left when they meet

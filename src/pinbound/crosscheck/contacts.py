@@ -19,7 +19,7 @@ from pinbound.boundary import Boundary, ContactAngle
 from pinbound.crosscheck.engine import Engine, pair_engine, sample
 from pinbound.interpreters.univariate import AllowedArcs
 from pinbound.robot import Robot
-from pinbound.tolerances import CROSSCHECK_ANGLE, CROSSCHECK_BODY, CROSSCHECK_GRAZING, CROSSCHECK_POINT
+from pinbound.tolerances import CROSSCHECK_ANGLE, CROSSCHECK_GRAZING, CROSSCHECK_POINT, CROSSCHECK_SOLID
 
 __all__ = ["BoundaryLevel", "RayCheck", "check_contacts"]
 
@@ -74,7 +74,7 @@ class BoundaryLevel:
     solid: tuple[str, ...] = ()
     tolerance: float = CROSSCHECK_ANGLE
     metres_tolerance: float = CROSSCHECK_POINT
-    solid_tolerance: float = CROSSCHECK_BODY
+    solid_tolerance: float = CROSSCHECK_SOLID
 
     @property
     def worst(self) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pinbound.crosscheck.engine import blocks, point_engine, sample
 from pinbound.robot import Robot
-from pinbound.tolerances import CLOSURE, CROSSCHECK_BODY, CROSSCHECK_POINT
+from pinbound.tolerances import CLOSURE, CROSSCHECK_POINT, CROSSCHECK_SOLID
 
 __all__ = ["PointLevel", "check_points"]
 
@@ -39,7 +39,7 @@ class PointLevel:
     pins: Mapping[str, float]
     solid: tuple[str, ...] = ()
     tolerance: float = CROSSCHECK_POINT
-    solid_tolerance: float = CROSSCHECK_BODY
+    solid_tolerance: float = CROSSCHECK_SOLID
     pin_tolerance: float = CLOSURE
 
     @property

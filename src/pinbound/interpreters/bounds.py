@@ -184,7 +184,7 @@ def _slide_lengths(chains: Bundle, lower: Array, upper: Array) -> Array:
     return np.linalg.norm(chains.slides, axis=2) @ farthest
 
 
-def lever_arms(chains: Bundle, lower: Array, upper: Array) -> Array:
+def lever_arms(chains: Bundle, lower: Array, upper: Array, loose: Array | None = None) -> Array:
     """Return the lever arm of every rotation while q stays in a box, (m, k) [m].
 
     From the tail, with `a_i` and `rho_i` bounds of what lies beyond rotation i along and across its axis:
@@ -194,9 +194,12 @@ def lever_arms(chains: Bundle, lower: Array, upper: Array) -> Array:
         chains: The chains.
         lower: (n,) lower corner of the box; only coordinates that slide matter.
         upper: (n,) upper corner.
+        loose: (m, k + 1) [m], how far each block may be from its offset besides; None: not at all.
     """
     m, k = chains.axes.shape[:2]
     slid = _slide_lengths(chains, lower, upper)
+    if loose is not None:
+        slid = slid + loose
     arms = np.zeros((m, k))
     along_next, across_next = np.zeros(m), np.zeros(m)
     for i in reversed(range(k)):

@@ -39,6 +39,7 @@ _PROJECTING = 32
 
 
 _FLAT = 3  # rows of a path with two ways, which span no body
+_FEW = 4  # ways whose corners are looked at one by one
 _TOUCHING = 1e-12  # relative: bodies whose distance is rounding may overlap
 
 
@@ -96,14 +97,24 @@ def swept_bundle(paths: Sequence[RelativePath], lower: Array, upper: Array) -> S
     arms = lever_arms(stacked, lower, upper)
     across, normal = np.tile(np.eye(3), (len(paths), 1, 1)), np.zeros((len(paths), 3))
     for row, path in enumerate(paths):
-        corners = lever_arms(bundle(path.swept.corners, n), lower, upper)
-        arms[row * rows, : corners.shape[1]] = corners.max(axis=0)
+        corners = _arms_of_corners(path, lower, upper)
+        arms[row * rows, : len(corners)] = corners
         if path.across is not None:
             across[row] = path.across.T @ path.across
             normal[row] = path.across[0] if path.is_signed else 0.0
     signed = np.array([path.is_signed for path in paths], dtype=np.bool_)
     lengths = stacked.scale + np.linalg.norm(stacked.offsets, axis=2).sum(axis=1)
     return SweptBundle(stacked, arms, across, normal, signed, lengths.reshape(len(paths), rows).sum(axis=1))
+
+
+def _arms_of_corners(path: RelativePath, lower: Array, upper: Array) -> Array:
+    """Return the largest lever arms of any corner (rotations,) [m]; of many ways by the triangle inequality."""
+    n, chain, ways = len(lower), path.minimal, path.swept.directions
+    if len(ways) <= _FEW:
+        return lever_arms(bundle(path.swept.corners, n), lower, upper).max(axis=0)
+    halves = 0.5 * np.array(ways)
+    middle = replace(chain, offsets=chain.offsets + halves.sum(axis=0))
+    return lever_arms(bundle([middle], n), lower, upper, np.linalg.norm(halves, axis=2).sum(axis=0)[None])[0]
 
 
 def _nothing(path: RelativePath) -> Chain:

@@ -34,7 +34,7 @@ _PIECES = 5  # 2^5 pieces to begin with
 _FINEST = 50  # 2^50 steps in all
 _MOST_OPEN = 1 << 16  # pieces a configuration: more are a contact that is flat along an interval
 _ROWS = 64  # configurations at a time, to bound memory
-_DOUBLINGS, _BISECTIONS = 20, 30  # from the width of a root to 1e-7, and back to the last bit
+_WIDENINGS, _WIDER, _LAST_BIT = 7, 8.0, 4e-16  # from the width of a root to 2e-7, and back to the last bit
 
 
 def arcs(
@@ -156,11 +156,14 @@ def _polished(
             return separation.separations(path, q) > threshold
 
         step = np.full(len(inside), ROOT)
-        for _ in range(_DOUBLINGS):
-            step = np.where(above(inside + outwards * step), 2.0 * step, step)
+        for _ in range(_WIDENINGS):
+            apart = above(inside + outwards * step)
+            if not np.any(apart):
+                break
+            step = np.where(apart, _WIDER * step, step)
         outside = inside + outwards * step
         met = ~above(outside) & (inside > domain[0]) & (inside < domain[1])  # ends of the window are no contacts
-        for _ in range(_BISECTIONS):
+        while np.any(met & (np.abs(outside - inside) > _LAST_BIT * np.maximum(1.0, np.abs(inside)))):
             middle = 0.5 * (inside + outside)
             apart = above(middle)
             inside, outside = np.where(apart, middle, inside), np.where(apart, outside, middle)
