@@ -487,3 +487,24 @@ def test_pickled_and_batched_robots_answer_alike(robot: pb.Robot) -> None:
     Q = random_q(robot, 5, seed=15)
     found, expected = (one.boundaries.clearances(Q, backend="numpy") for one in (again, robot))
     assert np.abs(found - expected).max() < 1e-14
+
+
+def test_an_end_of_the_window_is_no_contact(tmp_path: Path) -> None:
+    """A slide never repeats; what nothing stops within the window reaches exactly to its ends."""
+    path = tmp_path / "parallel.urdf"
+    path.write_text(ROBOTS["parallel"])
+    robot = pb.load(path)
+    rng = np.random.default_rng(16)
+    for _ in range(50):
+        window = tuple(np.sort(rng.uniform(-9.0, 9.0, 2)).tolist())
+        for boundary, name in itertools.product(robot.boundaries, ("x", "z")):
+            q = rng.uniform(-2.0, 2.0, 3)
+            for low, high in boundary.limits(name, q, window).intervals:
+                ends = np.array([low, high])
+                there = np.repeat(q[None], 2, axis=0)
+                there[:, robot.coordinates.index(name)] = ends
+                level = boundary.contact_distance - boundary.threshold
+                contact = np.abs(boundary.clearance(there) - level) < 1e-12
+                assert np.all(contact | np.isin(ends, window))
+    limits = robot.boundaries.limits("x", robot.home)
+    assert (limits.lower_stop, limits.upper_stop) == ("A_B", "x")
