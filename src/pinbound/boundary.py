@@ -245,6 +245,29 @@ class Boundary:
         )
         return table if points.ndim > 1 else table[0]
 
+    def span(self, coordinate: str, q: Array, within: tuple[float, float]) -> tuple[float, float] | None:
+        """Return how far a coordinate can move from q (n,) within an interval that holds its value; None if in contact.
+
+        What `limits(...).around(...)` says, cut to the interval, but no further is looked; infinite where nothing stops
+        it before the interval ends.
+        """
+        index = self.robot_coordinates.index(coordinate)
+        low, high = within
+        if (
+            self.path.is_plain
+            or (self.path.is_signed and not self.path.swept.directions)
+            or not np.isfinite(high - low)
+        ):
+            arcs: univariate.AllowedArcs = self.limits(coordinate, q, within)
+            span, (low, high) = arcs.around(float(q[index])), arcs.window
+        else:
+            from pinbound.interpreters.swept_isolation import around
+
+            span = around(self.path, index, coordinate, q, self.contact_distance, within)
+        if span is None:
+            return None
+        return -math.inf if span[0] <= low else span[0], math.inf if span[1] >= high else span[1]
+
     def limit_expressions(self, coordinate: str) -> Any:
         """Return the two contacts of one coordinate in terms of the others, in SymPy and LaTeX: Eqs. (18)-(20).
 

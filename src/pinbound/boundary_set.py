@@ -16,7 +16,7 @@ from pinbound.boundary import Boundary, one_configuration
 from pinbound.coupling import LinearLimit, as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import separation
-from pinbound.interpreters.univariate import AllowedArcs, AllowedArcsTable
+from pinbound.interpreters.univariate import AllowedArcsTable
 
 if TYPE_CHECKING:
     from pinbound.interpreters.kernel import Backend, CommonMark, Kernel, MixedKernel
@@ -325,12 +325,11 @@ class BoundarySet(Sequence[Boundary]):
         if window is None:
             held = [span for _, span in spans if span]
             window = max((s[0] for s in held), default=-math.inf), min((s[1] for s in held), default=math.inf)
+        low, high = window
         for boundary in self:
-            arcs: AllowedArcs = boundary.limits(coordinate, point, window)
-            span = arcs.around(value)
-            if span is not None:  # the ends of the window are joint limits, not contacts
-                ends = arcs.window
-                span = (-math.inf if span[0] <= ends[0] else span[0], math.inf if span[1] >= ends[1] else span[1])
+            span = boundary.span(coordinate, point, (low, high) if low < value < high else window)
+            if span is not None:  # what lies beyond a stop that is known stops nothing
+                low, high = max(low, span[0]), min(high, span[1])
             spans.append((boundary.name, span))
         blocked = tuple(name for name, span in spans if span is None)
         beyond = self.beyond(point)

@@ -25,7 +25,7 @@ from pinbound.interpreters.swept_bounds import Bounds, SweptBundle, along_motion
 from pinbound.path import RelativePath
 from pinbound.tolerances import PRECISION, ROOT
 
-__all__ = ["arcs", "smallest", "turn_arcs"]
+__all__ = ["arcs", "around", "smallest", "turn_arcs"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -65,6 +65,23 @@ def arcs(
     if period is None:
         return found, math.inf, (low, high)
     return [wrapped(one, low, high, period)[0] for one in found], period, (-math.inf, math.inf)
+
+
+def around(
+    path: RelativePath, index: int, name: str, q: Array, threshold: float, domain: tuple[float, float]
+) -> tuple[float, float] | None:
+    """Return the free interval of coordinate `index` around q's own value within a domain; None if it is in contact.
+
+    Ends of the domain are returned as they are: nothing is in contact up to there.
+
+    Raises:
+        UnsupportedError: If contact is flat along an interval.
+    """
+    free = _free(path, index, name, q[None], threshold, *domain)
+    for low, high in _polished(path, index, q[None], threshold, free, domain)[0].tolist():
+        if low < q[index] < high or low == q[index] == domain[0] or high == q[index] == domain[1]:
+            return low, high
+    return None
 
 
 def turn_arcs(path: RelativePath, threshold: float) -> Array:
