@@ -105,7 +105,7 @@ def test_a_box_in_the_plane_of_several_angles_is_refused_and_of_one_is_strips(lo
         '<pinbound:segment name="arm" link="a" xyz_a="0 0 0.1" xyz_b="0 0 0.6" radius="0.02"/>'
     )
     robot = load_text(assemble(PLANAR, [box], ["box_bar"], HOME))
-    with pytest.raises(pb.UnsupportedError, match=r"edge to edge\. Take points or planes, or ask limits"):
+    with pytest.raises(pb.UnsupportedError, match=r"edge to edge\. Take points, planes, or spheres"):
         pb.feasible_region(robot, ("q1", "q2"))
     robot = load_text(assemble(PLANAR, [box], ["box_arm"], HOME))
     region = pb.feasible_region(robot, ("q1", "q2"))

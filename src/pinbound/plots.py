@@ -7,13 +7,15 @@ every edge also carries its name.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
-from pinbound.annotations import FlatMark, Mark
+from pinbound.annotations import FlatMark, Mark, Plane
 from pinbound.boundary import Boundary
 from pinbound.region import Edge, Region
 from pinbound.robot import Robot
@@ -21,11 +23,13 @@ from pinbound.robot import Robot
 __all__ = ["PALETTE", "draw_region", "draw_robot", "draw_verdicts", "draw_workspace", "save", "section_axes"]
 
 Array = NDArray[np.float64]
+gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F6000", "#000000")
 _GREY = "#8A8A8A"
 _FILL = "#DCEBF5"
 _EDGE_SAMPLES = 200
+_MOST_NAMES = 24  # boundaries that are named in a figure: more would leave no room for it
 _STRETCH = 0.1  # metres of a line, or of a plane's normal, that are drawn
 
 
@@ -249,15 +253,24 @@ def draw_robot(robot: Robot, q: Array) -> Any:
     origins = [robot.positions(link, q) for link in robot.tree.links]
     plane = section_axes(np.array([*origins, *(end for ends in marked.values() for end in ends)]))
     _draw_skeleton(axes, robot, q, plane, "#9AA5B1")
+    few = len(robot.boundaries) <= _MOST_NAMES
+    for mark in robot.annotations.marks.values():
+        _draw_mark(axes, mark, marked[mark.name], plane)
     for index, boundary in enumerate(robot.boundaries):
         colour = PALETTE[index % len(PALETTE)]
         ends = _nearest_ends(boundary, marked, q)[:, list(plane)]
-        for mark in (boundary.point_a, boundary.point_b):
-            whole = 1e3 * np.array(marked[mark.name])[:, list(plane)]
-            axes.plot(*whole.T, color=colour, linewidth=4.0, alpha=0.3, solid_capstyle="round", zorder=3)
-        style = "-" if index < len(PALETTE) else "--"
-        axes.plot(*ends.T, style, marker="o", markersize=5, linewidth=1.1, color=colour, label=boundary.name, zorder=4)
-        for point, place in zip((boundary.point_a, boundary.point_b), ends, strict=True):
+        style, size = "-" if index < len(PALETTE) else "--", 1.0 if few else 0.5
+        axes.plot(
+            *ends.T,
+            style,
+            marker="o",
+            markersize=5 * size,
+            linewidth=1.1 * size,
+            color=colour,
+            label=boundary.name,
+            zorder=4,
+        )
+        for point, place in zip((boundary.point_a, boundary.point_b), ends, strict=True) if few else ():
             axes.annotate(
                 point.name, place, xytext=(4, 4), textcoords="offset points", color=colour, fontsize=8, zorder=5
             )
@@ -265,8 +278,8 @@ def draw_robot(robot: Robot, q: Array) -> Any:
     axes.set_xlabel(f"{labels[plane[0]]} [mm]")
     axes.set_ylabel(f"{labels[plane[1]]} [mm]")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_title(f"{robot.name} at home, with the pairs of marked points", loc="left")
-    if len(robot.boundaries):
+    axes.set_title(f"{robot.name} at home, with its marks and their nearest points", loc="left")
+    if len(robot.boundaries) and few:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     return figure
 
@@ -279,13 +292,33 @@ def _anchors(robot: Robot, mark: Mark, q: Array) -> list[Array]:
     return [robot.positions(mark.link, q, xyz.tolist()) for xyz in (first, *others)]
 
 
+def _draw_mark(axes: Any, mark: Mark, places: list[Array], plane: tuple[int, int]) -> None:
+    """Draw what a mark covers, seen along the third axis: the hull of its corners, its radius around it."""
+    if isinstance(mark, FlatMark):
+        axes.plot(*(1e3 * np.array(places)[:, list(plane)]).T, color="#333333", linewidth=2.0, zorder=3)
+        return
+    first, *others = places
+    corners = np.array([first + sum(part) for part in product(*((0.0 * first, other - first) for other in others))])
+    shape = gis.MultiPoint(1e3 * corners[:, list(plane)]).convex_hull.buffer(1e3 * mark.radius)
+    if shape.area > 0.0:
+        axes.fill(*shape.exterior.xy, facecolor="#9AA5B1", edgecolor="#5B6770", linewidth=0.8, alpha=0.25, zorder=1)
+    elif shape.length > 0.0:
+        axes.plot(*shape.xy, color="#5B6770", linewidth=2.0, alpha=0.5, zorder=1)
+
+
 def _nearest_ends(boundary: Boundary, marked: dict[str, list[Array]], q: Array) -> Array:
-    """Return where the marks of a boundary are nearest, (2, 3) [mm]; of a line or plane its own point."""
+    """Return where the marks of a boundary are nearest, (2, 3) [mm]."""
     t = iter(boundary.nearest(q).tolist())
     ends: list[Array] = []
     for mark in (boundary.point_a, boundary.point_b):
         first, *others = marked[mark.name]
         ends.append(first + sum((next(t) * (other - first) for other in others[: len(mark.ways)]), np.zeros(3)))
+    for side, mark in enumerate((boundary.point_a, boundary.point_b)):
+        if isinstance(mark, FlatMark):  # the foot of the other end
+            first, further = marked[mark.name]
+            unit = (further - first) / np.linalg.norm(further - first)
+            along = unit * float(unit @ (ends[1 - side] - first))
+            ends[side] = ends[1 - side] - along if isinstance(mark, Plane) else first + along
     return 1e3 * np.array(ends)
 
 

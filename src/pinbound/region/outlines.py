@@ -85,7 +85,8 @@ def _functions(plane: Plane, curve: Curve, window: Array) -> list[Traced]:
     if not known or (len(segments) > 1 and not _is_flat(path)):
         raise UnsupportedError(
             f"the contact curve of {curve.name!r} in this plane is not traced: it turns by several angles there, and "
-            "its segments or boxes may meet edge to edge. Take points or planes, or ask limits and certify_box"
+            "its segments or boxes may meet edge to edge. Take points, planes, or spheres (pinbound mark --by "
+            "spheres), or ask limits and certify_box"
         )
     found: list[Traced] = [ContactFunction.over(corner, T, window) for corner in path.swept.corners]
     for segment in segments:
