@@ -508,3 +508,31 @@ def test_an_end_of_the_window_is_no_contact(tmp_path: Path) -> None:
                 assert np.all(contact | np.isin(ends, window))
     limits = robot.boundaries.limits("x", robot.home)
     assert (limits.lower_stop, limits.upper_stop) == ("A_B", "x")
+
+
+@pytest.mark.parametrize("k", [3, 6, 18])
+def test_the_compiled_search_equals_the_one_in_numpy(k: int) -> None:
+    pytest.importorskip("numba")
+    from pinbound.interpreters import minimum_norm
+    from pinbound.interpreters.kernel.searched import search
+
+    rng = np.random.default_rng(17)
+    w, ways = 2 * rng.normal(size=(3000, 3)), rng.normal(size=(k, 3000, 3)) * rng.choice([0.1, 1.0], (k, 1, 1))
+    ways[1, :500] = 0.7 * ways[0, :500]  # parallel
+    ways[2, 300:900] = ways[0, 300:900] - ways[1, 300:900]  # flat
+    ways[:, 900:1000] = np.round(ways[:, 900:1000])  # along the axes, zero among them
+    w[5], ways[0, 7] = np.nan, np.inf
+    t, bound = search(w, ways, minimum_norm._AGREE, minimum_norm._MOST_ROUNDS)
+    t_numpy, bound_numpy = minimum_norm._in_numpy(w, ways)
+    assert np.array_equal(np.isnan(bound), np.isnan(bound_numpy))
+    good = np.isfinite(bound)
+    assert good.sum() == 2998
+    assert np.all((t >= 0.0) & (t <= 1.0))
+    found, expected = (np.linalg.norm(w + np.einsum("nk,kni->ni", x, ways), axis=1)[good] for x in (t, t_numpy))
+    assert np.abs(found - expected).max() < 1e-13
+    assert np.all(np.maximum(bound[good], 0.0) <= found + 1e-13)
+    inside = found < 1e-13
+    assert inside.any()
+    assert np.all(bound[good][inside] <= 1e-13)
+    nothing = search(w[:0], ways[:, :0], minimum_norm._AGREE, minimum_norm._MOST_ROUNDS)
+    assert [part.shape for part in nothing] == [(0, k), (0,)]

@@ -44,7 +44,8 @@ SHARED = {
     "restriction",
     "derivative_bounds",
 }  # what a path is worth, held, bounded
-KNOWN = {  # where there is no closed form, and what a swept path's bounds are made of
+KNOWN = {
+    ("minimum_norm", "kernel"),  # where there is no closed form, and what a swept path's bounds are made of
     ("univariate", "isolation"),
     ("univariate", "swept_isolation"),
     ("swept_isolation", "isolation"),

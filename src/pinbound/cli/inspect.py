@@ -163,6 +163,8 @@ def derive(
                     f"  {label}_{axis} [mm] = {line}" if line != "0" else f"  {label}_{axis} = 0",
                     markup=False,
                 )
+        if boundary.path.swept.directions:
+            out.print("  each t in [0, 1], along the ways of the first mark, then of the second", markup=False)
         out.print(f"  {_contact_text(boundary)}", markup=False)
         if operations:
             minimal_count, unreduced = loaded.operation_counts(boundary.name)

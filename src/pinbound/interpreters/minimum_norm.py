@@ -6,7 +6,8 @@ the origin of the hull of up to four corners, and the next corner is the furthes
 
     v . s(v) / |v| <= distance <= |v|,     s(v) being that corner,
 
-so that every answer carries its own proof: the search ends when both sides agree to rounding. `docs/segments.md`.
+so that every answer carries its own proof: the search ends when both sides agree to rounding. `docs/segments.md`. Where
+there is Numba, and enough to do, `kernel/searched.py` does the same in machine code.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 
 _MOST_ROUNDS = 60
 _AGREE = 8.0 * UNIT_ROUNDOFF  # relative to the furthest corner: both bounds differ by no more
+_WORTH_LOADING, _WORTH_COMPILING = 2_000, 50_000  # rows: 20 ms, and half a second, in NumPy
 _FIRST, _SECOND = np.array(list(combinations(range(4), 2))).T  # corners of the six edges
 _FACES = np.array(list(combinations(range(4), 3)))  # of the four faces
 _FEATURES = 14
@@ -45,6 +47,28 @@ def nearest_corners(w: Array, ways: Array) -> tuple[Array, Array]:
         >>> bound.round(12).tolist(), t[0].round(12).tolist()
         ([1.0, 0.0], [0.25, 0.0, 0.5])
     """
+    if _is_worth_compiling(len(ways), len(w)):
+        from pinbound.interpreters.kernel.searched import search
+
+        return search(w, ways, _AGREE, _MOST_ROUNDS)
+    return _in_numpy(w, ways)
+
+
+def _is_worth_compiling(k: int, rows: int) -> bool:
+    """Count rows, and say whether there have been enough to pay for loading machine code, or for compiling it."""
+    _rows[k] = _rows.get(k, 0) + rows
+    if _rows[k] < _WORTH_LOADING:
+        return False
+    from pinbound.interpreters.kernel.compiled import has_numba
+    from pinbound.interpreters.kernel.searched import is_ready
+
+    return has_numba() and (_rows[k] >= _WORTH_COMPILING or is_ready(k, _AGREE, _MOST_ROUNDS))
+
+
+_rows: dict[int, int] = {}
+
+
+def _in_numpy(w: Array, ways: Array) -> tuple[Array, Array]:
     count, k = len(w), len(ways)
     t, bound = np.zeros((count, k)), np.full(count, np.nan)
     rows = np.flatnonzero(np.all(np.isfinite(w), axis=1) & np.all(np.isfinite(ways), axis=(0, 2)))

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from pinbound.interpreters.kernel.object_cache import load_object, store_object
 from pinbound.interpreters.kernel.source import KernelSource
 
-__all__ = ["MachineCode", "compile_source", "has_numba"]
+__all__ = ["MachineCode", "compile_source", "has_numba", "is_kept"]
 
 Array = NDArray[Any]
 
@@ -97,6 +97,12 @@ def compile_source(source: KernelSource) -> MachineCode:
             _linked[key] = _from_cache(key) or _fresh(key, source.text)
         function, owner = _linked[key]
     return MachineCode(function, source.scratch, owner)
+
+
+def is_kept(source: KernelSource) -> bool:
+    """Return whether the machine code of a source is there already, in this process or in the cache."""
+    key = _key(source.text)
+    return key in _linked or load_object(key) is not None
 
 
 _lock = threading.Lock()
