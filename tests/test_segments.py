@@ -487,3 +487,52 @@ def test_pickled_and_batched_robots_answer_alike(robot: pb.Robot) -> None:
     Q = random_q(robot, 5, seed=15)
     found, expected = (one.boundaries.clearances(Q, backend="numpy") for one in (again, robot))
     assert np.abs(found - expected).max() < 1e-14
+
+
+def test_the_origin_in_the_plane_of_a_flat_body_is_inside_or_as_far_as_its_polygon_says() -> None:
+    """Rectangles in one plane, hexagons, and bodies nearly as thin as rounding: no four corners span anything."""
+    import shapely
+
+    rng = np.random.default_rng(16)
+    for thickness, k in itertools.product((0.0, 1e-14, 1e-10, 1e-6), (3, 4, 7)):
+        ways = rng.normal(size=(k, 400, 3)) * [1.0, 1.0, thickness]
+        w = -np.einsum("kn,kni->ni", rng.uniform(-0.5, 1.5, (k, 400)), ways) * [1.0, 1.0, 0.0]
+        t, _ = nearest_corners(w, ways)
+        found = np.linalg.norm((w + np.einsum("nk,kni->ni", t, ways))[:, :2], axis=1)
+        corners = np.array([np.array(c) @ ways[:, :, :2].swapaxes(0, 1) for c in itertools.product((0, 1), repeat=k)])
+        hulls = [shapely.MultiPoint(w[i, :2] + corners[:, i]).convex_hull for i in range(400)]
+        expected = shapely.distance(np.array(hulls), shapely.Point(0, 0))
+        assert 100 < np.sum(expected == 0.0) < 390
+        assert np.abs(found - expected).max() < (1e-13 if thickness < 1e-12 else 1e-7)
+
+
+def test_bounds_do_not_trust_the_search_for_the_nearest_points(
+    robot: pb.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pinbound.interpreters import swept_bounds
+
+    monkeypatch.setattr(swept_bounds, "nearest", lambda w, ways: np.full((len(w), len(ways)), 0.3))
+    rng = np.random.default_rng(17)
+    swept = [boundary for boundary in robot.boundaries if not boundary.path.is_plain]
+    for size in (1e-3, 0.1):
+        low = rng.uniform(-1, 1, len(robot.coordinates))
+        family = families(robot, swept, low, low + size, 1)[-1]
+        which = np.arange(len(swept))
+        centre, half = np.tile(low + size / 2, (len(which), 1)), np.full((len(which), len(low)), size / 2)
+        found = family.enclose_box(which, centre, half)
+        assert np.all(found.lower <= family.signed(rng.uniform(low, low + size, (200, len(low)))).min(axis=0) + 1e-15)
+
+
+def test_what_stops_at_the_end_of_a_joint_limit_is_the_limit(load_text: Load) -> None:
+    from robots import joint
+    from segments import assemble
+
+    for lower, upper in ((-1.1, 0.3), (-0.37, 1.23), (0.1, 0.7), (-2.3, -0.1), (-0.9, 1.7)):
+        slide = joint("x", "prismatic", "base", "a", axis="1 0 0", limit=f"{lower} {upper}")
+        marks = [
+            f'<pinbound:segment name="{name}" link="{link}" xyz_a="0 {y} 0" xyz_b="0 {y} 1"/>'
+            for name, link, y in (("A", "base", 1), ("B", "a", 0))
+        ]
+        home = f'<pinbound:home x="{(lower + upper) / 2}"/>'
+        found = load_text(assemble([slide], marks, ["A_B"], home)).boundaries.limits("x", [(lower + upper) / 2])
+        assert (found.lower_stop, found.upper_stop) == ("x", "x")

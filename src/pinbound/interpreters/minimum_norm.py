@@ -6,7 +6,8 @@ the origin of the hull of up to four corners, and the next corner is the furthes
 
     v . s(v) / |v| <= distance <= |v|,     s(v) being that corner,
 
-so that every answer carries its own proof: the search ends when both sides agree to rounding. `docs/segments.md`.
+so that every answer carries its own proof: the search ends when both sides agree to rounding. Where they do not, as of
+flat bodies with the origin in their plane, the t that are free are solved for once more. `docs/segments.md`.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 
 _MOST_ROUNDS = 60
 _AGREE = 8.0 * UNIT_ROUNDOFF  # relative to the furthest corner: both bounds differ by no more
+_INSIDE = 1e-8  # relative to four corners: further from the origin, what they say of it is rounding of a flat body
+_SINGULAR = 1e-12  # relative: directions in which ways lead less far do not count as theirs
 _SUBSETS = tuple(subset for size in (1, 2, 3) for subset in combinations(range(4), size))
 
 
@@ -72,7 +75,24 @@ def nearest_corners(w: Array, ways: Array) -> tuple[Array, Array]:
         t[rows] = np.einsum("ns,nsk->nk", weights, corners[rows])
         bound[rows[inside]] = -depth[inside]
         rows = rows[~inside]
-    return np.clip(t, 0.0, 1.0), bound  # weights add up to one but for rounding
+    t = np.clip(t, 0.0, 1.0)  # weights add up to one but for rounding
+    apart = np.linalg.norm(w + np.einsum("nk,kni->ni", t, ways), axis=1) - np.maximum(bound, 0.0)
+    rough = np.flatnonzero(apart > _AGREE * scale)
+    t[rough] = _solved(w[rough], np.moveaxis(ways[:, rough], 0, 2), t[rough])
+    return t, bound
+
+
+def _solved(w: Array, ways: Array, t: Array) -> Array:
+    """Return t (N, k) no worse: those between their ends solved for, the others as they are; ways (N, 3, k)."""
+    r = w + np.einsum("nik,nk->ni", ways, t)
+    for _ in range(3):
+        free = (t > 0.0) & (t < 1.0)
+        step = np.linalg.pinv(ways * free[:, None], rcond=_SINGULAR) @ r[:, :, None]
+        tried = np.clip(t - step[:, :, 0], 0.0, 1.0)
+        left = w + np.einsum("nik,nk->ni", ways, tried)
+        better = np.einsum("ni,ni->n", left, left) < np.einsum("ni,ni->n", r, r)
+        t, r = np.where(better[:, None], tried, t), np.where(better[:, None], left, r)
+    return t
 
 
 def _support(v: Array, w: Array, ways: Array) -> tuple[Array, Array, Array]:
@@ -103,7 +123,9 @@ def _nearest_in_hull(points: Array, used: NDArray[np.bool_]) -> tuple[Array, Arr
     full = np.flatnonzero(used.all(axis=1))
     if len(full):
         found, depth = _tetrahedron(points[full])
-        inside = np.all(found > 0.0, axis=1) & (depth > 0.0)
+        r = np.einsum("ns,nsi->ni", found, points[full])
+        near = np.linalg.norm(r, axis=1) <= _INSIDE * np.linalg.norm(points[full], axis=2).max(axis=1)
+        inside = np.all(found > 0.0, axis=1) & (depth > 0.0) & near
         deep[full[inside]], weights[full[inside]] = depth[inside], found[inside]
     return weights, deep
 
@@ -123,9 +145,11 @@ def _edge(points: Array) -> Array:
 def _triangle(points: Array) -> Array:
     a, b, c = (points[:, i] for i in range(3))
     n = np.cross(b - a, c - a)
-    square = np.einsum("ni,ni->n", n, n)
     products = np.stack([np.einsum("ni,ni->n", n, np.cross(*pair)) for pair in ((b, c), (c, a), (a, b))], axis=1)
-    return np.divide(products, square[:, None], out=np.full_like(products, -1.0), where=square[:, None] > 0.0)
+    total = products.sum(
+        axis=1, keepdims=True
+    )  # |n|^2 but for rounding, with which a sliver's weights would not add up
+    return np.divide(products, total, out=np.full_like(products, -1.0), where=total > 0.0)
 
 
 def _tetrahedron(points: Array) -> tuple[Array, Array]:

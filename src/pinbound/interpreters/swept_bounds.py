@@ -142,12 +142,13 @@ def _bounds(swept: SweptBundle, which: Indices, terms: Terms, error: Array, shar
     value, n, depth = _separation(swept, which, r)
     along = np.einsum("nci,ni->nc", r, n)
     moved = terms.moved.reshape(-1, rows)[:, 0] * INFLATION
-    lower, upper = value - moved, value - depth + moved
+    taken = along[:, 1:] < 0.0  # the ways that lead to the corner that is least along n
+    corner = along[:, 0] + np.sum(along[:, 1:], axis=1, where=taken)
+    # The value is a distance of two points, no proof that none are nearer, should the search have ended early.
+    lower, upper = corner - moved, value - depth + moved
     if terms.second is not None:
         rates = [np.einsum("nci,ni->nc", rate.T.reshape(-1, rows, 3), n) for rate in terms.rates]
         bent = curvature * terms.second.reshape(-1, rows)
-        taken = along[:, 1:] < 0.0  # the ways that lead to the corner that is least along n
-        corner = along[:, 0] + np.sum(along[:, 1:], axis=1, where=taken)
         swing = sum(np.abs(rate[:, 0] + np.sum(rate[:, 1:], axis=1, where=taken)) for rate in rates)
         slack = np.abs(along[:, 1:]) - (share * sum(np.abs(rate[:, 1:]) for rate in rates) + bent[:, 1:]) * INFLATION
         second = corner - (share * swing + bent[:, 0]) * INFLATION + np.minimum(slack, 0.0).sum(axis=1)

@@ -139,7 +139,7 @@ def _free(
             raise UnsupportedError(f"{name!r} stays at exactly the contact distance over a whole interval")
         size >>= 1
         row, start = np.concatenate((row, row)), np.concatenate((start, start + size))
-    return _joined(kept, len(Q), low, step)
+    return _joined(kept, len(Q), low, high, step)
 
 
 def _polished(
@@ -168,7 +168,7 @@ def _polished(
     return np.split(ends, np.cumsum([len(one) for one in free])[:-1])
 
 
-def _joined(kept: list[tuple[Ints, Ints, int]], count: int, low: float, step: float) -> list[Array]:
+def _joined(kept: list[tuple[Ints, Ints, int]], count: int, low: float, high: float, step: float) -> list[Array]:
     """Return free pieces joined to intervals, row by row."""
     row = np.concatenate([part[0] for part in kept])
     start = np.concatenate([part[1] for part in kept])
@@ -179,5 +179,6 @@ def _joined(kept: list[tuple[Ints, Ints, int]], count: int, low: float, step: fl
     first[1:] = (row[1:] != row[:-1]) | (start[1:] != stop[:-1])
     last = np.append(first[1:], True)[: len(row)]
     intervals: Array = low + step * np.stack((start[first], stop[last]), axis=1).astype(np.float64)
+    intervals[stop[last] == 1 << _FINEST, 1] = high  # the window's own end, not the sum that rounds to its neighbour
     owner = row[first]
     return [intervals[owner == one] for one in range(count)]
