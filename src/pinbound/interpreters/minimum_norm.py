@@ -84,14 +84,14 @@ def nearest_corners(w: Array, ways: Array) -> tuple[Array, Array]:
 
 def _solved(w: Array, ways: Array, t: Array) -> Array:
     """Return t (N, k) no worse: those between their ends solved for, the others as they are; ways (N, 3, k)."""
-    r = w + np.einsum("nik,nk->ni", ways, t)
+    r: Array = w + np.einsum("nik,nk->ni", ways, t)
     for _ in range(3):
         free = (t > 0.0) & (t < 1.0)
-        step = np.linalg.pinv(ways * free[:, None], rcond=_SINGULAR) @ r[:, :, None]
-        tried = np.clip(t - step[:, :, 0], 0.0, 1.0)
-        left = w + np.einsum("nik,nk->ni", ways, tried)
-        better = np.einsum("ni,ni->n", left, left) < np.einsum("ni,ni->n", r, r)
-        t, r = np.where(better[:, None], tried, t), np.where(better[:, None], left, r)
+        inverse = np.linalg.pinv(ways * free[:, None], rcond=_SINGULAR).astype(np.float64)
+        tried = np.clip(t - np.einsum("nki,ni->nk", inverse, r), 0.0, 1.0)
+        left: Array = w + np.einsum("nik,nk->ni", ways, tried)
+        better = (np.linalg.norm(left, axis=1) < np.linalg.norm(r, axis=1))[:, None]
+        t, r = np.where(better, tried, t), np.where(better, left, r)
     return t
 
 
@@ -146,7 +146,7 @@ def _triangle(points: Array) -> Array:
     a, b, c = (points[:, i] for i in range(3))
     n = np.cross(b - a, c - a)
     products = np.stack([np.einsum("ni,ni->n", n, np.cross(*pair)) for pair in ((b, c), (c, a), (a, b))], axis=1)
-    total = products.sum(
+    total: Array = products.sum(
         axis=1, keepdims=True
     )  # |n|^2 but for rounding, with which a sliver's weights would not add up
     return np.divide(products, total, out=np.full_like(products, -1.0), where=total > 0.0)
