@@ -7,7 +7,7 @@ import pytest
 
 import pinbound as pb
 from pinbound.bodies import Body
-from pinbound.covers import cover
+from pinbound.covers import cover, covers
 from robots import ARM, robot_xml
 
 SHAPES = {
@@ -69,6 +69,21 @@ def test_a_cover_holds_its_body_and_sticks_out_by_no_more_than_it_says(name: str
     for centre in centres:
         shell = (centre + radius * directions - body.translation) @ turn
         assert distance_outside(shape, body.size, shell).max() <= found.excess + 1e-12
+
+
+def test_a_capsule_holds_end_spheres_that_are_a_little_larger_or_beside_its_ends() -> None:
+    rod = Body("l", 0, "cylinder", (0.05, 0.4), np.eye(3), np.zeros(3))
+    for aside, larger in ((9e-10, 0.0), (0.0, 9e-10), (6e-10, 6e-10), (0.0, -9e-10), (0.0, 0.0)):
+        ends = [
+            Body("l", i + 1, "sphere", (0.05 + larger,), np.eye(3), np.array([aside, 0.0, end]))
+            for i, end in enumerate((0.2, -0.2))
+        ]
+        (found,) = covers([rod, *ends], 0.01)
+        (mark,) = found.marks
+        assert len(found.bodies) == 3
+        assert mark.radius >= 0.05 + aside + larger - 1e-17
+        assert mark.radius == 0.05 + found.excess
+        assert found.excess <= max(aside + larger, 0.0) + 1e-16
 
 
 def test_a_mesh_is_named_as_not_covered(tmp_path: Path) -> None:

@@ -522,17 +522,171 @@ def test_the_compiled_search_equals_the_one_in_numpy(k: int) -> None:
     ways[2, 300:900] = ways[0, 300:900] - ways[1, 300:900]  # flat
     ways[:, 900:1000] = np.round(ways[:, 900:1000])  # along the axes, zero among them
     w[5], ways[0, 7] = np.nan, np.inf
-    t, bound = search(w, ways, minimum_norm._AGREE, minimum_norm._MOST_ROUNDS)
+    t, bound = search(w, ways, minimum_norm._AGREE, minimum_norm._MOST_ROUNDS, minimum_norm._INSIDE)
     t_numpy, bound_numpy = minimum_norm._in_numpy(w, ways)
     assert np.array_equal(np.isnan(bound), np.isnan(bound_numpy))
     good = np.isfinite(bound)
     assert good.sum() == 2998
-    assert np.all((t >= 0.0) & (t <= 1.0))
+    t, t_numpy = np.clip(t, 0.0, 1.0), np.clip(t_numpy, 0.0, 1.0)
     found, expected = (np.linalg.norm(w + np.einsum("nk,kni->ni", x, ways), axis=1)[good] for x in (t, t_numpy))
     assert np.abs(found - expected).max() < 1e-13
     assert np.all(np.maximum(bound[good], 0.0) <= found + 1e-13)
     inside = found < 1e-13
     assert inside.any()
     assert np.all(bound[good][inside] <= 1e-13)
-    nothing = search(w[:0], ways[:, :0], minimum_norm._AGREE, minimum_norm._MOST_ROUNDS)
+    nothing = search(w[:0], ways[:, :0], minimum_norm._AGREE, minimum_norm._MOST_ROUNDS, minimum_norm._INSIDE)
     assert [part.shape for part in nothing] == [(0, k), (0,)]
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_the_origin_in_the_plane_of_a_flat_body_is_inside_or_as_far_as_its_polygon_says(
+    compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rectangles in one plane, hexagons, and bodies nearly as thin as rounding: no four corners span anything."""
+    import shapely
+
+    from pinbound.interpreters import minimum_norm
+
+    if compiled:
+        pytest.importorskip("numba")
+    monkeypatch.setattr(minimum_norm, "_is_worth_compiling", lambda k, rows: compiled)
+    rng = np.random.default_rng(16)
+    for thickness, k in itertools.product((0.0, 1e-14, 1e-10, 1e-6), (3, 4, 7)):
+        ways = rng.normal(size=(k, 400, 3)) * [1.0, 1.0, thickness]
+        w = -np.einsum("kn,kni->ni", rng.uniform(-0.5, 1.5, (k, 400)), ways) * [1.0, 1.0, 0.0]
+        t, _ = nearest_corners(w, ways)
+        found = np.linalg.norm((w + np.einsum("nk,kni->ni", t, ways))[:, :2], axis=1)
+        corners = np.array([np.array(c) @ ways[:, :, :2].swapaxes(0, 1) for c in itertools.product((0, 1), repeat=k)])
+        hulls = [shapely.MultiPoint(w[i, :2] + corners[:, i]).convex_hull for i in range(400)]
+        expected = shapely.distance(np.array(hulls), shapely.Point(0, 0))
+        assert 100 < np.sum(expected == 0.0) < 390
+        assert np.abs(found - expected).max() < (1e-13 if thickness < 1e-12 else 1e-7)
+
+
+def test_bounds_do_not_trust_the_search_for_the_nearest_points(
+    robot: pb.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pinbound.interpreters import swept_bounds
+
+    monkeypatch.setattr(swept_bounds, "nearest", lambda w, ways: np.full((len(w), len(ways)), 0.3))
+    rng = np.random.default_rng(17)
+    swept = [boundary for boundary in robot.boundaries if not boundary.path.is_plain]
+    for size in (1e-3, 0.1):
+        low = rng.uniform(-1, 1, len(robot.coordinates))
+        family = families(robot, swept, low, low + size, 1)[-1]
+        which = np.arange(len(swept))
+        centre, half = np.tile(low + size / 2, (len(which), 1)), np.full((len(which), len(low)), size / 2)
+        found = family.enclose_box(which, centre, half)
+        assert np.all(found.lower <= family.signed(rng.uniform(low, low + size, (200, len(low)))).min(axis=0) + 1e-15)
+
+
+def test_what_stops_at_the_end_of_a_joint_limit_is_the_limit(load_text: Load) -> None:
+    from robots import joint
+    from segments import assemble
+
+    for lower, upper in ((-1.1, 0.3), (-0.37, 1.23), (0.1, 0.7), (-2.3, -0.1), (-0.9, 1.7)):
+        slide = joint("x", "prismatic", "base", "a", axis="1 0 0", limit=f"{lower} {upper}")
+        marks = [
+            f'<pinbound:segment name="{name}" link="{link}" xyz_a="0 {y} 0" xyz_b="0 {y} 1"/>'
+            for name, link, y in (("A", "base", 1), ("B", "a", 0))
+        ]
+        home = f'<pinbound:home x="{(lower + upper) / 2}"/>'
+        found = load_text(assemble([slide], marks, ["A_B"], home)).boundaries.limits("x", [(lower + upper) / 2])
+        assert (found.lower_stop, found.upper_stop) == ("x", "x")
+
+
+ONE_JOINT = (
+    '<robot name="r" xmlns:pinbound="urn:pinbound:1"><link name="base"/><link name="arm"/>'
+    '<joint name="q" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>'
+    "<pinbound:annotations>{}</pinbound:annotations></robot>"
+)
+
+
+def test_what_overlaps_in_a_plane_is_contact_however_thin(load_text: Load) -> None:
+    """Crossing segments without radius, a point in a rectangle, a line through one: no piece need be 2e-5 m short."""
+    pair = '<pinbound:boundary name="beta" a="A" b="B"/><pinbound:home q="3.1"/>'
+    post = '<pinbound:segment name="A" link="base" xyz_a="6 0 -20" xyz_b="6 0 20"/>'
+    for other in (
+        '<pinbound:segment name="B" link="arm" xyz_a="0 0 0" xyz_b="10 0 0"/>',
+        '<pinbound:sweep name="B" link="arm" xyz="0 0 0" ways="10 0 0  0 0 1e-9"/>',
+    ):
+        robot = load_text(ONE_JOINT.format(post + other + pair))
+        found = robot.boundaries["beta"].limits("q", [0.0])
+        reach = 6 - 2e-5  # contact begins at the tolerance
+        assert found.intervals == pytest.approx(
+            np.array([[np.arccos(reach / 10), 2 * np.pi - np.arccos(reach / 10)]]), abs=1e-7
+        )
+        assert pb.certify(robot, [[3.1], [1.2]]).verdict is pb.Verdict.CERTIFIED
+        assert pb.certify(robot, [[3.1], [0.9]]).verdict is pb.Verdict.VIOLATED
+    plate = '<pinbound:sweep name="A" link="base" xyz="6 0 -9" ways="9 0 0  0 0 18"/>'
+    point = '<pinbound:point name="B" link="arm" xyz="10 0 0"/>'
+    pole = '<pinbound:line name="B" link="arm" xyz="10 0 0" direction="0 1 0"/>'
+    for other in (point, pole):
+        boundary = load_text(ONE_JOINT.format(plate + other + pair)).boundaries["beta"]
+        (contact,) = boundary.contacts or ()
+        assert contact.half_width == pytest.approx(np.arccos((6 - 2e-5) / 10), abs=1e-9)
+
+
+def test_contact_that_is_flat_is_refused_by_limits_and_does_not_stop_a_certificate(load_text: Load) -> None:
+    marks = (
+        '<pinbound:segment name="A" link="arm" xyz_a="0 0 0" xyz_b="0 0 -1"/>'
+        '<pinbound:point name="B" link="base" xyz="0 0 0.5"/><pinbound:boundary name="beta" a="A" b="B" '
+        'min_distance="0.4999999999"/>'
+    )
+    robot = load_text(ONE_JOINT.format(marks))  # the point is 0.5 m from the segment's end for half a turn
+    with pytest.raises(pb.UnsupportedError, match="stays at exactly the contact distance"):
+        robot.boundaries["beta"].limits("q", [0.0])
+    assert pb.certify(robot, [[-0.01], [0.01]]).verdict is pb.Verdict.CERTIFIED
+
+
+def test_a_slide_at_infinity_is_no_clearance(tmp_path: Path) -> None:
+    from robots import joint
+    from segments import assemble
+
+    slide = joint("x", "prismatic", "base", "a", axis="0.36 0.48 0.8", limit="-1 1")
+    marks = [
+        '<pinbound:point name="p" link="base" xyz="1 1 1"/>',
+        '<pinbound:point name="o" link="a" xyz="0 1 0"/>',
+        '<pinbound:segment name="s" link="a" xyz_a="0 1 0" xyz_b="1 2 3"/>',
+        '<pinbound:plane name="f" link="base" xyz="0 0 -9" normal="1 1 1"/>',
+        '<pinbound:line name="l" link="base" xyz="0 0 -9" direction="1 0 1"/>',
+    ]
+    path = tmp_path / "slide.urdf"
+    path.write_text(assemble([slide], marks, ["p_o", "p_s", "f_s", "f_o", "l_s", "l_o"]))
+    B = pb.load(path).boundaries
+    for value in (np.inf, -np.inf, np.nan):
+        for boundary in B:
+            assert np.isnan(boundary.norm([value])), boundary
+        for backend in ("numpy", "compiled"):
+            assert np.isnan(B.clearances([[value], [0.0]], backend=backend)[0]).all()
+            assert B.free([[value], [0.0]], backend=backend).tolist() == [False, True]
+            assert B.smallest([[value]], backend=backend).index[0] == -1
+
+
+def test_a_line_through_a_body_is_in_contact_though_what_rounding_leaves_points_along_it(load_text: Load) -> None:
+    """The nearest vector is then 1e-17 m long, and its direction may be the line's, along which nothing counts."""
+    rng, checked = np.random.default_rng(18), 0
+    for trial in range(24):
+        ways = 0.2 * rng.normal(size=(2 + trial % 3, 3)) * ([1.0, 0.0, 1.0] if trial % 2 else [1.0, 1.0, 1.0])
+        towards = rng.normal(size=3) * ([1.0, 0.0, 1.0] if trial % 2 else [1.0, 1.0, 1.0])
+        numbers = [" ".join(map(repr, row.tolist())) for row in (ways.ravel(), towards)]
+        marks = (
+            f'<pinbound:sweep name="A" link="base" xyz="0.1 0 0.2" ways="{numbers[0]}" radius="0.01"/>'
+            f'<pinbound:line name="B" link="arm" xyz="0.03 0 -0.14" direction="{numbers[1]}"/>'
+            '<pinbound:boundary name="beta" a="A" b="B"/><pinbound:home q="-0.6"/>'
+        )
+        try:
+            robot = load_text(ONE_JOINT.format(marks))
+        except pb.InputError:  # home is in contact
+            continue
+        boundary, checked = robot.boundaries["beta"], checked + 1
+        Q = np.linspace(-3.1, 3.1, 311)[:, None]
+        arcs = boundary.limits("q", [0.0])
+        allowed = np.array([arcs.contains(x) for x in Q[:, 0]])
+        clear = boundary.clearance(Q)
+        assert np.array_equal(allowed, clear > 0.0)
+        low, high = Q - 0.005, Q + 0.005
+        family = families(robot, (boundary,), np.full(1, -4.0), np.full(1, 4.0))[-1]
+        found = family.enclose_box(np.zeros(len(Q), np.intp), (low + high) / 2, (high - low) / 2)
+        assert np.all(found.lower <= clear + 1e-15)
+    assert checked > 8

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pinbound.annotations import Mark, Point, Segment, Sweep
 from pinbound.bodies import Body
 from pinbound.exceptions import DimensionError
-from pinbound.tolerances import SAME_BODY
+from pinbound.tolerances import REDUCTION, SAME_BODY
 
 __all__ = ["By", "Cover", "cover", "covers"]
 
@@ -67,7 +67,9 @@ def covers(bodies: Sequence[Body], accuracy: float, by: By = "bodies") -> tuple[
             ends = _end_spheres(body, bodies)
             if ends is not None and not taken & {body, *ends}:
                 taken |= {body, *ends}
-                found.append(Cover((body, *ends), (_capsule(body, f"{body.link}.{body.index}"),), 0.0))
+                excess = _beyond(body, ends)
+                mark = _capsule(body, f"{body.link}.{body.index}", excess)
+                found.append(Cover((body, *ends), (mark,), excess))
     found += [cover(body, accuracy, by) for body in bodies if body not in taken]
     order = {body: place for place, body in enumerate(bodies)}
     return tuple(sorted(found, key=lambda one: order[one.bodies[0]]))
@@ -117,9 +119,9 @@ def _point(body: Body, name: str, centre: Array, radius: float) -> Point:
     return Point(name, body.link, (x, y, z), radius)
 
 
-def _capsule(body: Body, name: str) -> Mark:
-    """Return a capsule, or a cylinder and a sphere over each of its ends."""
-    radius, length = body.size
+def _capsule(body: Body, name: str, excess: float = 0.0) -> Mark:
+    """Return a capsule, or a cylinder and a sphere over each of its ends, a little thicker if those are."""
+    radius, length = body.size[0] + excess, body.size[1]
     half = body.rotation[:, 2] * (length / 2)
     (a, b, c), (x, y, z) = (body.translation - half).tolist(), (body.translation + half).tolist()
     return Segment(name, body.link, (a, b, c), (x, y, z), radius)
@@ -158,6 +160,17 @@ def _end_spheres(body: Body, bodies: Iterable[Body]) -> tuple[Body, Body] | None
         for end in (half, -half)
     ]
     return (found[0], found[1]) if found[0] is not None and found[1] is not None and found[0] != found[1] else None
+
+
+def _beyond(body: Body, ends: tuple[Body, Body]) -> float:
+    """Return how far the spheres stick out of a capsule of the cylinder's radius: `SAME_BODY` at most, twice [m]."""
+    radius, length = body.size
+    half = body.rotation[:, 2] * (length / 2)
+    out = [
+        float(np.linalg.norm(one.translation - body.translation - end)) + one.size[0] - radius
+        for one, end in zip(ends, (half, -half), strict=True)
+    ]
+    return max(out) if max(out) > REDUCTION else 0.0
 
 
 def _is_sphere(body: Body, centre: Array, radius: float) -> bool:

@@ -25,7 +25,7 @@ from pinbound.boundary import Boundary
 from pinbound.certificates.enclosures import Enclosure
 from pinbound.certificates.swept import SweptBoundaries, swept_boundaries
 from pinbound.coupling import as_configurations
-from pinbound.exceptions import UnknownNameError
+from pinbound.exceptions import UnknownNameError, UnsupportedError
 from pinbound.interpreters import numeric
 from pinbound.interpreters.bounds import (
     Bundle,
@@ -334,7 +334,10 @@ def far_sides(robot: Robot, boundaries: Sequence[Boundary], q: Array) -> tuple[s
     """Return the boundaries with a contact strip beyond which q lies, seen from home: clear, but not reachable."""
     found: list[str] = []
     for boundary in boundaries:
-        is_strip = any(contact.half_width for contact in boundary.contacts or ())
+        try:
+            is_strip = any(contact.half_width for contact in boundary.contacts or ())
+        except UnsupportedError:  # contact is flat along an interval, to rounding: its sides are not known
+            continue
         if is_strip and boundary.parts(robot.home, q):
             found.append(boundary.name)
     return tuple(found)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pinbound.interpreters.minimum_norm import nearest_corners
 
-__all__ = ["nearest", "overlap"]
+__all__ = ["nearest", "overlap", "overlap_in_plane"]
 
 Array = NDArray[np.float64]
 
@@ -71,6 +71,21 @@ def overlap(w: Array, ways: Array) -> Array:
     Zero where it is outside, or where at most two ways span no body.
     """
     return np.maximum(-nearest_corners(w, ways)[1], 0.0) if len(ways) > 2 else np.zeros(len(w))
+
+
+def overlap_in_plane(w: Array, ways: Array, normal: Array) -> Array:
+    """Return the same for what stays in a plane: how far the origin's foot in it may move (N,), zero if outside.
+
+    The sides of a polygon `w + sum_i t_i e_i` are along its ways, two a way.
+    """
+    depth = np.full(len(w), np.inf)
+    for way in ways:
+        length = np.linalg.norm(way, axis=1)
+        across = np.divide(np.cross(normal, way), length[:, None], out=np.zeros_like(w), where=length[:, None] > 0.0)
+        middle, products = np.einsum("ni,ni->n", w, across), np.einsum("kni,ni->kn", ways, across)
+        for side in (middle + np.maximum(products, 0.0).sum(axis=0), -middle - np.minimum(products, 0.0).sum(axis=0)):
+            depth = np.minimum(depth, np.where(length > 0.0, side, np.inf))
+    return np.maximum(np.where(np.isfinite(depth), depth, 0.0), 0.0)
 
 
 def _inside(w: Array, first: Array, second: Array) -> tuple[Array, Array]:

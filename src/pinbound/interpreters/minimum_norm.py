@@ -6,7 +6,8 @@ the origin of the hull of up to four corners, and the next corner is the furthes
 
     v . s(v) / |v| <= distance <= |v|,     s(v) being that corner,
 
-so that every answer carries its own proof: the search ends when both sides agree to rounding. `docs/segments.md`. Where
+so that every answer carries its own proof: the search ends when both sides agree to rounding. Where they do not, as of
+flat bodies with the origin in their plane, the t that are free are solved for once more. `docs/segments.md`. Where
 there is Numba, and enough to do, `kernel/searched.py` does the same in machine code.
 """
 
@@ -26,6 +27,8 @@ Array = NDArray[np.float64]
 _MOST_ROUNDS = 60
 _AGREE = 8.0 * UNIT_ROUNDOFF  # relative to the furthest corner: both bounds differ by no more
 _WORTH_LOADING, _WORTH_COMPILING = 2_000, 50_000  # rows: 20 ms, and half a second, in NumPy
+_INSIDE = 1e-8  # relative to four corners: further from the origin, what they say of it is rounding of a flat body
+_SINGULAR = 1e-12  # relative: directions in which ways lead less far do not count as theirs
 _FIRST, _SECOND = np.array(list(combinations(range(4), 2))).T  # corners of the six edges
 _FACES = np.array(list(combinations(range(4), 3)))  # of the four faces
 _FEATURES = 14
@@ -50,8 +53,16 @@ def nearest_corners(w: Array, ways: Array) -> tuple[Array, Array]:
     if _is_worth_compiling(len(ways), len(w)):
         from pinbound.interpreters.kernel.searched import search
 
-        return search(w, ways, _AGREE, _MOST_ROUNDS)
-    return _in_numpy(w, ways)
+        t, bound = search(w, ways, _AGREE, _MOST_ROUNDS, _INSIDE)
+    else:
+        t, bound = _in_numpy(w, ways)
+    t = np.clip(t, 0.0, 1.0)  # weights add up to one but for rounding
+    scale = np.linalg.norm(w, axis=1) + np.linalg.norm(ways, axis=2).sum(axis=0)
+    with np.errstate(invalid="ignore"):
+        apart = np.linalg.norm(w + np.einsum("nk,kni->ni", t, ways), axis=1) - np.maximum(bound, 0.0)
+    rough = np.flatnonzero(apart > _AGREE * scale)
+    t[rough] = _solved(w[rough], np.moveaxis(ways[:, rough], 0, 2), t[rough])
+    return t, bound
 
 
 def _is_worth_compiling(k: int, rows: int) -> bool:
@@ -62,7 +73,7 @@ def _is_worth_compiling(k: int, rows: int) -> bool:
     from pinbound.interpreters.kernel.compiled import has_numba
     from pinbound.interpreters.kernel.searched import is_ready
 
-    return has_numba() and (_rows[k] >= _WORTH_COMPILING or is_ready(k, _AGREE, _MOST_ROUNDS))
+    return has_numba() and (_rows[k] >= _WORTH_COMPILING or is_ready(k, _AGREE, _MOST_ROUNDS, _INSIDE))
 
 
 _rows: dict[int, int] = {}
@@ -98,7 +109,20 @@ def _in_numpy(w: Array, ways: Array) -> tuple[Array, Array]:
         t[rows] = np.einsum("ns,nsk->nk", weights, corners[rows])
         bound[rows[inside]] = -depth[inside]
         rows = rows[~inside]
-    return np.clip(t, 0.0, 1.0), bound  # weights add up to one but for rounding
+    return t, bound
+
+
+def _solved(w: Array, ways: Array, t: Array) -> Array:
+    """Return t (N, k) no worse: those between their ends solved for, the others as they are; ways (N, 3, k)."""
+    r: Array = w + np.einsum("nik,nk->ni", ways, t)
+    for _ in range(3):
+        free = (t > 0.0) & (t < 1.0)
+        inverse = np.linalg.pinv(ways * free[:, None], rcond=_SINGULAR).astype(np.float64)
+        tried = np.clip(t - np.einsum("nki,ni->nk", inverse, r), 0.0, 1.0)
+        left: Array = w + np.einsum("nik,nk->ni", ways, tried)
+        better = (np.linalg.norm(left, axis=1) < np.linalg.norm(r, axis=1))[:, None]
+        t, r = np.where(better, tried, t), np.where(better, left, r)
+    return t
 
 
 def _support(v: Array, w: Array, ways: Array) -> tuple[Array, Array, Array]:
@@ -126,9 +150,9 @@ def _nearest_in_hull(points: Array, used: NDArray[np.bool_]) -> tuple[Array, Arr
     valid[:, 4:10] = used[:, _FIRST] & used[:, _SECOND] & (t >= 0.0) & (t <= 1.0)
     a, b, c = (points[:, _FACES[:, corner]] for corner in range(3))
     n = _cross(b - a, c - a)
-    square = _dot(n, n)
     areas = np.stack((_dot(n, _cross(b, c)), _dot(n, _cross(c, a)), _dot(n, _cross(a, b))), axis=2)
-    shares = np.divide(areas, square[:, :, None], out=np.full_like(areas, -1.0), where=square[:, :, None] > 0.0)
+    square = areas.sum(axis=2, keepdims=True)  # |n|^2 but for rounding, with which a sliver's weights would not add up
+    shares = np.divide(areas, square, out=np.full_like(areas, -1.0), where=square > 0.0)
     weights[:, np.arange(10, 14)[:, None], _FACES] = shares
     valid[:, 10:] = used[:, _FACES].all(axis=2) & (shares >= 0.0).all(axis=2)
     r = weights @ points
@@ -138,7 +162,9 @@ def _nearest_in_hull(points: Array, used: NDArray[np.bool_]) -> tuple[Array, Arr
     full = np.flatnonzero(used.all(axis=1))
     if len(full):
         found, depth = _tetrahedron(points[full])
-        inside = np.all(found > 0.0, axis=1) & (depth > 0.0)
+        r = np.einsum("ns,nsi->ni", found, points[full])
+        near = np.sqrt(_dot(r, r)) <= _INSIDE * np.linalg.norm(points[full], axis=2).max(axis=1)
+        inside = np.all(found > 0.0, axis=1) & (depth > 0.0) & near
         deep[full[inside]], chosen[full[inside]] = depth[inside], found[inside]
     return chosen, deep
 

@@ -31,10 +31,12 @@ _SINGULAR = 1e-14  # a determinant of unit rows: two ways at 1e-7 rad
 def separations(path: RelativePath, Q: Array) -> Array:
     """Return the distance, or the signed height above a plane, (N,) [m]; NaN for a row that is not finite."""
     if path.is_plain:
-        return numeric.norm(numeric.positions(path.minimal, Q))
-    w, ways = _measured(path, Q)
-    r = _settled(path, w + np.einsum("nk,kni->ni", _parameters(path, w, ways), ways))
-    return r[:, 0] if path.is_signed else numeric.norm(r)
+        found = numeric.norm(numeric.positions(path.minimal, Q))
+    else:
+        w, ways = _measured(path, Q)
+        r = _settled(path, w + np.einsum("nk,kni->ni", _parameters(path, w, ways), ways))
+        found = r[:, 0] if path.is_signed else numeric.norm(r)
+    return np.where(np.isfinite(found), found, np.nan)  # a slide at infinity is no clearance
 
 
 def parameters(path: RelativePath, Q: Array) -> Array:

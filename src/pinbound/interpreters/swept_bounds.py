@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +26,9 @@ from numpy.typing import NDArray
 from pinbound.chain import Chain
 from pinbound.interpreters.bounds import Bundle, Expansion, Terms, box_terms, bundle, lever_arms, motion_terms
 from pinbound.interpreters.bounds import rounding_bound as chain_rounding_bound
-from pinbound.interpreters.closest import nearest, overlap
+from pinbound.interpreters.closest import nearest, overlap, overlap_in_plane
 from pinbound.path import RelativePath
-from pinbound.tolerances import INFLATION, UNIT_ROUNDOFF
+from pinbound.tolerances import INFLATION, REDUCTION, UNIT_ROUNDOFF
 
 __all__ = ["Bounds", "SweptBundle", "along_motion", "over_box", "rounding_bound", "swept_bundle"]
 
@@ -52,6 +53,8 @@ class SweptBundle:
         arms: (m (1 + k), rotations) lever arms [m]: of the chain's row the largest of all corners, of a way its own.
         across: (m, 3, 3) projections onto what counts: the identity, or across a line.
         normal: (m, 3) normals of planes, zero for others.
+        flat: (m, 3) unit normal of the plane in which all that counts stays, but for a constant height: the one axis of
+            a path that is planar with its ways, or the direction of a line; zero for others.
         is_signed: (m,) whether it measures a height.
         reach: (m,) [m], length of each path with its ways.
     """
@@ -60,6 +63,7 @@ class SweptBundle:
     arms: Array
     across: Array
     normal: Array
+    flat: Array
     is_signed: NDArray[np.bool_]
     reach: Array
 
@@ -96,6 +100,7 @@ def swept_bundle(paths: Sequence[RelativePath], lower: Array, upper: Array) -> S
     stacked = bundle(chains, n)
     arms = lever_arms(stacked, lower, upper)
     across, normal = np.tile(np.eye(3), (len(paths), 1, 1)), np.zeros((len(paths), 3))
+    flat = np.array([_flat(path) for path in paths]).reshape(-1, 3)
     for row, path in enumerate(paths):
         corners = _arms_of_corners(path, lower, upper)
         arms[row * rows, : len(corners)] = corners
@@ -104,7 +109,20 @@ def swept_bundle(paths: Sequence[RelativePath], lower: Array, upper: Array) -> S
             normal[row] = path.across[0] if path.is_signed else 0.0
     signed = np.array([path.is_signed for path in paths], dtype=np.bool_)
     lengths = stacked.scale + np.linalg.norm(stacked.offsets, axis=2).sum(axis=1)
-    return SweptBundle(stacked, arms, across, normal, signed, lengths.reshape(len(paths), rows).sum(axis=1))
+    return SweptBundle(stacked, arms, across, normal, flat, signed, lengths.reshape(len(paths), rows).sum(axis=1))
+
+
+def _flat(path: RelativePath) -> Array:
+    """Return the normal of the plane that nothing leaves: no way leads out of it, no joint turns or slides so."""
+    if path.across is not None:
+        towards: Any = np.cross(path.across[0], path.across[-1])  # zero of a plane, which has one row
+        return towards
+    chain, ways = path.minimal, path.swept.directions
+    if not ways or not chain.rotations or not chain.is_planar:
+        return np.zeros(3)
+    axis = chain.axes[0]
+    leading_out = max(*(float(np.abs(way @ axis).max()) for way in ways), float(np.abs(axis @ chain.slides).max()))
+    return axis if leading_out <= REDUCTION else np.zeros(3)
 
 
 def _arms_of_corners(path: RelativePath, lower: Array, upper: Array) -> Array:
@@ -153,12 +171,13 @@ def _bounds(swept: SweptBundle, which: Indices, terms: Terms, error: Array, shar
     value, n, depth = _separation(swept, which, r)
     along = np.einsum("nci,ni->nc", r, n)
     moved = terms.moved.reshape(-1, rows)[:, 0] * INFLATION
-    lower, upper = value - moved, value - depth + moved
+    taken = along[:, 1:] < 0.0  # the ways that lead to the corner that is least along n
+    corner = along[:, 0] + np.sum(along[:, 1:], axis=1, where=taken)
+    # The value is a distance of two points, no proof that none are nearer, should the search have ended early.
+    lower, upper = corner - moved, value + np.maximum(moved - depth, 0.0)
     if terms.second is not None:
         rates = [np.einsum("nci,ni->nc", rate.T.reshape(-1, rows, 3), n) for rate in terms.rates]
         bent = curvature * terms.second.reshape(-1, rows)
-        taken = along[:, 1:] < 0.0  # the ways that lead to the corner that is least along n
-        corner = along[:, 0] + np.sum(along[:, 1:], axis=1, where=taken)
         swing = sum(np.abs(rate[:, 0] + np.sum(rate[:, 1:], axis=1, where=taken)) for rate in rates)
         slack = np.abs(along[:, 1:]) - (share * sum(np.abs(rate[:, 1:]) for rate in rates) + bent[:, 1:]) * INFLATION
         second = corner - (share * swing + bent[:, 0]) * INFLATION + np.minimum(slack, 0.0).sum(axis=1)
@@ -182,8 +201,15 @@ def _separation(swept: SweptBundle, which: Indices, r: Array) -> tuple[Array, Ar
     least = measured[0] + np.einsum("nk,kni->ni", t, measured[1:])
     length: Array = np.sqrt(np.einsum("ni,ni->n", least, least))
     unit: Array = np.divide(least, length[:, None], out=np.zeros_like(least), where=length[:, None] > 0.0)
+    # Across a line once more: what rounding leaves of a short vector may point along the line, where nothing counts.
+    unit = np.einsum("nij,nj->ni", swept.across[which], unit)
     depth = np.zeros(len(r))
     if len(measured) > _FLAT:
         near = np.flatnonzero(~signed & (length <= _TOUCHING * np.linalg.norm(r, axis=2).sum(axis=1)))
         depth[near] = overlap(measured[0, near], measured[1:, near])
+    plane = swept.flat[which]
+    beside = least - np.einsum("ni,ni->n", least, plane)[:, None] * plane
+    close = np.einsum("ni,ni->n", beside, beside) <= (_TOUCHING * np.linalg.norm(r, axis=2).sum(axis=1)) ** 2
+    near = np.flatnonzero(close & np.any(plane, axis=1))
+    depth[near] = np.maximum(depth[near], overlap_in_plane(measured[0, near], measured[1:, near], plane[near]))
     return np.where(signed, heights, length), np.where(signed[:, None], normal, unit), depth

@@ -185,7 +185,20 @@ def _polished(
             apart = above(middle)
             inside, outside = np.where(apart, middle, inside), np.where(apart, outside, middle)
         ends[met, side] = inside[met]
-    return np.split(ends, np.cumsum([len(one) for one in free])[:-1])
+    return [_united(one) for one in np.split(ends, np.cumsum([len(one) for one in free])[:-1])]
+
+
+def _united(intervals: Array) -> Array:
+    """Return intervals (k, 2) that do not overlap: what was undecided between two of them has turned out to be free."""
+    if not np.any(intervals[1:, 0] < intervals[:-1, 1]):
+        return intervals
+    found = [intervals[0].copy()]
+    for one in intervals[1:]:
+        if one[0] < found[-1][1]:
+            found[-1][1] = max(found[-1][1], one[1])
+        else:
+            found.append(one.copy())
+    return np.array(found)
 
 
 def _joined(kept: list[tuple[Ints, Ints, int]], count: int, low: float, high: float) -> list[Array]:
