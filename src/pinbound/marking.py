@@ -63,8 +63,8 @@ def propose_marks(
     Left out are pairs on one link, on links that never move against each other, on a link and its parent (helper
     links aside), and pairs that are proven never to meet. A home is looked for, today's first, at which the fewest
     pairs touch; pairs that touch there all the same are left out too, for no region could hold it, and are counted
-    apart: those that touch in every sample overlap by design, the others deserve a better home. Before that, the bodies
-    of such pairs are covered as finely as can be.
+    apart: those that touch in every sample overlap by design, the others deserve a better home. Before that, bodies of
+    such pairs are covered as finely as polygons can.
 
     Args:
         robot: The robot; what is marked on it already is not repeated.
@@ -90,7 +90,7 @@ def propose_marks(
     uncovered = tuple(body for body in bodies if body.shape not in shapes)
     found = covers(chosen, accuracy, by)
     proposal, touching = _proposal(robot, found, uncovered)
-    if touching:
+    if touching and by == "bodies":
         fine = {one for one in found if one.link in touching}
         finest = min(accuracy, *(_FINEST * min(body.size) for one in fine for body in one.bodies))
         again = covers([body for body in chosen if body.link in touching], finest, by)

@@ -36,6 +36,7 @@ _UNLIMITED_SLIDE = 1.0  # metres: how far a slide without limits is sampled
 _MOST_DRAWS = 50
 _SOLID = 3  # dimensions
 _GJK = 1e-9  # metres
+_ITERATED = ("box", "cylinder", "hull")
 _LINE = 1e3  # metres: the capsule that stands for a line
 
 
@@ -92,8 +93,9 @@ class Engine:
         for first, second in pairs:
             self._geometry.addCollisionPair(self._pin.CollisionPair(first, second))
         self._geometry_data = self._pin.GeometryData(self._geometry)
-        for request in self._geometry_data.distanceRequests:  # coal's own 1e-6 m is what it may be off by
-            request.gjk_tolerance = _GJK
+        if any(shape.kind in _ITERATED for shape in shapes):
+            for request in self._geometry_data.distanceRequests:  # coal's own 1e-6 m is what it may be off by
+                request.gjk_tolerance = _GJK
 
     def distances(self, Q: Array) -> Array:
         """Return coal's distance (N, pairs) [m] at every row of Q (N, n)."""
