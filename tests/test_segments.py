@@ -731,3 +731,53 @@ def test_contact_above_a_plane_is_at_its_threshold_and_of_a_distance_at_the_tole
     for boundary in robot.boundaries:
         bare = dataclasses.replace(boundary, min_distance=-boundary.threshold)
         assert bare.contact_distance == (0.0 if boundary.path.is_signed else boundary.contact_tolerance)
+
+
+def test_a_slide_along_the_axis_moves_what_crosses_in_the_plane_apart(load_text: Load) -> None:
+    from robots import joint
+    from segments import assemble
+
+    joints = [
+        joint("lift", "prismatic", "base", "a", axis="0 1 0", limit="-1 1"),
+        joint("turn", "continuous", "a", "b", axis="0 1 0"),
+    ]
+    marks = [
+        '<pinbound:segment name="A" link="base" xyz_a="1 0 -1" xyz_b="1 0 1"/>',
+        '<pinbound:segment name="B" link="b" xyz_a="0 0.3 0" xyz_b="2 0.3 0"/>',
+    ]
+    robot = load_text(assemble(joints, marks, ["A_B"]))
+    family = families(robot, tuple(robot.boundaries), -np.ones(2), np.ones(2), 1)[-1]
+    found = over_box(family.swept, np.zeros(1, np.intp), np.zeros((1, 2)), np.full((1, 2), 0.1), family.error)
+    assert found.upper[0] >= 0.4 - 1e-12
+    arcs = robot.boundaries["A_B"].limits("lift", [0.0, 0.1], window=(-1.0, 1.0))
+    assert arcs.intervals.ravel() == pytest.approx([-1.0, -0.3 - 2e-5, -0.3 + 2e-5, 1.0], abs=1e-12)
+
+
+def test_what_no_pose_can_be_nearer_than_is_a_lower_bound(robot: pb.Robot, load_text: Load) -> None:
+    from pinbound.interpreters.univariate import one_angle_smallest
+    from pinbound.marking import _least  # pyright: ignore[reportPrivateUsage]
+    from segments import PLANAR, assemble
+
+    far = ['<pinbound:segment name="A" link="base" xyz_a="3 0 0" xyz_b="5 0 0"/>']
+    far += ['<pinbound:segment name="B" link="b" xyz_a="0 0 0" xyz_b="0 0 0.4"/>']
+    away = load_text(assemble(PLANAR, far, ["A_B"]))
+    assert _least(away.boundaries["A_B"].path) > 1.0
+    for one in (robot, away):
+        Q = random_q(one, 3000, seed=24)
+        for boundary in one.boundaries:
+            if boundary.path.is_signed:
+                continue
+            least = float(boundary.norm(Q).min())
+            assert _least(boundary.path) <= least
+            single = one_angle_smallest(boundary.path)
+            assert single is None or least - 1e-4 < single <= least
+
+
+def test_rounding_of_the_projection_is_counted(robot: pb.Robot) -> None:
+    from pinbound.interpreters.swept_bounds import rounding_bound, swept_bundle
+
+    n = len(robot.coordinates)
+    swept = swept_bundle([b.path for b in robot.boundaries if not b.path.is_plain], -np.ones(n), np.ones(n))
+    none, box = np.zeros(len(swept.normal)), (-np.ones(n), np.ones(n))
+    chains = chain_rounding_bound(swept.chains, np.repeat(none, swept.rows), *box).reshape(-1, swept.rows).sum(axis=1)
+    assert np.all(rounding_bound(swept, none, *box) >= chains + 16 * 2.0**-53 * swept.reach)
