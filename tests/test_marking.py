@@ -1,5 +1,6 @@
 """Covers hold their bodies; proposals leave nothing out without a reason that holds."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import pinbound as pb
 from pinbound.bodies import Body
 from pinbound.covers import cover, covers
+from pinbound.interpreters.closest import nearest
 from robots import ARM, robot_xml
 
 SHAPES = {
@@ -69,6 +71,24 @@ def test_a_cover_holds_its_body_and_sticks_out_by_no_more_than_it_says(name: str
     for centre in centres:
         shell = (centre + radius * directions - body.translation) @ turn
         assert distance_outside(shape, body.size, shell).max() <= found.excess + 1e-12
+
+
+@pytest.mark.parametrize("accuracy", [0.5, 0.02, 0.002, 1e-5])
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_body_that_covers_holds_its_body_too(name: str, accuracy: float) -> None:
+    rng, shape = np.random.default_rng(2), name.rsplit(maxsplit=1)[-1] if name != "disc" else "cylinder"
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    body = Body("l", 0, shape, SHAPES[name], turn, np.array([0.1, -0.2, 0.3]))
+    found = cover(body, accuracy)
+    (mark,) = found.marks
+    points = points_of(shape, body.size, rng, 1500) @ turn.T + body.translation
+    ways = np.array(mark.ways).reshape(-1, 1, 3)
+    w, e = np.array(mark.xyz) - points, np.repeat(ways, len(points), axis=1)
+    away = np.linalg.norm(w + np.einsum("nk,kni->ni", nearest(w, e), e), axis=1)
+    assert np.all(away <= mark.radius + 1e-13 * (1 + max(body.size)))
+    corners = np.array(list(itertools.product((0.0, 1.0), repeat=len(ways)))) @ ways.reshape(-1, 3) + mark.xyz
+    outside = distance_outside(shape, body.size, (corners - body.translation) @ turn)
+    assert outside.max() + (0.0 if shape in ("capsule", "sphere") else mark.radius) <= found.excess + 1e-12
 
 
 def test_a_capsule_holds_end_spheres_that_are_a_little_larger_or_beside_its_ends() -> None:

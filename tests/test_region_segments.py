@@ -114,3 +114,27 @@ def test_a_box_in_the_plane_of_several_angles_is_refused_and_of_one_is_strips(lo
     q = robot.home.copy()
     q[0] = stop.start[0]
     assert robot.boundaries["box_arm"].clearance(q) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_skew_segments_in_the_plane_of_several_angles_are_refused(load_text: Load) -> None:
+    marks = [
+        '<pinbound:segment name="X" link="base" xyz_a="0.5 -0.3 0.3" xyz_b="0.6 0.3 0.3" radius="0.01"/>',
+        '<pinbound:segment name="Y" link="b" xyz_a="0 0.1 0" xyz_b="0 -0.1 0.3" radius="0.01"/>',
+    ]
+    with pytest.raises(pb.UnsupportedError, match="edge to edge"):
+        pb.feasible_region(load_text(assemble(PLANAR, marks, ["X_Y"], HOME)), ("q1", "q2"))
+
+
+def test_bounds_over_boxes_of_the_plane_hold(planar: pb.Robot) -> None:
+    from pinbound.region.margins import _SweptBounds  # pyright: ignore[reportPrivateUsage]
+
+    rng = np.random.default_rng(3)
+    for boundary in planar.boundaries:
+        bounds = _SweptBounds(boundary.path)
+        bounds.over(np.full(2, 3.5))
+        for half in (np.array([0.01, 0.02]), np.array([0.3, 0.1])):
+            middle = rng.uniform(-3, 3, (30, 2))
+            found = bounds.lower(middle, half, np.array([]))
+            corners = middle[:, None] + half * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [0, 0]])
+            values = boundary.norm(corners.reshape(-1, 2)).reshape(30, 5)
+            assert np.all(found <= values.min(axis=1))

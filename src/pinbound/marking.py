@@ -181,6 +181,8 @@ def _least(path: RelativePath) -> float:
     single = univariate.one_angle_smallest(path)
     if single is not None:
         return single
+    if path.across is not None:
+        return -np.inf  # of lines and planes, which no cover holds, a part of r counts: its length bounds nothing
     ways = np.array(path.swept.directions).reshape(-1, *chain.offsets.shape)
     middle = np.linalg.norm(chain.offsets + 0.5 * ways.sum(axis=0), axis=1)
     around = 0.5 * np.linalg.norm(ways, axis=2).sum(axis=0)
