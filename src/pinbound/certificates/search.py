@@ -123,7 +123,12 @@ class Search:
                 if reason:
                     self._give_up(parts, active, reason)
                     return
-                batches = [self._round(parts.take(slice(i, i + _BATCH)), each) for i in range(0, len(parts), _BATCH)]
+                batches: list[_Parts] = []
+                for i in range(0, len(parts), _BATCH):
+                    if i and self.meter.spent():  # what is left of the round is left open
+                        batches.append(parts.take(slice(i, len(parts))))
+                        break
+                    batches.append(self._round(parts.take(slice(i, i + _BATCH)), each))
                 parts = batches[0] if len(batches) == 1 else _joined(batches)
 
     def _sweep(self, each: bool) -> Indices:

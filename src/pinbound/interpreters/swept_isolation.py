@@ -89,24 +89,28 @@ def turn_arcs(path: RelativePath, threshold: float) -> Array:
     return arcs(_one_coordinate(path), 0, "the angle", np.zeros((1, 1)), threshold, None)[0][0]
 
 
-def smallest(path: RelativePath) -> float:
-    """Return the smallest separation over a turn of a path of one rotation [m], attained, to `tolerances.PRECISION`.
+def smallest(path: RelativePath) -> tuple[float, float]:
+    """Return the smallest separation over a turn of a path of one rotation [m]: a proven lower bound, and one attained.
 
-    It may be flat over an interval, as between two boxes side by side, so that no more is asked for.
+    They are `tolerances.PRECISION` apart at most, unless the separation is flat over so long an interval, as between
+    two boxes side by side, that the pieces become too many.
     """
     one = _one_coordinate(path)
     swept, error = _bundle(one, np.full(1, -math.pi), np.full(1, math.pi))
-    half, best = math.pi / 64, math.inf
-    middle = np.linspace(-math.pi, math.pi, 65)[:-1].astype(np.float64) + half
+    half, best, proven = math.pi / 64, math.inf, math.inf
+    middle: Any = np.linspace(-math.pi, math.pi, 65)[:-1] + half
     for _ in range(_FINEST):
         found = _bound(swept, np.zeros((len(middle), 1)), 0, middle, half, error)
         best = min(best, float(found.value.min()))
-        middle = middle[(found.lower < best - PRECISION) & (found.upper - found.lower > 4.0 * error)]
+        left = (found.lower < best - PRECISION) & (found.upper - found.lower > 4.0 * error)
+        proven = min(proven, float(found.lower[~left].min(initial=math.inf)))
+        middle = middle[left]
         if not len(middle) or len(middle) > _MOST_OPEN or (best == 0.0 and not path.is_signed):
+            proven = min(proven, float(found.lower[left].min(initial=math.inf)))
             break
         half /= 2.0
         middle = np.concatenate((middle - half, middle + half))
-    return best
+    return proven, best
 
 
 def _one_coordinate(path: RelativePath) -> RelativePath:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from pinbound.chain import Chain
 from pinbound.interpreters import numeric
 from pinbound.path import RelativePath
-from pinbound.tolerances import PRECISION, REDUCTION
+from pinbound.tolerances import REDUCTION
 
 __all__ = [
     "AllowedArcs",
@@ -227,7 +227,7 @@ def one_angle_strips(path: RelativePath, threshold: float, tolerance: float) -> 
         return coefficients, (Strip(angle, None if math.isnan(half_width) else half_width, m),)
     from pinbound.interpreters.swept_isolation import smallest, turn_arcs
 
-    free, m = turn_arcs(path, contact_distance(path, threshold, tolerance)), smallest(path)
+    free, (_, m) = turn_arcs(path, contact_distance(path, threshold, tolerance)), smallest(path)
     if not len(free):
         return coefficients, (Strip(0.0, math.pi, m),)
     if not math.isfinite(free[0, 0]):
@@ -247,7 +247,7 @@ def one_angle_smallest(path: RelativePath) -> float | None:
         return strip(p, s, path.minimal.axes[0], 0.0, 0.0).smallest
     from pinbound.interpreters.swept_isolation import smallest
 
-    return smallest(path) - PRECISION
+    return smallest(path)[0]
 
 
 def contact_distance(path: RelativePath, threshold: float, tolerance: float) -> float:
