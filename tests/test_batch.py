@@ -287,3 +287,17 @@ def test_without_pyarrow_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.
     result = CliRunner().invoke(app, ["batch", "minervabot_v3", "--random", "10", "--seed", "0", "--out", out])
     assert result.exit_code == 2
     assert "pinbound[batch]" in result.stderr
+
+
+def test_summaries_of_heights_below_zero_keep_their_quantiles(tmp_path: Path) -> None:
+    """Behind a plane a clearance is negative beyond its threshold; no bin may clip it."""
+    from segments import MARKS, PLANAR, assemble
+
+    path = tmp_path / "planar.urdf"
+    path.write_text(assemble(PLANAR, MARKS, ["C_floor", "A_C"], '<pinbound:home q1="-0.4" q2="-0.5"/>'))
+    robot = pb.load(path)
+    spans = evaluation_of(robot, ("clearances",), backend="numpy").spans
+    Q = np.random.default_rng(3).uniform(-3, 3, (5000, 2))
+    clearances = robot.boundaries.clearances(Q)
+    assert clearances[:, 0].min() < -0.1
+    assert np.all((spans[:, 0] <= clearances.min(axis=0)) & (clearances.max(axis=0) <= spans[:, 1]))

@@ -84,9 +84,10 @@ class Evaluation:
 
     @property
     def spans(self) -> Array:
-        """(m, 2) [m] ends of each boundary's possible clearances; a path that slides may go beyond the upper one."""
+        """(m, 2) [m] ends of each boundary's possible clearances; a path that slides may go beyond them."""
         lengths = np.array([pair.minimal.scale for pair in self.kernel.pairs]).reshape(-1)
-        return np.column_stack((-self.kernel.thresholds, lengths - self.kernel.thresholds))
+        least = np.where([pair.path.is_signed for pair in self.kernel.pairs], -lengths, 0.0)  # behind a plane
+        return np.column_stack((least, lengths)) - self.kernel.thresholds.reshape(-1, 1)
 
     def digest(self) -> str:
         """Return a SHA-256 of everything that the numbers depend on: chains, thresholds, limits, region."""

@@ -86,8 +86,13 @@ def _print(robot: Robot, found: CrossCheck) -> None:
 def _print_points(level: PointLevel) -> None:
     rows = [(name, f"{value:.1e}") for name, value in level.differences.items()]
     rows += [(f"pin of closure {name}", f"{gap:.1e}") for name, gap in level.pins.items()]
-    title = f"Points: clearances against coal's spheres, {level.samples} configurations"
-    print_table(title, ("boundary", "worst difference [m]"), rows, f"Allowed: {level.tolerance:.0e} m.")
+    title = f"Points: clearances against coal's shapes, {level.samples} configurations"
+    allowed = f"Allowed: {level.tolerance:.0e} m." + _solid(level)
+    print_table(title, ("boundary", "worst difference [m]"), rows, allowed)
+
+
+def _solid(level: PointLevel | BoundaryLevel) -> str:
+    return f" Boxes and prisms: {level.solid_tolerance:.0e} m." if level.solid else ""
 
 
 def _print_boundaries(level: BoundaryLevel) -> None:
@@ -97,7 +102,7 @@ def _print_boundaries(level: BoundaryLevel) -> None:
     ]
     columns = ("boundary", "compared with", "rays []", "free []", "grazing []", "worst [rad]", "worst [m]")
     title = f"Contacts: closed form against bisection on coal's distance, {level.rays} rays"
-    allowed = f"Allowed: {level.tolerance:.0e} rad, {level.metres_tolerance:.0e} m."
+    allowed = f"Allowed: {level.tolerance:.0e} rad, {level.metres_tolerance:.0e} m." + _solid(level)
     print_table(title, columns, rows, allowed)
 
 

@@ -166,7 +166,7 @@ def derive(
         if boundary.path.swept.directions:
             out.print("  each t in [0, 1], along the ways of the first mark, then of the second", markup=False)
         out.print(f"  {_contact_text(boundary)}", markup=False)
-        if operations:
+        if operations and boundary.path.is_plain:
             minimal_count, unreduced = loaded.operation_counts(boundary.name)
             out.print(f"  {minimal_count} operations; Eq. (5) unreduced has {unreduced}")
 
