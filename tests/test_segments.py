@@ -838,3 +838,19 @@ def test_rounding_of_the_projection_is_counted(robot: pb.Robot) -> None:
     none, box = np.zeros(len(swept.normal)), (-np.ones(n), np.ones(n))
     chains = chain_rounding_bound(swept.chains, np.repeat(none, swept.rows), *box).reshape(-1, swept.rows).sum(axis=1)
     assert np.all(rounding_bound(swept, none, *box) >= chains + 16 * 2.0**-53 * swept.reach)
+
+
+@pytest.mark.parametrize("depth", [1e-3, 1e-6, 1e-9, 1e-11, 3e-12])
+def test_a_contact_however_narrow_is_not_passed_over(load_text: Load, depth: float) -> None:
+    """The point passes the segment at 0.5 m: contact is `+- arccos(1 - 2 depth)`, 3e-6 rad wide at 1e-12 m."""
+    marks = (
+        '<pinbound:segment name="A" link="base" xyz_a="1 0 -0.1" xyz_b="1 0 0.1"/>'
+        f'<pinbound:point name="B" link="arm" xyz="0.5 0 0" radius="{0.5 + depth!r}"/><pinbound:home q="2"/>'
+        '<pinbound:boundary name="beta" a="A" b="B"/>'
+    )
+    boundary = load_text(ONE_JOINT.format(marks)).boundaries["beta"]
+    half = float(np.arccos(1.0 - 2.0 * depth))
+    found = boundary.limits("q", [2.0]).intervals
+    assert found.shape == (1, 2)
+    assert found[0] == pytest.approx([half, 2 * np.pi - half], abs=max(1e-9, 1e-16 / half))
+    assert not boundary.limits("q", [2.0]).contains(0.0)

@@ -60,8 +60,8 @@ def arcs(
     found: list[Array] = []
     for start in range(0, len(Q), _ROWS):
         rows = Q[start : start + _ROWS]
-        free = _free(path, index, name, rows, threshold, low, high)
-        found += _polished(path, index, rows, threshold, free, (low, high))
+        free, open_too = _free(path, index, name, rows, threshold, low, high)
+        found += _polished(path, index, rows, threshold, free, open_too, (low, high))
     if period is None:
         return found, math.inf, (low, high)
     return [wrapped(one, low, high, period)[0] for one in found], period, (-math.inf, math.inf)
@@ -77,8 +77,8 @@ def around(
     Raises:
         UnsupportedError: If contact is flat along an interval.
     """
-    free = _free(path, index, name, q[None], threshold, *domain)
-    for low, high in _polished(path, index, q[None], threshold, free, domain)[0].tolist():
+    free, open_too = _free(path, index, name, q[None], threshold, *domain)
+    for low, high in _polished(path, index, q[None], threshold, free, open_too, domain)[0].tolist():
         if low < q[index] < high or low == q[index] == domain[0] or high == q[index] == domain[1]:
             return low, high
     return None
@@ -137,8 +137,11 @@ def _bound(swept: SweptBundle, Q: Array, index: int, middle: Array, half: float,
 
 def _free(
     path: RelativePath, index: int, name: str, Q: Array, threshold: float, low: float, high: float
-) -> list[Array]:
-    """Return the intervals (k, 2) of [low, high] that are proven free, a row of Q at a time."""
+) -> tuple[list[Array], list[Array]]:
+    """Return the intervals (k, 2) of [low, high] that are proven free, a row of Q at a time; and with the undecided ones.
+
+    Between two of the latter everything is proven to be in contact.
+    """
     ends = Q.min(axis=0), Q.max(axis=0)
     ends[0][index], ends[1][index] = low, high
     swept, error = _bundle(path, *ends)
@@ -147,6 +150,7 @@ def _free(
     row = np.repeat(np.arange(len(Q)), 1 << _PIECES)
     start = np.tile(np.arange(1 << _PIECES, dtype=np.int64) * size, len(Q))
     kept: list[tuple[Ints, Ints, int]] = []
+    undecided: list[tuple[Ints, Ints, int]] = []
     while len(row):
         half = size * step / 2.0
         middle: Any = low + step * start + half
@@ -155,54 +159,77 @@ def _free(
         kept.append((row[free], start[free], size))
         stuck = (found.upper - found.lower <= 4.0 * error) | (half <= ROOT * max(1.0, abs(low), abs(high)))
         left = ~free & ~(found.upper <= threshold) & ~stuck
+        doubtful = ~free & ~(found.upper <= threshold) & stuck
+        undecided.append((row[doubtful], start[doubtful], size))
         row, start = row[left], start[left]
         if len(row) and int(np.bincount(row).max()) > _MOST_OPEN:
             raise UnsupportedError(f"{name!r} stays at exactly the contact distance over a whole interval")
         size >>= 1
         row, start = np.concatenate((row, row)), np.concatenate((start, start + size))
-    return _joined(kept, len(Q), low, high)
+    return _joined(kept, len(Q), low, high), _joined([*kept, *undecided], len(Q), low, high)
 
 
 def _polished(
-    path: RelativePath, index: int, Q: Array, threshold: float, free: list[Array], domain: tuple[float, float]
+    path: RelativePath,
+    index: int,
+    Q: Array,
+    threshold: float,
+    free: list[Array],
+    open_too: list[Array],
+    domain: tuple[float, float],
 ) -> list[Array]:
-    """Move ends of free intervals onto the contact, over what rounding left undecided; in place."""
+    """Move ends of free intervals onto the contact, over what rounding left undecided, and over nothing else."""
     rows = np.repeat(np.arange(len(free)), [len(one) for one in free])
     ends = np.concatenate(free)
-    for side, outwards in ((0, -1.0), (1, 1.0)):
-        q, inside = Q[rows], ends[:, side].copy()
+    walls, beside = (np.concatenate(part) for part in zip(*map(_walls, free, open_too), strict=True))
+    joined = np.ones((len(ends), 2), dtype=np.bool_)  # no contact between an end and the interval beside it
+    for side in (0, 1):
+        q, inside, wall = Q[rows], ends[:, side].copy(), walls[:, side]
 
         def above(x: Array, q: Array = q) -> NDArray[np.bool_]:
             q[:, index] = x
             return separation.separations(path, q) > threshold
 
-        step = np.full(len(inside), ROOT)
+        step, outside = np.full(len(inside), ROOT), inside
         for _ in range(_WIDENINGS):
-            apart = above(inside + outwards * step)
-            if not np.any(apart):
+            outside = np.maximum(inside - step, wall) if side == 0 else np.minimum(inside + step, wall)
+            apart = above(outside)
+            if not np.any(apart & (outside != wall)):
                 break
             step = np.where(apart, _WIDER * step, step)
-        outside = inside + outwards * step
         met = ~above(outside) & (inside > domain[0]) & (inside < domain[1])  # ends of the window are no contacts
+        joined[:, side] = ~met & (outside == wall) & beside[:, side]
         while np.any(met & (np.abs(outside - inside) > _LAST_BIT * np.maximum(1.0, np.abs(inside)))):
             middle = 0.5 * (inside + outside)
             apart = above(middle)
             inside, outside = np.where(apart, middle, inside), np.where(apart, outside, middle)
         ends[met, side] = inside[met]
-    return [_united(one) for one in np.split(ends, np.cumsum([len(one) for one in free])[:-1])]
+    cuts = np.cumsum([len(one) for one in free])[:-1]
+    return [_united(one, flags) for one, flags in zip(np.split(ends, cuts), np.split(joined, cuts), strict=True)]
 
 
-def _united(intervals: Array) -> Array:
-    """Return intervals (k, 2) that do not overlap: what was undecided between two of them has turned out to be free."""
-    if not np.any(intervals[1:, 0] < intervals[:-1, 1]):
-        return intervals
-    found = [intervals[0].copy()]
-    for one in intervals[1:]:
-        if one[0] < found[-1][1]:
+def _walls(free: Array, open_too: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return how far each end of free intervals (k, 2) may move (k, 2), and whether another free one begins there.
+
+    That is up to where contact is proven: an end of the interval of `open_too` that holds it.
+    """
+    holder = np.searchsorted(open_too[:, 0], free[:, 0], side="right") - 1
+    walls, beside = open_too[holder], np.zeros(free.shape, dtype=np.bool_)
+    same = holder[1:] == holder[:-1]
+    walls[1:, 0][same], walls[:-1, 1][same] = free[:-1, 1][same], free[1:, 0][same]
+    beside[1:, 0], beside[:-1, 1] = same, same
+    return walls, beside
+
+
+def _united(intervals: Array, joined: NDArray[np.bool_]) -> Array:
+    """Return intervals (k, 2) that do not overlap: what was undecided between some of them is free after all."""
+    found: list[Array] = []
+    for place, one in enumerate(intervals):
+        if place and (one[0] < found[-1][1] or (joined[place, 0] and joined[place - 1, 1])):
             found[-1][1] = max(found[-1][1], one[1])
         else:
             found.append(one.copy())
-    return np.array(found)
+    return np.array(found).reshape(-1, 2)
 
 
 def _joined(kept: list[tuple[Ints, Ints, int]], count: int, low: float, high: float) -> list[Array]:
