@@ -168,7 +168,7 @@ def _all_rows(swept: SweptBundle, which: Indices) -> Indices:
 def _bounds(swept: SweptBundle, which: Indices, terms: Terms, error: Array, share: float, curvature: float) -> Bounds:
     rows = swept.rows
     r = terms.r.T.reshape(-1, rows, 3)
-    value, n, depth = _separation(swept, which, r)
+    value, n, depth, t = _separation(swept, which, r)
     along = np.einsum("nci,ni->nc", r, n)
     moved = terms.moved.reshape(-1, rows)[:, 0] * INFLATION
     taken = along[:, 1:] < 0.0  # the ways that lead to the corner that is least along n
@@ -182,16 +182,29 @@ def _bounds(swept: SweptBundle, which: Indices, terms: Terms, error: Array, shar
         slack = np.abs(along[:, 1:]) - (share * sum(np.abs(rate[:, 1:]) for rate in rates) + bent[:, 1:]) * INFLATION
         second = corner - (share * swing + bent[:, 0]) * INFLATION + np.minimum(slack, 0.0).sum(axis=1)
         lower = np.maximum(lower, second)
+        if len(terms.rates) == 1:  # the points that are nearest in the middle, along the piece
+            v = terms.rates[0].T.reshape(-1, rows, 3)
+            ways = np.where(swept.is_signed[which][:, None], taken, t)
+            here, step = (x[:, 0] + np.einsum("nc,nci->ni", ways, x[:, 1:]) for x in (r, v))
+            ends = [_measure(swept, which, here + sign * share * step, n) for sign in (-1.0, 1.0)]
+            upper = np.minimum(upper, np.maximum(*ends) + bent[:, 0] * INFLATION)
     off = terms.aside.reshape(-1, rows).sum(axis=1) * INFLATION
     off = off + error * (1.0 + terms.wide.reshape(-1, rows).max(axis=1))
     return Bounds(value, lower - off, upper + off)
 
 
-def _separation(swept: SweptBundle, which: Indices, r: Array) -> tuple[Array, Array, Array]:
+def _measure(swept: SweptBundle, which: Indices, r: Array, n: Array) -> Array:
+    """Return the distance, or the height along n, of vectors r (N, 3)."""
+    across = np.einsum("nij,nj->ni", swept.across[which], r)
+    length: Array = np.sqrt(np.einsum("ni,ni->n", across, across))
+    return np.where(swept.is_signed[which], np.einsum("ni,ni->n", n, r), length)
+
+
+def _separation(swept: SweptBundle, which: Indices, r: Array) -> tuple[Array, Array, Array, Array]:
     """Return what chain and ways r (N, 1 + k, 3) say in the middle.
 
     The separation (N,), the unit vector (N, 3) along which it is measured, and how far all may move while bodies that
-    overlap are sure to do so still (N,).
+    overlap are sure to do so still (N,); and the nearest t (N, k).
     """
     signed, normal = swept.is_signed[which], swept.normal[which]
     along = np.einsum("nci,ni->nc", r, normal)
@@ -212,4 +225,4 @@ def _separation(swept: SweptBundle, which: Indices, r: Array) -> tuple[Array, Ar
     close = np.einsum("ni,ni->n", beside, beside) <= (_TOUCHING * np.linalg.norm(r, axis=2).sum(axis=1)) ** 2
     near = np.flatnonzero(close & np.any(plane, axis=1))
     depth[near] = np.maximum(depth[near], overlap_in_plane(measured[0, near], measured[1:, near], plane[near]))
-    return np.where(signed, heights, length), np.where(signed[:, None], normal, unit), depth
+    return np.where(signed, heights, length), np.where(signed[:, None], normal, unit), depth, t

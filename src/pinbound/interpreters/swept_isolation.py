@@ -34,7 +34,7 @@ _PIECES = 5  # 2^5 pieces to begin with
 _FINEST = 50  # 2^50 steps in all
 _MOST_OPEN = 1 << 16  # pieces a configuration: more are a contact that is flat along an interval
 _ROWS = 64  # configurations at a time, to bound memory
-_WIDENINGS, _WIDER, _LAST_BIT = 7, 8.0, 4e-16  # from the width of a root to 2e-7, and back to the last bit
+_WIDENINGS, _WIDER, _LAST_BIT = 14, 8.0, 4e-16  # from the width of a root to any wall, and back to the last bit
 
 
 def arcs(
@@ -138,7 +138,7 @@ def _bound(swept: SweptBundle, Q: Array, index: int, middle: Array, half: float,
 def _free(
     path: RelativePath, index: int, name: str, Q: Array, threshold: float, low: float, high: float
 ) -> tuple[list[Array], list[Array]]:
-    """Return the intervals (k, 2) of [low, high] that are proven free, a row of Q at a time; and with the undecided ones.
+    """Return the intervals (k, 2) of [low, high] that are proven free, a row of Q at a time; and those not in contact.
 
     Between two of the latter everything is proven to be in contact.
     """
