@@ -191,9 +191,9 @@ def test_another_job_or_other_files_in_the_folder_are_refused(robot: Robot, tmp_
         (("--random", "5", "--within", "q2=1:-1"), "is no interval"),
         (("--random", "5", "--columns", "verdicts"), "Did you mean 'verdict'"),
         (("--in", "nowhere.csv"), "No such file"),
-        (("--in", "bad.txt"), "Give a .csv, .parquet or .npy file"),
+        (("--in", "bad.txt"), "Give a .csv, .npy, .npz or .parquet file"),
         (("--in", "bad.csv"), "has no column 'q3'"),
-        (("--in", "words.csv"), "cannot be read"),
+        (("--in", "words.csv"), "words.csv, line 2: q3 is 'north'"),
         (("--in", "bad.npy"), "Give numbers"),
     ],
 )
@@ -266,7 +266,7 @@ def test_kill_at_random_moments_changes_nothing(robot: Robot, tmp_path: Path) ->
 def test_a_second_process_is_kept_out(robot: Robot, tmp_path: Path) -> None:
     fcntl = pytest.importorskip("fcntl")
     (tmp_path / "o").mkdir()
-    with (tmp_path / "o/.lock").open("w") as file:
+    with (tmp_path / "o/.pinbound.lock").open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         with pytest.raises(pb.InputError, match="another process is writing there"):
             run(evaluation_of(robot, ("verdict",), backend="numpy"), RandomSource(10, 1, *BOX), tmp_path / "o")

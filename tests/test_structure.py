@@ -12,6 +12,7 @@ import pinbound
 PACKAGE = Path(pinbound.__file__).parent
 FLOORS = [
     ("exceptions", "tolerances"),
+    ("tables",),
     ("document",),
     ("urdf", "annotations"),
     ("tree", "coupling"),
@@ -96,6 +97,7 @@ def test_a_room_imports_only_from_floors_below(path: Path) -> None:
             "crosscheck",
             "region",
             "reproduce",
+            "tables",
         )
         assert inside or LEVEL[there] < LEVEL[here] or (here, there) in SAME_FLOOR, f"{here} imports {there}"
 

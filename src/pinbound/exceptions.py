@@ -11,6 +11,7 @@ __all__ = [
     "DimensionError",
     "InputError",
     "LeavesRegionError",
+    "MachineError",
     "PinboundError",
     "Problem",
     "Problems",
@@ -102,6 +103,13 @@ class LeavesRegionError(PinboundError, ValueError):
             f"scaled by {factor} about its centroid the region leaves the feasible one, at {place}; "
             "use inset(angle) or with_clearance(metres), or scale inscribed_polygon()"
         )
+
+
+class MachineError(PinboundError):
+    """A failure of the machine or the cluster, not of the input: a full disk, a folder without permission, no worker.
+
+    The same call may succeed once that is mended. The command line exits with 3.
+    """
 
 
 class UnsupportedError(PinboundError):

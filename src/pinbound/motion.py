@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +15,8 @@ from pinbound.certificates.trajectory import as_trajectory
 from pinbound.exceptions import Problems, name_hint
 from pinbound.region import Region, classify, region_membership
 from pinbound.robot import Robot
+from pinbound.tables import open_table, read_table
+from pinbound.tables.text import TextTable
 from pinbound.tolerances import FOLLOWS
 
 __all__ = ["Motion", "MotionHistory", "history", "read_motion"]
@@ -126,9 +126,10 @@ def history(
 
 
 def read_motion(robot: Robot, path: str | Path, deg: bool = False) -> Motion:
-    r"""Read a motion from `.csv`, `.npz` or `.parquet`: one column a coordinate, by name, and optionally `time`.
+    r"""Read a motion from a file: one column a coordinate, by name, and optionally `time`.
 
-    Followers may have columns too, as recordings do; they must follow. An `.npz` holds one array a column.
+    The file is a .csv, .npy, .npz or .parquet (`pinbound.tables` has the rules). Followers may have columns too, as recordings do; they must follow. An `.npz` holds one array a column; the
+    columns of an `.npy` are the coordinates, in order.
 
     Args:
         robot: The robot.
@@ -149,66 +150,57 @@ def read_motion(robot: Robot, path: str | Path, deg: bool = False) -> Motion:
     """
     file = Path(path)
     problems = Problems(file.name)
-    readers = {".csv": _read_csv, ".npz": _read_npz, ".parquet": _read_parquet}
-    if file.suffix.lower() not in readers:
-        problems.add(
-            f"a motion cannot be read from {file.suffix or 'a file without suffix'!r}", "Give a .csv, .npz or .parquet"
-        )
-        problems.raise_if_any()
-    columns, first_line = readers[file.suffix.lower()](file, problems)
+    table = open_table(file, robot.coordinates)
+    _check_names(robot, table.names, problems)
     problems.raise_if_any()
-    _check_names(robot, columns, problems)
+    columns = read_table(table, table.names)
+    lines = table.lines() if isinstance(table, TextTable) else None
+    if not any(len(column) for column in columns.values()):
+        problems.add("there is no row", "Give at least one configuration")
     problems.raise_if_any()
-    length = {len(column) for column in columns.values()}
-    if length == {0}:
-        problems.add("there is no row", "Give at least one configuration", first_line and first_line - 1)
-    if len(length) > 1:
-        sizes = ", ".join(f"{name}: {len(column)}" for name, column in columns.items())
-        problems.add(f"the columns have different lengths ({sizes})", "Give one value a waypoint")
+    clock = columns.get(_TIME) if _TIME not in robot.coupling.joints else None
+    _check_numbers(columns, clock, lines, problems)
     problems.raise_if_any()
-    _check_numbers(columns, first_line, problems)
-    problems.raise_if_any()
-    values = {
-        name: np.radians(column) if deg and name != _TIME and robot.turns(name) else column
-        for name, column in columns.items()
-    }
+    values = {name: np.radians(column) if deg and robot.turns(name) else column for name, column in columns.items()}
     waypoints = np.stack([values[name] for name in robot.coordinates], axis=1)
-    _check_followers(robot, waypoints, values, first_line, problems)
+    _check_followers(robot, waypoints, values, lines, problems)
     problems.raise_if_any()
-    return Motion(waypoints, values.get(_TIME))
+    return Motion(waypoints, clock)
 
 
-def _check_names(robot: Robot, columns: Mapping[str, Array], problems: Problems) -> None:
+def _check_names(robot: Robot, columns: Sequence[str], problems: Problems) -> None:
     valid = [_TIME, *robot.coupling.joints]
     for name in columns:
         if name not in valid:
-            problems.add(f"column {name!r} is no joint of {robot.name!r}", name_hint(name, valid).capitalize())
+            problems.add(f"column {name!r} is no joint of {robot.name!r}", name_hint(name, valid))
     missing = [name for name in robot.coordinates if name not in columns]
     if missing:
         needed = ", ".join(robot.coordinates)
         problems.add(f"there is no column for {', '.join(missing)}", f"Give one column a coordinate: {needed}")
 
 
-def _check_numbers(columns: Mapping[str, Array], first_line: int | None, problems: Problems) -> None:
+def _check_numbers(
+    columns: Mapping[str, Array], times: Array | None, lines: Sequence[int] | None, problems: Problems
+) -> None:
     for name, column in columns.items():
         bad = np.flatnonzero(~np.isfinite(column))
         for row in bad[:_MOST_FAULTS]:
-            message = f"{name} in row {row + 1} is {column[row]}"
-            problems.add(message, "Give finite numbers", _line(first_line, int(row)))
+            value = "empty or nan" if np.isnan(column[row]) else f"{column[row]}"
+            message = f"{name} in row {row + 1} is {value}"
+            problems.add(message, "Give finite numbers", _line(lines, int(row)))
         if len(bad) > _MOST_FAULTS:
             problems.add(f"{name} is not finite in {len(bad)} rows", "Give finite numbers")
-    if _TIME in columns and not problems.found:
-        times = columns[_TIME]
+    if times is not None and not problems.found:
         falling = np.flatnonzero(np.diff(times) <= 0.0)
         if falling.size:
             row = int(falling[0]) + 1
             message = f"time does not increase in row {row + 1}: {times[row]:g} after {times[row - 1]:g}"
             more = f" (and in {len(falling) - 1} more)" if len(falling) > 1 else ""
-            problems.add(message + more, "Sort the rows, one a moment", _line(first_line, row))
+            problems.add(message + more, "Sort the rows, one a moment", _line(lines, row))
 
 
 def _check_followers(
-    robot: Robot, waypoints: Array, values: Mapping[str, Array], first_line: int | None, problems: Problems
+    robot: Robot, waypoints: Array, values: Mapping[str, Array], lines: Sequence[int] | None, problems: Problems
 ) -> None:
     theta = robot.coupling.expand(waypoints)
     for column, name in enumerate(robot.coupling.joints):
@@ -219,90 +211,11 @@ def _check_followers(
                 rule = robot.coupling.text(name)
                 message = f"{name!r} does not follow ({rule}) in row {row + 1}: {values[name][row]:.9g}"
                 remedy = f"It should be {theta[row, column]:.9g}; leave the column out, or mend it"
-                problems.add(message, remedy, _line(first_line, row))
+                problems.add(message, remedy, _line(lines, row))
 
 
-def _line(first_line: int | None, row: int) -> int | None:
-    return None if first_line is None else first_line + row
-
-
-def _read_csv(file: Path, problems: Problems) -> tuple[dict[str, Array], int | None]:
-    """Return columns by heading, and the line of the first row; blank lines and `#` comments may stand above it."""
-    try:
-        with file.open(encoding="utf-8-sig", newline="") as stream:
-            lines = list(csv.reader(stream, strict=True))
-    except (UnicodeDecodeError, csv.Error) as error:
-        problems.add(f"is no CSV file in UTF-8 ({error})", "Save it as comma-separated text")
-        return {}, None
-    top = next((i for i, cells in enumerate(lines) if cells and not cells[0].lstrip().startswith("#")), None)
-    if top is None:
-        problems.add("the file is empty", "Give a line of column names, then one line a waypoint")
-        return {}, None
-    names = [cell.strip() for cell in lines[top]]
-    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
-        problems.add("the columns are not separated by commas", "Save it as comma-separated text", top + 1)
-        return {}, None
-    for name in {name for name in names if names.count(name) > 1}:
-        problems.add(f"column {name!r} is there twice", "Keep one", top + 1)
-    while lines and not lines[-1]:
-        lines.pop()
-    table = np.full((len(lines) - top - 1, len(names)), np.nan)
-    for row, cells in enumerate(lines[top + 1 :]):
-        if len(problems.found) >= _MOST_FAULTS:
-            break
-        line = top + 2 + row
-        if len(cells) != len(names):
-            problems.add(f"{len(cells)} cells for {len(names)} columns", "Give one cell a column", line)
-            continue
-        for column, cell in enumerate(cells):
-            try:
-                table[row, column] = float(cell)
-            except ValueError:
-                problems.add(f"{names[column]} is {cell!r}", "Give a number", line)
-    return dict(zip(names, table.T, strict=True)), top + 2
-
-
-def _read_npz(file: Path, problems: Problems) -> tuple[dict[str, Array], int | None]:
-    try:
-        archive: Any = np.load(file, allow_pickle=False)
-        if isinstance(archive, np.ndarray):
-            raise ValueError("it holds one array, not named ones")
-        with archive:
-            arrays = {str(name): np.asarray(archive[name]) for name in archive.files}
-    except (ValueError, EOFError, zipfile.BadZipFile) as error:
-        problems.add(f"is no NPZ file of numbers ({error})", "Write it with numpy.savez(file, time=t, q1=..., ...)")
-        return {}, None
-    return _columns(arrays, problems), None
-
-
-def _read_parquet(file: Path, problems: Problems) -> tuple[dict[str, Array], int | None]:
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError:
-        problems.add("reading Parquet needs pyarrow", "Install pyarrow, or give a .csv or .npz")
-        return {}, None
-    arrow, reader = cast(Any, pyarrow), cast(Any, parquet)
-    try:
-        table = reader.read_table(file)
-        arrays = {str(name): np.asarray(table.column(name).to_numpy()) for name in table.column_names}
-    except arrow.ArrowException as error:
-        problems.add(f"is no Parquet file ({str(error).splitlines()[0]})", "Check that it is complete")
-        return {}, None
-    return _columns(arrays, problems), None
-
-
-def _columns(arrays: Mapping[str, NDArray[Any]], problems: Problems) -> dict[str, Array]:
-    columns: dict[str, Array] = {}
-    for name, array in arrays.items():
-        if array.ndim != 1 or not (np.issubdtype(array.dtype, np.floating) or np.issubdtype(array.dtype, np.integer)):
-            what = f"of shape {array.shape} and type {array.dtype}"
-            problems.add(f"{name!r} is {what}", "Give one array of numbers (N,) a column")
-            continue
-        columns[name] = array.astype(np.float64)
-    if not arrays:
-        problems.add("there is no column", "Give one column a coordinate")
-    return columns
+def _line(lines: Sequence[int] | None, row: int) -> int | None:
+    return None if lines is None else lines[row]
 
 
 def tightest(names: Sequence[str], clearances: Array, most: int) -> list[int]:

@@ -1,10 +1,12 @@
 """The chunks of a job as tasks of a Dask cluster: same tables, same bytes, written by this process alone.
 
-A worker that dies takes nothing along: its tasks run again elsewhere, and a chunk is on disk only once it is whole.
+A worker that dies takes no chunk along: its tasks run again on the others, and a chunk is on disk only when it is whole.
+If no worker is left, or the scheduler goes, the job stops with a `MachineError`, and the same call resumes it.
 """
 
 from __future__ import annotations
 
+import asyncio
 import importlib
 from collections.abc import Iterator
 from typing import Any
@@ -15,10 +17,11 @@ from numpy.typing import NDArray
 from pinbound.batch.evaluation import Evaluation, Statistics
 from pinbound.batch.job import write_chunk
 from pinbound.batch.sources import Source
-from pinbound.exceptions import UnsupportedError
+from pinbound.exceptions import InputError, MachineError, Problem, UnsupportedError
 
 __all__ = ["results"]
 
+_CONNECT = "20s"
 _TASKS_PER_THREAD = 2
 """Chunks under way for each thread of the cluster: enough to keep it busy, and flat in memory."""
 
@@ -29,30 +32,59 @@ def results(
     """Yield each chunk's bytes and statistics as the cluster finishes them.
 
     Raises:
-        UnsupportedError: If Dask is not installed, or no scheduler answers at the address.
+        InputError: If the address names no protocol.
+        MachineError: If no scheduler answers there, or it loses all its workers.
+        UnsupportedError: If Dask is not installed.
     """
     try:
         distributed: Any = importlib.import_module("distributed")
     except ImportError as error:
         raise UnsupportedError("a scheduler needs Dask; install pinbound[distributed]") from error
+    if "://" not in address:
+        message = f"the scheduler's address is {address!r}"
+        raise InputError([Problem(message, "Write it whole, e.g. tcp://127.0.0.1:8786", "--scheduler")])
     try:
-        client = distributed.Client(address, timeout="20s", set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise UnsupportedError(f"no Dask scheduler answers at {address!r}: {error}") from error
+        client = distributed.Client(address, timeout=_CONNECT, set_as_default=False)
+    except (OSError, ValueError, ImportError) as error:
+        raise MachineError(
+            f"no Dask scheduler answers at {address!r} ({_words(error)}); start it, then run again"
+        ) from error
     with client:
-        client.wait_for_workers(1, timeout=60)
-        threads = sum(client.nthreads().values())
-        shared = client.scatter(evaluation, broadcast=True)
-        pending = _tasks(client, shared, source, size, wanted)
-        first = list(_take(pending, _TASKS_PER_THREAD * max(1, threads)))
-        if not first:
-            return
-        running = distributed.as_completed(first, loop=client.loop)
-        for future in running:
-            yield future.result()
-            future.release()
-            for following in _take(pending, 1):
-                running.add(following)
+        try:
+            client.wait_for_workers(1, timeout=60)
+        except (TimeoutError, asyncio.TimeoutError) as error:  # two classes before Python 3.11
+            raise MachineError(
+                f"the scheduler at {address!r} has no worker after 60 s; start one, then run again"
+            ) from error
+        lost = (*_lost(distributed), OSError, TimeoutError, asyncio.TimeoutError, asyncio.CancelledError)
+        try:
+            threads = sum(client.nthreads().values())
+            shared = client.scatter(evaluation, broadcast=True)
+            pending = _tasks(client, shared, source, size, wanted)
+            first = list(_take(pending, _TASKS_PER_THREAD * max(1, threads)))
+            if not first:
+                return
+            running = distributed.as_completed(first, loop=client.loop)
+            for future in running:
+                yield future.result()
+                future.release()
+                for following in _take(pending, 1):
+                    running.add(following)
+        except lost as error:
+            message = f"the cluster at {address!r} lost its scheduler or its workers ({_words(error)})"
+            raise MachineError(f"{message}. What is written is kept: run the same command again to resume.") from error
+
+
+def _lost(distributed: Any) -> tuple[type[BaseException], ...]:
+    """Return the errors by which Dask says that tasks have nowhere to run; their names differ between versions."""
+    client, comm = importlib.import_module("distributed.client"), importlib.import_module("distributed.comm")
+    names = [(client, "FutureCancelledError"), (client, "FuturesCancelledError"), (distributed, "KilledWorker")]
+    names += [(comm, "CommClosedError"), (importlib.import_module("concurrent.futures"), "CancelledError")]
+    return tuple(getattr(module, name) for module, name in names if hasattr(module, name))
+
+
+def _words(error: BaseException) -> str:
+    return str(error).splitlines()[0] if str(error) else type(error).__name__
 
 
 def _take(tasks: Iterator[Any], count: int) -> Iterator[Any]:

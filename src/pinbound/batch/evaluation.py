@@ -11,11 +11,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.batch.sources import load_arrow
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.interpreters.kernel import Kernel, MixedKernel
 from pinbound.region import Region, feasible_region
 from pinbound.robot import Robot
+from pinbound.tables.columnar import load_arrow
 
 __all__ = ["BINS", "COLUMNS", "VERDICTS", "Evaluation", "Statistics", "evaluation_of"]
 
@@ -89,6 +89,20 @@ class Evaluation:
         least = np.where([pair.path.is_signed for pair in self.kernel.pairs], -lengths, 0.0)  # behind a plane
         return np.column_stack((least, lengths)) - self.kernel.thresholds.reshape(-1, 1)
 
+    @property
+    def coordinate_columns(self) -> tuple[str, ...]:
+        """Columns of the coordinates: their names; with `q.` before it where a name is that of another column."""
+        own = {"row", "smallest_clearance", "smallest_boundary", "inside_region", "verdict"}
+        own |= {f"clearance_{name}" for name in self.boundaries}
+        columns: list[str] = []
+        for name in self.coordinates:
+            column = name
+            while column in own:
+                column = f"q.{column}"
+            own.add(column)
+            columns.append(column)
+        return tuple(columns)
+
     def digest(self) -> str:
         """Return a SHA-256 of everything that the numbers depend on: chains, thresholds, limits, region."""
         known = hashlib.sha256()
@@ -117,7 +131,7 @@ class Evaluation:
         finite = np.all(np.isfinite(Q), axis=1)
         out: dict[str, Any] = {"row": np.arange(start, start + len(Q), dtype=np.int64)}
         if "coordinates" in self.columns:
-            out.update({name: Q[:, j] for j, name in enumerate(self.coordinates)})
+            out.update({name: Q[:, j] for j, name in enumerate(self.coordinate_columns)})
         everything = "clearances" in self.columns or self.summary
         clearances = self.kernel.rows(Q, "clearances", None, threads, self.backend) if everything else None
         if clearances is not None and "clearances" in self.columns:

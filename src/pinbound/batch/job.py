@@ -1,10 +1,11 @@
 """A batch job: chunks to Parquet files, each written whole or not at all, and a manifest to resume from.
 
 In the folder: `manifest.json` (robot, options, versions, state), `part-00000012.parquet` for each chunk, and beside it
-`part-00000012.json` (rows, SHA-256, counts). The Parquet file is renamed into place first, the record second, so that
-a record stands for a chunk that is complete; on resuming, a chunk counts as done if its record is there and the
-checksum of its file is right. Rows and their numbers follow from the source alone, so none is lost and none is there
-twice.
+`part-00000012.json` (number, job, rows, SHA-256, counts). The Parquet file is renamed into place first, the record
+second, so that a record stands for a chunk that is complete. On resuming, a chunk counts as done if its record is of this
+job, of this chunk and of as many rows as the source has there, if the input has not been touched since, and if the
+checksum of its file is right. Anything else is made again. At the end the totals must be those of the source, and a file
+that was read must still be the one that was opened.
 """
 
 from __future__ import annotations
@@ -14,27 +15,29 @@ import hashlib
 import importlib
 import importlib.metadata
 import json
-import os
 import platform
-from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.batch import files
 from pinbound.batch.evaluation import BINS, VERDICTS, Evaluation, Statistics
-from pinbound.batch.sources import Source, load_arrow
-from pinbound.exceptions import InputError, Problem
+from pinbound.batch.sources import Source
+from pinbound.exceptions import MachineError
+from pinbound.tables.columnar import load_arrow
 
 __all__ = ["Outcome", "run", "write_chunk"]
 
 Array = NDArray[np.float64]
 Advance = Callable[[int], None]
 
-FORMAT = 1
+FORMAT = 2
+MOST_CHUNKS = 10**8
+"""The names of the files have eight digits."""
 
 
 @dataclass(frozen=True)
@@ -90,25 +93,36 @@ def run(
         Counts and sizes.
 
     Raises:
-        InputError: If the folder holds something else, or a job that differs in anything that the numbers depend on.
+        InputError: If the folder holds something else, or a job that differs in anything that the numbers depend on; if
+            the input changes meanwhile.
+        MachineError: If the disk or the cluster fails; the same call resumes.
         UnsupportedError: If PyArrow is not installed.
     """
     load_arrow("pyarrow")
     if chunk_rows < 1 or threads < 1:
-        raise _bad(folder, f"chunks of {chunk_rows} rows by {threads} threads", "Give 1 or more of both")
-    folder.mkdir(parents=True, exist_ok=True)
-    with _only_one(folder):
-        manifest = _manifest(evaluation, source, chunk_rows)
-        _claim(folder, manifest)
-        count = -(-source.rows // chunk_rows)
-        done = {index: record for index in range(count) if (record := _record(folder, index)) is not None}
+        raise files.bad(folder, f"chunks of {chunk_rows} rows by {threads} threads", "Give 1 or more of both")
+    count = -(-source.rows // chunk_rows)
+    if count > MOST_CHUNKS:
+        message = f"{source.rows:.3g} rows make {count:.3g} files of {chunk_rows:,} rows; the most are {MOST_CHUNKS:,}"
+        raise files.bad(folder, message, "Give fewer rows, or more rows a file (--chunk-rows)")
+    files.make_folder(folder)
+    manifest = _manifest(evaluation, source, chunk_rows)
+    _look(folder, manifest)
+    with files.only_one(folder):
+        _look(folder, manifest)  # again: another process may have begun meanwhile
+        files.remove_leftovers(folder)
+        if files.read(folder / "manifest.json") is None:
+            files.write(folder / "manifest.json", _json(manifest))
+        job = _Job(evaluation, source, folder, chunk_rows, hashlib.sha256(_json(manifest["job"])).hexdigest())
+        done = {index: record for index in range(count) if (record := job.record(index)) is not None}
         resumed = len(done)
         for record in done.values():
             _advance(advance, record["rows"])
         wanted = [index for index in range(count) if index not in done]
         for index, (data, statistics) in _results(evaluation, source, chunk_rows, wanted, threads, scheduler):
-            done[index] = _keep(folder, index, data, statistics)
+            done[index] = job.keep(index, data, statistics)
             _advance(advance, statistics.rows)
+        job.check(done, count, wanted)
         records = [done[index] for index in range(count)]
         total = _merge(evaluation, [Statistics(**record["statistics"]) for record in records])
         chunks = [
@@ -118,8 +132,90 @@ def run(
         state: dict[str, Any] = {"state": "complete", "rows": total.rows, "invalid": total.invalid, "chunks": chunks}
         if total.verdicts:
             state["verdicts"] = dict(zip(VERDICTS, total.verdicts, strict=True))
-        _write(folder / "manifest.json", _json({**manifest, **state}))
+        files.write(folder / "manifest.json", _json({**manifest, **state}))
     return Outcome(folder, count, resumed, total, sum(record["bytes"] for record in records))
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A job in its folder: what its chunks must be."""
+
+    evaluation: Evaluation
+    source: Source
+    folder: Path
+    size: int
+    digest: str
+
+    def rows(self, index: int) -> int:
+        """Return how many rows a chunk has."""
+        return min(self.size, self.source.rows - index * self.size)
+
+    def keep(self, index: int, data: bytes, statistics: Statistics) -> dict[str, Any]:
+        """Write a chunk and then its record."""
+        if statistics.rows != self.rows(index):
+            message = f"chunk {index} came back with {statistics.rows} rows, not {self.rows(index)}"
+            raise MachineError(f"{self.folder}: {message}. Run the same command again to resume.")
+        files.write(self.folder / f"{_stem(index)}.parquet", data)
+        record = {
+            "chunk": index,
+            "job": self.digest,
+            "input": self.source.stamp(),
+            "rows": statistics.rows,
+            "bytes": len(data),
+            "sha256": hashlib.sha256(data).hexdigest(),
+            "statistics": dataclasses.asdict(statistics),
+        }
+        files.write(self.folder / f"{_stem(index)}.json", _json(record))
+        return record
+
+    def record(self, index: int) -> dict[str, Any] | None:
+        """Return the record of a chunk that is complete; None if it has to be made."""
+        path = self.folder / f"{_stem(index)}.json"
+        record = _object(files.read(path))
+        if record is None:
+            return None
+        wanted = {"chunk": index, "job": self.digest, "input": self.source.stamp(), "rows": self.rows(index)}
+        if any(record.get(key) != value for key, value in wanted.items()) or not self._counts(record):
+            return None
+        found = files.digest(path.with_suffix(".parquet"))
+        return record if found == (record.get("sha256"), record.get("bytes")) else None
+
+    def _counts(self, record: dict[str, Any]) -> bool:
+        """Return whether the counts of a record are of the kind that this job keeps, and add up."""
+        told = record.get("statistics")
+        if not isinstance(told, dict):
+            return False
+        try:
+            one = Statistics(**cast(dict[str, Any], told))
+            expected = self.evaluation.table(np.zeros((0, len(self.evaluation.coordinates))), 0)[1]
+            shapes = all(np.shape(getattr(one, f)) == np.shape(getattr(expected, f)) for f in _COUNTS)
+            numbers = all(np.asarray(getattr(one, f)).dtype.kind in "fiu" for f in _COUNTS if getattr(one, f))
+        except (TypeError, ValueError):
+            return False
+        if not (shapes and numbers) or type(one.rows) is not int or type(one.invalid) is not int:
+            return False
+        return one.rows == record["rows"] and (not one.verdicts or sum(one.verdicts) == one.rows)
+
+    def check(self, done: dict[int, Any], count: int, made: list[int]) -> None:
+        """Compare the whole with the source; chunks made from an input that changed are taken back.
+
+        Raises:
+            InputError: If the input changed.
+            MachineError: If a chunk is missing, or the rows are not those of the source.
+        """
+        rows = sum(record["rows"] for record in done.values())
+        if sorted(done) != list(range(count)) or rows != self.source.rows:
+            message = f"{len(done)} of {count} chunks came back, with {rows} of {self.source.rows} rows"
+            raise MachineError(f"{self.folder}: {message}. Run the same command again to resume.")
+        try:
+            self.source.check()
+        except Exception:
+            for index in made:  # none of these may be taken for a chunk of the file that the manifest names
+                files.write(self.folder / f"{_stem(index)}.json", _json({"spoilt": "the input changed meanwhile"}))
+            raise
+
+
+_COUNTS = ("verdicts", "minima", "contacts", "histograms")
 
 
 def write_chunk(evaluation: Evaluation, Q: Array, start: int, threads: int = 1) -> tuple[bytes, Statistics]:
@@ -148,36 +244,6 @@ def _results(
         yield index, write_chunk(evaluation, Q, index * size, threads)
 
 
-def _keep(folder: Path, index: int, data: bytes, statistics: Statistics) -> dict[str, Any]:
-    """Write a chunk and then its record, each by an atomic rename."""
-    _write(folder / f"{_stem(index)}.parquet", data)
-    record = {
-        "rows": statistics.rows,
-        "bytes": len(data),
-        "sha256": hashlib.sha256(data).hexdigest(),
-        "statistics": dataclasses.asdict(statistics),
-    }
-    _write(folder / f"{_stem(index)}.json", _json(record))
-    return record
-
-
-def _record(folder: Path, index: int) -> dict[str, Any] | None:
-    """Return the record of a chunk that is complete; None if it has to be made."""
-    path = folder / f"{_stem(index)}.json"
-    data = path.with_suffix(".parquet")
-    if not path.is_file() or not data.is_file():
-        return None
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError:
-        return None
-    digest = hashlib.sha256()
-    with data.open("rb") as file:
-        while block := file.read(1 << 20):
-            digest.update(block)
-    return record if digest.hexdigest() == record.get("sha256") else None
-
-
 def _merge(evaluation: Evaluation, parts: list[Statistics]) -> Statistics:
     rows, invalid = sum(part.rows for part in parts), sum(part.invalid for part in parts)
     verdicts = [sum(counts) for counts in zip(*(part.verdicts for part in parts), strict=True)]
@@ -195,16 +261,6 @@ def _stem(index: int) -> str:
 
 def _json(value: Any) -> bytes:
     return (json.dumps(value, indent=1, default=list) + "\n").encode()
-
-
-def _write(path: Path, data: bytes) -> None:
-    """Write a file so that it is there whole or not at all, also after a power cut."""
-    temporary = path.with_name(f".{path.name}.tmp")
-    with temporary.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, path)
 
 
 def _manifest(evaluation: Evaluation, source: Source, chunk_rows: int) -> dict[str, Any]:
@@ -231,53 +287,43 @@ def _manifest(evaluation: Evaluation, source: Source, chunk_rows: int) -> dict[s
     }
 
 
-def _claim(folder: Path, manifest: dict[str, Any]) -> None:
-    """Start a job in an empty folder, or check that the one there is the same."""
+def _look(folder: Path, manifest: dict[str, Any]) -> None:
+    """Refuse a folder that is neither empty nor of this job, before anything in it is touched.
+
+    Raises:
+        InputError: If it is of something else.
+    """
     path = folder / "manifest.json"
-    for left in folder.glob(".*.tmp"):
-        left.unlink()
-    if not path.is_file():
-        others = sorted(entry.name for entry in folder.iterdir() if entry.name != _LOCK)
+    text = files.read(path)
+    if text is None:
+        others = sorted(entry.name for entry in folder.iterdir() if not files.own(entry.name))
         if others:
-            raise _bad(
-                folder, f"holds other files ({', '.join(others[:4])})", "Give an empty folder, or that of the same job"
-            )
-        _write(path, _json(manifest))
+            message = f"it holds other files ({', '.join(others[:4])})"
+            raise files.bad(folder, message, "Give an empty folder, or that of the same job")
         return
-    try:
-        there = json.loads(path.read_text(encoding="utf-8"))["job"]
-    except (json.JSONDecodeError, KeyError, TypeError) as error:
-        raise _bad(path, f"is no manifest of pinbound ({error})", "Give an empty folder") from error
-    mine = json.loads(_json(manifest["job"]))
-    differing = [key for key in mine if there.get(key) != mine[key]]
+    there = _object(text)
+    job: Any = None if there is None else there.get("job")
+    if there is None or not isinstance(job, dict):
+        raise files.bad(path, "it is no manifest of a batch", "Give an empty folder")
+    if there.get("format") != FORMAT:
+        message = f"it is of another version of pinbound (format {there.get('format')!r}, not {FORMAT})"
+        raise files.bad(path, message, "Give another folder")
+    mine, theirs = json.loads(_json(manifest["job"])), cast(dict[str, Any], job)
+    differing = [key for key in mine if theirs.get(key) != mine[key]]
     if differing:
-        words = "; ".join(f"{key} is {there.get(key)} there and {mine[key]} here" for key in differing)
-        raise _bad(path, f"is of another job: {words}", "Give the same options, or another folder")
+        words = "; ".join(f"{key} is {theirs.get(key)} there and {mine[key]} here" for key in differing)
+        raise files.bad(path, f"it is of another job: {words}", "Give the same options, or another folder")
 
 
-_LOCK = ".lock"
-
-
-@contextmanager
-def _only_one(folder: Path) -> Generator[None, None, None]:
-    """Keep a second process out of the folder; the system lets go of the lock when a process dies."""
+def _object(text: bytes | None) -> dict[str, Any] | None:
+    """Return a JSON object; None if the text is none."""
     try:
-        fcntl: Any = importlib.import_module("fcntl")
-    except ImportError:
-        yield
-        return
-    with (folder / _LOCK).open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise _bad(folder, "another process is writing there", "Wait for it, or give another folder") from error
-        yield
+        value = None if text is None else json.loads(text.decode())
+    except (ValueError, RecursionError):
+        return None
+    return cast(dict[str, Any], value) if isinstance(value, dict) else None
 
 
 def _advance(advance: Advance | None, rows: int) -> None:
     if advance is not None:
         advance(rows)
-
-
-def _bad(path: Path, message: str, remedy: str) -> InputError:
-    return InputError([Problem(message, remedy, str(path))])

@@ -5,17 +5,21 @@ from __future__ import annotations
 import hashlib
 import importlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.exceptions import InputError, Problem, UnsupportedError, name_hint
+from pinbound.exceptions import InputError, Problem, name_hint
+from pinbound.tables import Table, open_table
+from pinbound.tables.arrays import NpyTable
 
-__all__ = ["FileSource", "GridSource", "RandomSource", "SobolSource", "Source", "load_arrow", "open_source"]
+__all__ = ["FileSource", "GridSource", "RandomSource", "SobolSource", "Source", "open_source"]
 
 Array = NDArray[np.float64]
 
@@ -48,6 +52,18 @@ class Source(Protocol):
         """Yield the wanted chunks in order, chunk i being rows `i size` to `(i + 1) size`."""
         ...
 
+    def stamp(self) -> list[int] | None:
+        """Return what changes when the rows do: size and time of change of a file; None for rows that are made."""
+        ...
+
+    def check(self) -> None:
+        """Refuse rows that are no longer those that were opened.
+
+        Raises:
+            InputError: If the file has changed since.
+        """
+        ...
+
 
 class _Anywhere:
     """A source whose chunks are read one by one."""
@@ -64,6 +80,12 @@ class _Anywhere:
     def chunks(self, size: int, wanted: Sequence[int]) -> Iterator[tuple[int, Array]]:
         for index in wanted:
             yield index, self.read(index * size, min((index + 1) * size, self.rows))
+
+    def stamp(self) -> list[int] | None:
+        return None
+
+    def check(self) -> None:
+        return
 
 
 @dataclass(frozen=True)
@@ -170,144 +192,162 @@ class GridSource(_Anywhere):
 
 @dataclass(frozen=True)
 class FileSource:
-    """Rows of a CSV, Parquet or NPY file.
+    """Rows of a CSV, NPY, NPZ or Parquet file.
 
     Attributes:
         path: The file.
         coordinates: Columns that are read, in q's order; an NPY has them as its columns.
         rows: N.
-        sha256: Of the file, so that a resumed job reads the same.
+        sha256: Of the file, so that a resumed job, and a worker elsewhere, reads the same.
+        degrees: (n,) which columns hold degrees; they are converted to radians.
     """
 
     path: str
     coordinates: tuple[str, ...]
     rows: int
     sha256: str
+    degrees: tuple[bool, ...] = ()
+    _stamp: list[int] = field(default_factory=list[int], compare=False)
 
     @property
     def is_random_access(self) -> bool:
-        """Only NPY, by memory map."""
-        return self.path.endswith(".npy")
+        """Whether rows can be read without those before them: NPY only."""
+        return self.path.lower().endswith(".npy")
 
     def describe(self) -> dict[str, Any]:
-        """Return kind, name and checksum."""
-        return {"kind": "file", "name": Path(self.path).name, "rows": self.rows, "sha256": self.sha256}
+        """Return kind, name, checksum and the columns in degrees."""
+        told: dict[str, Any] = {"kind": "file", "name": Path(self.path).name, "rows": self.rows, "sha256": self.sha256}
+        if any(self.degrees):
+            told["degrees"] = [name for name, angle in zip(self.coordinates, self.degrees, strict=True) if angle]
+        return told
+
+    def stamp(self) -> list[int] | None:
+        """Return size and time of change [ns] of the file as it is now."""
+        return _stamp(self.path)
+
+    def check(self) -> None:
+        """Refuse a file that has changed since it was opened.
+
+        Raises:
+            InputError: If its contents differ.
+        """
+        if _digest(self.path) != self.sha256:
+            raise self._changed()
 
     def read(self, start: int, stop: int) -> Array:
-        """Return rows start to stop."""
+        """Return rows start to stop.
+
+        Raises:
+            InputError: If the file is not the one that was opened: it changed, or another machine has another one.
+        """
         if self.is_random_access:
-            return np.array(np.load(self.path, mmap_mode="r")[start:stop], dtype=np.float64)
+            if _known_digest(self.path, *_stamp(self.path)) != self.sha256:
+                raise self._changed()
+            table = open_table(Path(self.path), self.coordinates)
+            if not isinstance(table, NpyTable):
+                raise self._changed()
+            return self._radians(table.read(start, stop))
         size = stop - start
         if start % size:
             raise ValueError("a streamed file is read in chunks of one size")
         return next(array for _, array in self.chunks(size, [start // size]))
 
     def chunks(self, size: int, wanted: Sequence[int]) -> Iterator[tuple[int, Array]]:
-        """Yield the wanted chunks; a streamed file is read from its beginning and what is not wanted is passed over."""
+        """Yield the wanted chunks; a streamed file is read from its beginning and what is not wanted is passed over.
+
+        Raises:
+            InputError: If the file has changed since it was opened, or holds another number of rows now.
+        """
         if self.is_random_access:
             for index in wanted:
                 yield index, self.read(index * size, min((index + 1) * size, self.rows))
             return
-        due, held, count, index = set(wanted), list[Array](), 0, 0
-        for batch in _batches(Path(self.path), self.coordinates):
+        due, held, count, index, total = set(wanted), list[Array](), 0, 0, 0
+        for block in self._table().blocks(self.coordinates):
+            total += len(block)
             start = 0
-            while start < len(batch):
-                part = batch[start : start + size - count]
+            while start < len(block):
+                part = block[start : start + size - count]
                 held.append(part)
                 count, start = count + len(part), start + len(part)
                 if count == size:
                     if index in due:
-                        yield index, np.concatenate(held)
+                        self._look()
+                        yield index, self._radians(np.concatenate(held))
                     held, count, index = [], 0, index + 1
+            if index > max(due, default=-1):
+                return  # what follows is not wanted
+        if total != self.rows:
+            raise self._changed()
         if count and index in due:
-            yield index, np.concatenate(held)
+            self._look()
+            yield index, self._radians(np.concatenate(held))
+
+    def _table(self) -> Table:
+        return open_table(Path(self.path), self.coordinates)
+
+    def _look(self) -> None:
+        if self._stamp and _stamp(self.path) != self._stamp and _digest(self.path) != self.sha256:
+            raise self._changed()
+
+    def _radians(self, Q: Array) -> Array:
+        for column in np.flatnonzero(self.degrees):
+            Q[:, column] = np.radians(Q[:, column])
+        return Q
+
+    def _changed(self) -> InputError:
+        remedy = "Give the file that the job began with, or start a new job in another folder"
+        return _bad(Path(self.path), "the file is not the one that was opened: it changed meanwhile", remedy)
 
 
-def open_source(path: Path, coordinates: Sequence[str]) -> FileSource:
+def open_source(path: Path, coordinates: Sequence[str], degrees: Sequence[bool] = ()) -> FileSource:
     """Return a file as a source: its columns are checked and its rows counted.
+
+    Args:
+        path: A .csv, .npy, .npz or .parquet file.
+        coordinates: Columns to read; an NPY has them in this order.
+        degrees: Which of them hold degrees; none by default.
 
     Raises:
         InputError: If it is of another kind, lacks a coordinate, or holds what is not a number.
     """
-    suffix = path.suffix.lower()
-    if suffix not in _READERS and suffix != ".npy":
-        raise _bad(path, f"{suffix or 'no suffix'} is not known", "Give a .csv, .parquet or .npy file")
-    with path.open("rb") as file:
-        digest = hashlib.sha256()
-        while block := file.read(1 << 20):
-            digest.update(block)
-    if suffix == ".npy":
-        try:
-            array = np.load(path, mmap_mode="r", allow_pickle=False)
-        except ValueError as error:
-            raise _bad(path, f"no NPY array: {error}", "Save it with numpy.save") from error
-        if array.ndim != 2 or array.shape[1] != len(coordinates) or array.dtype.kind not in "fiu":
-            names = ", ".join(coordinates)
-            message = f"an array {array.shape} of {array.dtype}"
-            raise _bad(path, message, f"Give numbers (N, {len(coordinates)}), the columns being: {names}")
-        rows = len(array)
-    else:
-        rows = sum(len(batch) for batch in _batches(path, coordinates))
-    return FileSource(str(path.resolve()), tuple(coordinates), rows, digest.hexdigest())
+    sha256, stamp = _digest(str(path)), _stamp(str(path))
+    table = open_table(path, coordinates)
+    missing = [name for name in coordinates if name not in table.names]
+    if missing:
+        hint = name_hint(missing[0], table.names)
+        message = f"has no column {', '.join(map(repr, missing))}; {hint}"
+        raise _bad(path, message, "Name the columns as the coordinates")
+    source = FileSource(
+        str(path.resolve()), tuple(coordinates), table.count(coordinates), sha256, tuple(degrees), stamp
+    )
+    if stamp != _stamp(str(path)):
+        source.check()
+    return source
+
+
+def _stamp(path: str) -> list[int]:
+    found = os.stat(path)
+    return [found.st_size, found.st_mtime_ns]
+
+
+def _digest(path: str) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest() if hasattr(hashlib, "file_digest") else _blockwise(file)
+
+
+def _blockwise(file: Any) -> str:  # Python 3.10
+    digest = hashlib.sha256()
+    while block := file.read(1 << 20):
+        digest.update(block)
+    return digest.hexdigest()
+
+
+@lru_cache(maxsize=8)
+def _known_digest(path: str, size: int, changed: int) -> str:
+    """Return a file's checksum, read once for each state of the file that this process has seen."""
+    return _digest(path)
 
 
 def _bad(path: Path, message: str, remedy: str) -> InputError:
     return InputError([Problem(message, remedy, str(path))])
-
-
-def _batches(path: Path, coordinates: Sequence[str]) -> Iterator[Array]:
-    """Yield a file's rows (k, n) as they come; an empty cell is NaN."""
-    arrow: Any = load_arrow("pyarrow")
-    try:
-        for batch in _READERS[path.suffix.lower()](path, coordinates):
-            columns = [
-                np.asarray(batch.column(name).cast(arrow.float64()).to_numpy(zero_copy_only=False))
-                for name in coordinates
-            ]
-            yield np.stack(columns, axis=1) if columns else np.empty((batch.num_rows, 0))
-    except arrow.ArrowInvalid as error:
-        raise _bad(
-            path, f"cannot be read: {error}", "Every coordinate is a column of numbers; an empty cell is NaN"
-        ) from error
-
-
-def _csv_batches(path: Path, coordinates: Sequence[str]) -> Iterator[Any]:
-    arrow: Any = load_arrow("pyarrow")
-    csv: Any = load_arrow("pyarrow.csv")
-    with path.open(encoding="utf-8") as file:
-        found = [name.strip().strip('"') for name in file.readline().split(",")]
-    _check_columns(path, found, coordinates)
-    types = dict.fromkeys(coordinates, arrow.float64())
-    options = csv.ConvertOptions(column_types=types, include_columns=list(coordinates))
-    yield from csv.open_csv(path, convert_options=options)
-
-
-def _parquet_batches(path: Path, coordinates: Sequence[str]) -> Iterator[Any]:
-    parquet: Any = load_arrow("pyarrow.parquet")
-    file = parquet.ParquetFile(path)
-    _check_columns(path, file.schema_arrow.names, coordinates)
-    yield from file.iter_batches(batch_size=_BLOCK, columns=list(coordinates))
-
-
-_READERS: Mapping[str, Any] = {".csv": _csv_batches, ".parquet": _parquet_batches}
-
-
-def _check_columns(path: Path, found: Sequence[str], coordinates: Sequence[str]) -> None:
-    missing = [name for name in coordinates if name not in found]
-    if missing:
-        hint = name_hint(missing[0], found)
-        raise _bad(
-            path, f"has no column {', '.join(map(repr, missing))}; {hint}", "Name the columns as the coordinates"
-        )
-
-
-def load_arrow(module: str) -> Any:
-    """Return a module of PyArrow, an extra.
-
-    Raises:
-        UnsupportedError: If it is not installed.
-    """
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise UnsupportedError("a batch needs PyArrow, which is not installed; install pinbound[batch]") from error

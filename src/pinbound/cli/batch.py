@@ -41,20 +41,25 @@ from pinbound.robot import Robot
 __all__ = ["batch"]
 
 QUANTILES = (0.01, 0.1, 0.5, 0.9)
+_DIGITS = 15
 
 
 def batch(
     robot: RobotName,
     out: Annotated[Path, typer.Option(help="Folder for the Parquet files; that of an unfinished job is resumed.")],
-    file: Annotated[Path | None, typer.Option("--in", help="CSV, Parquet or NPY file, a column a coordinate.")] = None,
+    file: Annotated[
+        Path | None, typer.Option("--in", help="CSV, NPY, NPZ or Parquet file, a column a coordinate.")
+    ] = None,
     grid: Annotated[
         str | None, typer.Option(help="q2=-1.5:1.5:301,q3=...: from, to, count; home where left out.")
     ] = None,
-    random: Annotated[int | None, typer.Option(help="So many uniform points of the box of joint limits.")] = None,
-    sobol: Annotated[int | None, typer.Option(help="So many scrambled Sobol points of that box.")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of --random and --sobol.")] = 0,
+    random: Annotated[
+        int | None, typer.Option(help="So many uniform points of the box of joint limits.", min=0)
+    ] = None,
+    sobol: Annotated[int | None, typer.Option(help="So many scrambled Sobol points of that box.", min=0)] = None,
+    seed: Annotated[int, typer.Option(help="Seed of --random and --sobol.", min=0)] = 0,
     within: Annotated[str | None, typer.Option(help="q2=-3:3,...: another box for --random and --sobol.")] = None,
-    deg: Annotated[bool, typer.Option("--deg", help="Angles of --grid and --within are in degrees.")] = False,
+    deg: Annotated[bool, typer.Option("--deg", help="Angles of --in, --grid and --within are in degrees.")] = False,
     columns: Annotated[str, typer.Option(help=f"Some of: {', '.join(COLUMNS)}.")] = "coordinates,smallest,verdict",
     chunk_rows: Annotated[int, typer.Option(help="Rows a file; memory is a small multiple of one.", min=1)] = 1_000_000,
     threads: Annotated[int, typer.Option(help="Threads of the kernel.", min=1)] = 1,
@@ -87,7 +92,12 @@ def batch(
             speed = progress.tasks[0].finished_speed or progress.tasks[0].speed
             progress.update(task, rate=f"{speed / 1e6:.3g} M rows/s" if speed else "")
 
-        outcome = run(evaluation, source, out, chunk_rows, threads, scheduler, advance)
+        try:
+            outcome = run(evaluation, source, out, chunk_rows, threads, scheduler, advance)
+        except KeyboardInterrupt:
+            progress.stop()
+            typer.echo(f"pinbound: stopped; {out} keeps what is done: run the same command again to resume.", err=True)
+            raise typer.Exit(130) from None
     record = _record(evaluation, outcome)
     if as_json:
         emit_json(record)
@@ -117,13 +127,13 @@ def _source(
     if len(given) != 1:
         raise _bad("batch", f"{len(given)} sources of configurations", "Give one of --in, --grid, --random, --sobol")
     if file is not None:
-        return open_source(file, robot.coordinates)
+        return open_source(file, robot.coordinates, [deg and robot.turns(name) for name in robot.coordinates])
     if grid is not None:
         axes = [(float(value), float(value), 1) for value in robot.home]
         for index, words in _parts(robot, "--grid", grid, 3, "NAME=FROM:TO:COUNT"):
             low, high = _ends(robot, index, words, deg, "--grid")
-            if not words[2].isdigit() or int(words[2]) < 1:
-                raise _bad("--grid", f"{words[2]!r} is no count", "Write NAME=FROM:TO:COUNT, COUNT 1 or more")
+            if not (words[2].isascii() and words[2].isdigit() and 0 < len(words[2].lstrip("0")) <= _DIGITS):
+                raise _bad("--grid", f"{words[2]!r} is no count", "Write NAME=FROM:TO:COUNT, COUNT from 1 to 10^15")
             axes[index] = (low, high, int(words[2]))
         return GridSource(tuple(axes))
     lower, upper = robot.lower.copy(), robot.upper.copy()
@@ -133,8 +143,8 @@ def _source(
         if not (math.isfinite(lower[index]) and math.isfinite(upper[index])):
             raise _bad("--within", f"{name!r} has no limits", f"Give its box, e.g. --within {name}=-3.14:3.14")
     count = random if random is not None else sobol
-    if count is None or count < 0:
-        raise _bad(given[0], f"{count} configurations", "Give 0 or more")
+    if count is None or count >= 10**_DIGITS:
+        raise _bad(given[0], f"{count} configurations", "Give from 0 to 10^15")
     kind = RandomSource if random is not None else SobolSource
     return kind(count, seed, tuple(lower.tolist()), tuple(upper.tolist()))
 

@@ -15,7 +15,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from pinbound.exceptions import InputError, PinboundError, Problem
+from pinbound.exceptions import InputError, MachineError, PinboundError, Problem
 from pinbound.robot import Robot, load
 
 __all__ = [
@@ -38,6 +38,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _PIPE_WIDTH = 140
+_INPUT = (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError, FileExistsError)
 
 RobotName = Annotated[str, typer.Argument(help="A packaged robot's name, or a path to a .urdf or .xacro.")]
 Annotations = Annotated[Path | None, typer.Option(help="YAML sidecar with the annotations.")]
@@ -53,16 +54,24 @@ def console(stderr: bool = False) -> Console:
 
 
 def guarded(command: Callable[P, R]) -> Callable[P, R]:
-    """Turn an expected error into one message on stderr and exit code 2."""
+    """Turn an expected error into one message on stderr: exit code 2 for bad input, 3 where the machine failed."""
 
     @functools.wraps(command)
     def run(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
             return command(*args, **kwargs)
+        except MachineError as error:
+            typer.echo(f"pinbound: {error}", err=True)
+            raise typer.Exit(3) from error
         except PinboundError as error:
             typer.echo(f"pinbound: {error}", err=True)
+        except BrokenPipeError:
+            raise  # the reader of our output has had enough: no fault, see `main`
         except OSError as error:
-            typer.echo(f"pinbound: {error.filename}: {error.strerror}", err=True)
+            place = error.filename if error.filename is not None else command.__name__
+            typer.echo(f"pinbound: {place}: {error.strerror or error}", err=True)
+            if not isinstance(error, _INPUT):
+                raise typer.Exit(3) from error
         raise typer.Exit(2)
 
     return run
