@@ -128,8 +128,9 @@ def history(
 def read_motion(robot: Robot, path: str | Path, deg: bool = False) -> Motion:
     r"""Read a motion from a file: one column a coordinate, by name, and optionally `time`.
 
-    The file is a .csv, .npy, .npz or .parquet (`pinbound.tables` has the rules). Followers may have columns too, as recordings do; they must follow. An `.npz` holds one array a column; the
-    columns of an `.npy` are the coordinates, in order.
+    The file is a .csv, .npy, .npz or .parquet (`pinbound.tables` has the rules). Mimic joints may have columns too, as
+    recordings do; they must follow. An `.npz` holds one array a column; the columns of an `.npy` are the coordinates,
+    in order.
 
     Args:
         robot: The robot.

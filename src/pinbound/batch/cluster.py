@@ -1,6 +1,6 @@
 """The chunks of a job as tasks of a Dask cluster: same tables, same bytes, written by this process alone.
 
-A worker that dies takes no chunk along: its tasks run again on the others, and a chunk is on disk only when it is whole.
+A worker that dies takes no chunk along: its tasks run again on the others, and a chunk is on disk only once whole.
 If no worker is left, or the scheduler goes, the job stops with a `MachineError`, and the same call resumes it.
 """
 

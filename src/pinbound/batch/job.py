@@ -2,10 +2,10 @@
 
 In the folder: `manifest.json` (robot, options, versions, state), `part-00000012.parquet` for each chunk, and beside it
 `part-00000012.json` (number, job, rows, SHA-256, counts). The Parquet file is renamed into place first, the record
-second, so that a record stands for a chunk that is complete. On resuming, a chunk counts as done if its record is of this
-job, of this chunk and of as many rows as the source has there, if the input has not been touched since, and if the
-checksum of its file is right. Anything else is made again. At the end the totals must be those of the source, and a file
-that was read must still be the one that was opened.
+second, so that a record stands for a chunk that is complete. On resuming, a chunk counts as done if its record is of
+this job, of this chunk and of as many rows as the source has there, if the input has not been touched since, and if the
+checksum of its file is right. Anything else is made again. At the end the totals must be those of the source, and a
+file that was read must still be the one that was opened.
 """
 
 from __future__ import annotations
