@@ -84,5 +84,35 @@ def test_a_worker_killed_in_the_middle_changes_nothing(cluster: Any, tmp_path: P
 
 def test_no_scheduler_at_the_address_is_said(tmp_path: Path) -> None:
     evaluation = evaluation_of(pb.load("minervabot_v3"), ("verdict",), backend="numpy")
-    with pytest.raises(pb.UnsupportedError, match="no Dask scheduler answers at 'nonsense://'"):
-        run(evaluation, RandomSource(10, 1, *BOX), tmp_path / "o", scheduler="nonsense://")
+    for address in ("nonsense://", "nonsense://here:1", "localhost:8786", "tcp://127.0.0.1", "tcp://127.0.0.1:x"):
+        with pytest.raises(pb.InputError, match=f"the scheduler's address is '{address}'"):
+            run(evaluation, RandomSource(10, 1, *BOX), tmp_path / "o", scheduler=address)
+    with pytest.raises(pb.MachineError, match="no Dask scheduler answers at 'tcp://127.0.0.1:1'"):
+        run(evaluation, RandomSource(10, 1, *BOX), tmp_path / "o", scheduler="tcp://127.0.0.1:1")
+
+
+def test_a_cluster_that_loses_all_workers_or_its_scheduler_is_a_failure_of_the_machine(tmp_path: Path) -> None:
+    """What is written is kept, and the same call completes it elsewhere with the same bytes."""
+    evaluation = evaluation_of(pb.load("minervabot_v3"), ("clearances", "verdict"), backend="numpy")
+    source = RandomSource(600_000, 8, *BOX)
+    run(evaluation, source, tmp_path / "here", chunk_rows=10_000)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+        ) as made:
+
+            def stop() -> None:
+                deadline = time.monotonic() + 60
+                while len(list((tmp_path / "there").glob("part-*.json"))) < 3 and time.monotonic() < deadline:
+                    time.sleep(0.002)
+                made.scale(0)
+
+            thread = threading.Thread(target=stop)
+            thread.start()
+            with pytest.raises(pb.MachineError, match="run the same command again to resume"):
+                run(evaluation, source, tmp_path / "there", chunk_rows=10_000, scheduler=made.scheduler_address)
+            thread.join()
+    assert 3 <= len(digests(tmp_path / "there")) < 60
+    run(evaluation, source, tmp_path / "there", chunk_rows=10_000)
+    assert digests(tmp_path / "there") == digests(tmp_path / "here")

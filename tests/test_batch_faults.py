@@ -185,10 +185,9 @@ def test_degrees_of_a_file_are_converted(tmp_path: Path) -> None:
         (["--random", "5", "--scheduler", "tcp://127.0.0.1:1"], 3, "no Dask scheduler answers"),
     ],
 )
-def test_exit_codes(words: list[str], code: int, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exit_codes(words: list[str], code: int, message: str, tmp_path: Path) -> None:
     if "--scheduler" in words:
         pytest.importorskip("distributed")
-        monkeypatch.setattr("pinbound.batch.cluster._CONNECT", "1s")
     result = CliRunner().invoke(app, ["batch", "minervabot_v3", "--out", str(tmp_path / "o"), *words])
     assert result.exit_code == code, result.output
     assert message in result.output

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import importlib
+import socket
+import urllib.parse
 from collections.abc import Iterator
 from typing import Any
 
@@ -22,6 +24,7 @@ from pinbound.exceptions import InputError, MachineError, Problem, UnsupportedEr
 __all__ = ["results"]
 
 _CONNECT = "20s"
+_KNOCK = 10.0  # seconds
 _TASKS_PER_THREAD = 2
 """Chunks under way for each thread of the cluster: enough to keep it busy, and flat in memory."""
 
@@ -40,12 +43,12 @@ def results(
         distributed: Any = importlib.import_module("distributed")
     except ImportError as error:
         raise UnsupportedError("a scheduler needs Dask; install pinbound[distributed]") from error
-    if "://" not in address:
-        message = f"the scheduler's address is {address!r}"
-        raise InputError([Problem(message, "Write it whole, e.g. tcp://127.0.0.1:8786", "--scheduler")])
+    _knock(address)
     try:
         client = distributed.Client(address, timeout=_CONNECT, set_as_default=False)
-    except (OSError, ValueError, ImportError) as error:
+    except ValueError as error:
+        raise _no_address(address, f"; {_words(error)}") from error
+    except (OSError, ImportError) as error:
         raise MachineError(
             f"no Dask scheduler answers at {address!r} ({_words(error)}); start it, then run again"
         ) from error
@@ -73,6 +76,31 @@ def results(
         except lost as error:
             message = f"the cluster at {address!r} lost its scheduler or its workers ({_words(error)})"
             raise MachineError(f"{message}. What is written is kept: run the same command again to resume.") from error
+
+
+def _knock(address: str) -> None:
+    """Refuse an address at which nothing listens, before Dask waits for it."""
+    parts = urllib.parse.urlsplit(address)
+    try:
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise _no_address(address, f"; {_words(error)}") from error
+    if "://" not in address or not parts.netloc:
+        raise _no_address(address)
+    if parts.scheme not in ("tcp", "tls"):
+        return  # Dask knows other ways; it says itself what it cannot
+    if not host or not port:
+        raise _no_address(address)
+    try:
+        socket.create_connection((host, port), timeout=_KNOCK).close()
+    except OSError as error:
+        message = f"no Dask scheduler answers at {address!r} ({_words(error)}); start it, then run again"
+        raise MachineError(message) from error
+
+
+def _no_address(address: str, why: str = "") -> InputError:
+    message = f"the scheduler's address is {address!r}{why}"
+    return InputError([Problem(message, "Write it whole, e.g. tcp://127.0.0.1:8786", "--scheduler")])
 
 
 def _lost(distributed: Any) -> tuple[type[BaseException], ...]:
