@@ -87,7 +87,7 @@ def test_no_scheduler_at_the_address_is_said(tmp_path: Path) -> None:
     for address in ("nonsense://", "nonsense://here:1", "localhost:8786", "tcp://127.0.0.1", "tcp://127.0.0.1:x"):
         with pytest.raises(pb.InputError, match=f"the scheduler's address is '{address}'"):
             run(evaluation, RandomSource(10, 1, *BOX), tmp_path / "o", scheduler=address)
-    with pytest.raises(pb.MachineError, match="no Dask scheduler answers at 'tcp://127.0.0.1:1'"):
+    with pytest.raises(pb.MachineError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:1'"):
         run(evaluation, RandomSource(10, 1, *BOX), tmp_path / "o", scheduler="tcp://127.0.0.1:1")
 
 
