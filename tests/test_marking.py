@@ -136,7 +136,7 @@ def test_reasons_for_leaving_pairs_out_hold(tmp_path: Path) -> None:
     bare = pb.load(path)
     proposal = pb.propose_marks(bare)
     reasons = {(a, b): reason for a, b, reason in proposal.left_out}
-    assert reasons["base", "a"] == reasons["a", "b"] == "parent and child"
+    assert reasons["base", "a"] == reasons["a", "b"] == "neighbours"
     assert reasons["base", "b"] == "can never meet"
     Q = np.random.default_rng(0).uniform(-3.2, 3.2, (20_000, 4))
     gap = np.linalg.norm(bare.positions("base", Q) - bare.positions("b", Q, (0, 0, 0.2)), axis=1)

@@ -27,6 +27,7 @@ FLOORS = [
     ("certificates",),
     ("bodies",),
     ("covers",),
+    ("homes",),
     ("marking",),
     ("region",),
     ("batch", "motion", "inverse_kinematics"),

@@ -237,7 +237,7 @@ class _Reader:
         if len(shapes) != 1:
             held = ", ".join(f"<{_raw_name(one)}>" for one in shapes)
             message = f"the <geometry> of {what} " + (f"holds {len(shapes)} shapes: {held}" if shapes else "is empty")
-            remedy = f"Give each shape its own <collision>; shapes: {', '.join(_READ)}"
+            remedy = "Give each shape a body of its own" if shapes else f"Give it one of: {', '.join(_READ)}"
             self.problems.add(message, remedy, geometry.sourceline)
             return None
         name = _raw_name(shapes[0])

@@ -86,8 +86,8 @@ LIMIT: Final = 1e-12
 along a spline, end up this close on either side."""
 
 LARGEST_BODY: Final = 1e9
-"""Metres. A longer body, or one further from its link, is a fault of the file: no robot is so large, and sums of squares
-of such lengths stay far from overflow."""
+"""Metres. A longer body, or one further from its link, is a fault of the file: no robot is so large, and sums of
+squares of such lengths stay far from overflow."""
 
 PRECISION: Final = 1e-6
 """Metres. Default width of the bounds of a motion's smallest clearance: a tenth of the rounding of 0.01 mm data."""

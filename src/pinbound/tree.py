@@ -150,7 +150,7 @@ class Tree:
         return found
 
     def _axes_between(self, link_a: str, link_b: str) -> Iterator[tuple[Joint, float, _Vector, _Vector, float]]:
-        """Yield each moving joint from a to b, its sign, its axis and place in a's frame at zero, and the way so far."""
+        """Yield each moving joint from a to b: joint, sign, axis and place in a's frame at zero, length so far."""
         above_b = set(self.lineage(link_b))
         meeting = next(name for name in self.lineage(link_a) if name in above_b)
         rotation, place, scale = np.eye(3), np.zeros(3), 0.0
