@@ -200,7 +200,8 @@ class _Reader:
         what = f"{source} {name!r} of link {link!r}" if name else f"{source} {index} of link {link!r}"
         before = len(self.problems.found)
         self._strangers(element, what, ("origin", "geometry"))
-        geometry = self._one(element, "geometry", f"the {what}")
+        misspelt = len(self.problems.found) > before
+        geometry = self._one(element, "geometry", f"the {what}", optional=misspelt)
         origin = self._one(element, "origin", f"the {what}", optional=True)
         rotation, translation = self._placement(origin, f"the origin of the {what}")
         shape = None if geometry is None else self._shape(geometry, f"the {what}")
