@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from lxml import etree
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from pinbound.chain import rotation_matrix
 from pinbound.document import Document, parse_floats
 from pinbound.exceptions import Problems, name_hint
-from pinbound.robot import Robot
 from pinbound.tolerances import LARGEST_BODY
 
 __all__ = ["SHAPES", "Body", "LinkBodies", "collision_bodies", "read_bodies"]
@@ -50,6 +49,15 @@ _OTHERS = (
     "torus",
 )
 _ALIKE = 0.75  # difflib's ratio, from 0 to 1: above this one word is a misspelling of the other
+
+
+class HasDocument(Protocol):
+    """What was read from an XML document, as a `Robot` was."""
+
+    @property
+    def document(self) -> Document:
+        """The document."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +114,7 @@ class LinkBodies:
     notes: tuple[str, ...]
 
 
-def collision_bodies(robot: Robot) -> tuple[Body, ...]:
+def collision_bodies(robot: HasDocument) -> tuple[Body, ...]:
     """Return the bodies of all links, in file order: collision bodies, else visual bodies.
 
     A link without any ``<collision>`` is taken to have the bodies that its ``<visual>`` elements draw, for it has a
