@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 _FAR = {True: math.pi, False: 1.0}  # radians or metres from home, for a coordinate without limits
 _WIDEST = {True: 2 * math.pi, False: 10.0}  # radians or metres from home: no candidate is further away
 _ROUNDS = 20
+_NARROW = 0.01  # of the widest limit: a limit that is narrower is walked along
 
 
 def within_limits(limits: Sequence[LinearLimit], Q: Array) -> NDArray[np.bool_]:
@@ -82,9 +83,12 @@ def _hit_and_run(robot: Robot, box: tuple[Array, Array], count: int, rng: np.ran
     """Return configurations (count, n), each from the one before by a random step along a random line."""
     rows, low, high = _inequalities(robot, box)
     q = robot.home if within_limits(robot.linear_limits, robot.home[None])[0] else _inside(robot, rows, low, high)
+    along = _wide_directions(rows, low, high)
     found = np.empty((count, len(q)))
     for row in range(count):
         direction = rng.normal(size=len(q))
+        if row % 2 and np.any(along):
+            direction = along @ direction  # along narrow limits: across them each step is short
         rate, value = rows @ direction, rows @ q
         with np.errstate(divide="ignore", invalid="ignore"):
             ends = np.sort(np.stack(((low - value) / rate, (high - value) / rate)), axis=0)
@@ -96,6 +100,16 @@ def _hit_and_run(robot: Robot, box: tuple[Array, Array], count: int, rng: np.ran
             q = following
         found[row] = q
     return found
+
+
+def _wide_directions(rows: Array, low: Array, high: Array) -> Array:
+    """Return the projection (n, n) onto the directions in which no limit is narrow."""
+    width = (high - low) / np.maximum(np.linalg.norm(rows, axis=1), LIMIT)
+    finite = width[np.isfinite(width)]
+    narrow = rows[width <= _NARROW * np.max(finite, initial=0.0)]
+    if not len(narrow):
+        return np.zeros((rows.shape[1], rows.shape[1]))
+    return np.eye(rows.shape[1]) - np.linalg.pinv(narrow) @ narrow
 
 
 def _inequalities(robot: Robot, box: tuple[Array, Array]) -> tuple[Array, Array, Array]:

@@ -296,7 +296,7 @@ def _best_frame(chain: Chain, last_is_ancestor: bool) -> int:
 
 
 def _coordinates_between(chain: Chain) -> NDArray[np.int64]:
-    """Count the coordinates in the angles between any two positions, (k + 1, k + 1); turns about one axis are merged."""
+    """Count the coordinates in the angle between any two positions, (k + 1, k + 1); turns about one axis merged."""
     k, axes = chain.rotations, chain.axes
     crossed = np.abs(np.cross(axes[:, None], axes[None])).max(axis=2, initial=0.0) if k else np.zeros((0, 0))
     parallel, signs = crossed <= REDUCTION, np.sign(axes @ axes.T)

@@ -88,13 +88,13 @@ def _print(robot: Robot, proposal: Proposal, out: Path | None) -> None:
         missing.setdefault(body.link, Counter())[body.shape] += 1
     for link, shapes in missing.items():
         listed = ", ".join(f"{count} {shape}" for shape, count in shapes.items())
-        say(f"Not covered: {sum(shapes.values())} bodies of {link} ({listed}); no boundary speaks of them.")
+        count, it = (f"{sum(shapes.values())} bodies", "them") if sum(shapes.values()) > 1 else ("1 body", "it")
+        say(f"Not covered: {count} of {link} ({listed}); no boundary speaks of {it}.")
     if missing:
-        covered = sum(len(one.bodies) for one in proposal.covers)
+        few, all_of = len(proposal.uncovered), sum(len(one.bodies) for one in proposal.covers)
         say(
-            f"{len(proposal.uncovered)} of {covered + len(proposal.uncovered)} bodies carry no mark: nothing that is "
-            "said of this robot's boundaries holds for them. Mark them by hand (meshes, other shapes), or ask for "
-            "their shapes."
+            f"{few} of {few + all_of} bodies {'carry' if few > 1 else 'carries'} no mark: what is certified says nothing "
+            "of contact with them. Mark them by hand (meshes, other shapes), or ask for their shapes."
         )
 
 
