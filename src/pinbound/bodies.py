@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
@@ -181,8 +181,7 @@ class _Reader:
         if body.shape != "cylinder":
             self.notes.append(f"<collision_checking> names {body.name!r} of link {body.link!r}, which is no cylinder")
             return body
-        fields = {key: getattr(body, key) for key in Body.__dataclass_fields__}
-        return Body(**{**fields, "shape": "capsule"})
+        return replace(body, shape="capsule")
 
     def _capsules(self, link: etree._Element, what: str, names: Collection[str]) -> set[str]:
         """Return which bodies `<collision_checking>` says are capsules."""

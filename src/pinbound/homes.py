@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,15 +124,17 @@ def _inequalities(robot: Robot, box: tuple[Array, Array]) -> tuple[Array, Array,
 
 def _inside(robot: Robot, rows: Array, low: Array, high: Array) -> Array:
     """Return the configuration that is furthest inside all limits, measured in each limit's own unit."""
-    from scipy.optimize import linprog
+    import scipy.optimize
 
     n = rows.shape[1]
     A = np.vstack((np.column_stack((rows, np.ones(len(rows)))), np.column_stack((-rows, np.ones(len(rows))))))
     b = np.concatenate((high, -low))
     finite = np.isfinite(b)
     bounds = [*[(None, None)] * n, (0.0, 1.0)]
-    found = linprog(np.append(np.zeros(n), -1.0), A_ub=A[finite], b_ub=b[finite], bounds=bounds)
-    q = np.array(found.x[:n]) if found.x is not None else np.full(n, np.nan)
+    found = cast(Any, scipy.optimize).linprog(
+        np.append(np.zeros(n), -1.0), A_ub=A[finite], b_ub=b[finite], bounds=bounds
+    )
+    q: Array = np.full(n, np.nan) if found.x is None else np.array(found.x[:n], dtype=np.float64)
     if not within_limits(robot.linear_limits, q[None])[0]:
         raise UnsupportedError(
             f"no configuration of {robot.name!r} keeps the limits of all joints; widen the limits of mimic joints"

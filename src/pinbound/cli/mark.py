@@ -93,8 +93,8 @@ def _print(robot: Robot, proposal: Proposal, out: Path | None) -> None:
     if missing:
         few, all_of = len(proposal.uncovered), sum(len(one.bodies) for one in proposal.covers)
         say(
-            f"{few} of {few + all_of} bodies {'carry' if few > 1 else 'carries'} no mark: what is certified says nothing "
-            "of contact with them. Mark them by hand (meshes, other shapes), or ask for their shapes."
+            f"{few} of {few + all_of} bodies {'carry' if few > 1 else 'carries'} no mark: what is certified says "
+            "nothing of contact with them. Mark them by hand (meshes, other shapes), or ask for their shapes."
         )
 
 
