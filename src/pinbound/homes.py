@@ -131,10 +131,10 @@ def _inside(robot: Robot, rows: Array, low: Array, high: Array) -> Array:
     b = np.concatenate((high, -low))
     finite = np.isfinite(b)
     bounds = [*[(None, None)] * n, (0.0, 1.0)]
-    found = cast(Any, scipy.optimize).linprog(
+    found: Any = cast(Any, scipy.optimize).linprog(
         np.append(np.zeros(n), -1.0), A_ub=A[finite], b_ub=b[finite], bounds=bounds
     )
-    q: Array = np.full(n, np.nan) if found.x is None else np.array(found.x[:n], dtype=np.float64)
+    q: Any = np.full(n, np.nan) if found.x is None else np.array(found.x[:n], dtype=np.float64)
     if not within_limits(robot.linear_limits, q[None])[0]:
         raise UnsupportedError(
             f"no configuration of {robot.name!r} keeps the limits of all joints; widen the limits of mimic joints"
