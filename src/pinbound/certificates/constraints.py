@@ -286,7 +286,8 @@ def _limits(robot: Robot, lower: Array, upper: Array, degree: int) -> Limits:
 
 
 def _errors(robot: Robot, boundaries: Sequence[Boundary], chains: Bundle, lower: Array, upper: Array, degree: int):
-    return rounding_bound(chains, joints_between(robot, boundaries), lower, upper, degree)
+    places = np.array([boundary.place_error for boundary in boundaries])
+    return rounding_bound(chains, joints_between(robot, boundaries), lower, upper, degree) + places
 
 
 def joints_between(robot: Robot, boundaries: Sequence[Boundary]) -> Array:
