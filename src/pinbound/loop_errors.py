@@ -72,7 +72,7 @@ class _Shape:
     swing: float
 
     def bounds(self, span: tuple[float, float]) -> Array | None:
-        """Return the bounds (2,) [rad] of the passive joints' deviations while phi is in a range; None if there are none."""
+        """Return bounds (2,) [rad] of the passive joints' deviations while phi is in a range; None: there are none."""
         (a, b), (c, d) = self.found.pairs
         lengths = min(a.length, b.length), min(c.length, d.length)
         small, skew = sum(side.length for side in self.found.small), np.abs(self.found.constant)
@@ -114,7 +114,7 @@ class _Linkage:
         rows = found.rows[:, own]
         if np.linalg.matrix_rank(rows) < len(own):
             return Refusal(f"{names[own[0]]!r} and {names[own[1]]!r} do not move in it", "Name other passive joints")
-        inverse = np.linalg.inv(rows)
+        inverse: Array = np.linalg.inv(rows).astype(np.float64)
         held = next((pair for pair in _adjacent(found) if _fixed(pair, own)), None)
         if held is None:
             return Refusal("its passive joints move all of its sides", "Name other passive joints")
@@ -208,7 +208,7 @@ def _fixed(pair: tuple[Side, Side], own: list[int]) -> bool:
 
 
 def _range(c: Array, limits: Sequence[LinearLimit]) -> tuple[float, float]:
-    """Return an interval that `c @ q` stays in while every limit is kept: by each coordinate, and by parallel limits."""
+    """Return an interval that holds `c @ q` while every limit is kept: by each coordinate, and by parallel limits."""
     lower = upper = 0.0
     for index in np.flatnonzero(c):
         one = np.zeros(len(c))
@@ -259,7 +259,9 @@ def carry(
             continue
         found = linkage.open(closure)
         if isinstance(found, Refusal):
-            message = f"closure {closure.name!r}: its ends are up to {1e3 * closure.bound:.3g} mm apart, and by how much"
+            message = (
+                f"closure {closure.name!r}: its ends are up to {1e3 * closure.bound:.3g} mm apart, and by how much"
+            )
             problems.add(f"{message} its links are off is not known: {found.reason}", found.remedy, closure.mark.line)
             return settled.closures, notes
         linkage.opened[closure.name] = found[0]
@@ -268,7 +270,9 @@ def carry(
     lost = linkage.answer()
     if lost is not None:
         mark = next(closure.mark for closure in settled.closures if closure.name == lost)
-        message = f"closure {lost!r} shares joints with loops whose sides differ, and how it responds to them is not known"
+        message = (
+            f"closure {lost!r} shares joints with loops whose sides differ, and how it responds to them is not known"
+        )
         problems.add(message, "Give these loops equal sides", mark.line)
         return settled.closures, notes
     if not _bound(linkage, problems):
@@ -320,7 +324,9 @@ def _too_flat(
     mark, joints = linkage.opened[name].closure.mark, linkage.opened[name].joints
     flats = _flats(span)
     from_flat = min(abs(math.remainder(end, math.pi)) for end in span) if np.all(np.isfinite(span)) else 0.0
-    comes = "passes through its flat pose" if flats else f"comes within {math.degrees(from_flat):.3g} deg of its flat pose"
+    comes = (
+        "passes through its flat pose" if flats else f"comes within {math.degrees(from_flat):.3g} deg of its flat pose"
+    )
     where = _where(linkage, shape, flats)
     by = f"{1e6 * shape.found.mismatch:.4g} um"
     does = "no bound of the links' error is known, and the linkage can leave the parallelogram"
@@ -338,7 +344,8 @@ def _remedy(linkage: _Linkage, shape: _Shape) -> str:
         bounds = shape.bounds((low, high))
         if bounds is not None and np.all(bounds <= _COMFORTABLE):
             what, ends = _as_limit(linkage, shape, (low, high))
-            return f"Give it equal sides, or limit {what} to {ends[0]:.6g} .. {ends[1]:.6g} rad ({degrees:g} deg from flat)"
+            limit = f"{what} to {ends[0]:.6g} .. {ends[1]:.6g} rad"
+            return f"Give it equal sides, or limit {limit} ({degrees:g} deg from flat)"
     return "Give it equal sides"
 
 
@@ -381,12 +388,20 @@ def _flat_note(linkage: _Linkage, closure: Closure, shape: _Shape) -> list[str]:
 
 def _note(linkage: _Linkage, name: str, found: Sequence[Deviation]) -> str:
     shape = linkage.now(name)
-    differ = 0.0 if isinstance(shape, Refusal) else shape.found.mismatch
-    moved = ", ".join(f"{one.joint!r} by up to {one.bound:.3g} rad" for one in found)
-    why = f"the sides of its loop differ by {1e6 * differ:.4g} um in all" if differ else "it responds to other loops"
+    reasons: list[str] = []
+    if not isinstance(shape, Refusal):
+        if shape.found.mismatch:
+            reasons.append(f"the sides of its loop differ by {1e6 * shape.found.mismatch:.4g} um in all")
+        if np.any(shape.found.constant):
+            off = float(np.abs(shape.found.constant).max())
+            reasons.append(f"its joints' offsets are {off:.3g} rad from those that keep its sides parallel")
+    if not reasons:
+        return f"closure {name!r} shares joints with loops whose sides differ, and responds to them"
+    moved = ", ".join(f"{one.joint!r} by up to {one.bound:.3g} rad" for one in found if one.bound)
     return (
-        f"closure {name!r}: {why}; within the joint limits the true linkage leaves the coupling in {moved}; the "
-        "boundaries that this moves keep as much more distance (place_error), and limits of these joints are narrower"
+        f"closure {name!r}: {' and '.join(reasons)}; within the joint limits the true linkage leaves the coupling in "
+        f"{moved}; the boundaries that this moves keep as much more distance (place_error), and limits of these joints "
+        "are narrower by it"
     )
 
 

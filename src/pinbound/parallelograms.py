@@ -66,9 +66,7 @@ def couple_parallelogram(
     return _substitute(coupling, found.rows, found.constant, passive)
 
 
-def passive_coordinates(
-    closure: Closure, coupling: Coupling, rows: Array, depth: Sequence[int]
-) -> list[int] | Refusal:
+def passive_coordinates(closure: Closure, coupling: Coupling, rows: Array, depth: Sequence[int]) -> list[int] | Refusal:
     """Return the two coordinates to express: those that the closure names, else the deepest ones that can be."""
     names = coupling.coordinates
     for name in closure.mark.passive:

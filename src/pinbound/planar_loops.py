@@ -64,7 +64,6 @@ class Parallelogram:
         rows: (2, n), `rows @ q = constant` where the sides of each pair are parallel.
         constant: (2,) [rad], the turn being that of the assembled pose.
         shape: [rad], the angle from the first pair's first side to the second pair's, in the assembled pose.
-        sense: Sign of that angle, flat poses being at multiples of pi.
     """
 
     pairs: tuple[tuple[Side, Side], tuple[Side, Side]]
@@ -126,7 +125,10 @@ def parallelogram(
         return _unequal(closure, sides, lengths, sum(side.length for side in small))
     turned = [_turn(axis, float(side.angle @ reference), side.vector) for side in sides]
     if coupled is None:
-        gap, allowed = float(np.linalg.norm(np.sum(turned, axis=0))), 2.0 * tolerance  # their difference, and home's digits
+        gap, allowed = (
+            float(np.linalg.norm(np.sum(turned, axis=0))),
+            2.0 * tolerance,
+        )  # their difference, and home's digits
         if gap > allowed:
             message = f"it is open by {1e3 * gap:.6g} mm in the pose that home gives, so its assembly is not known"
             return Refusal(f"{message} (sides of {lengths} mm)", f"Let home name an assembled pose of {moving}")
@@ -135,19 +137,23 @@ def parallelogram(
         if refusal:
             return refusal
     else:
-        found = [p for p in across if all(np.abs((sides[i].angle - sides[j].angle) @ coupled).max(initial=0.0) <= EXACT_LOOP for i, j in p)]
+        found = [
+            p
+            for p in across
+            if all(np.abs((sides[i].angle - sides[j].angle) @ coupled).max(initial=0.0) <= EXACT_LOOP for i, j in p)
+        ]
         if len(found) != 1:
             return Refusal(f"its sides of {lengths} mm do not stay parallel in pairs as its joints are coupled", _MEND)
-    (i, j), (k, l) = found[0]
-    rows = np.array([sides[i].angle - sides[j].angle, sides[k].angle - sides[l].angle])
-    constant = np.array([_apart(axis, sides[m].vector, -sides[n].vector) for m, n in found[0]])
+    first, second = found[0]
+    rows = np.array([sides[i].angle - sides[j].angle for i, j in found[0]])
+    constant = np.array([_apart(axis, sides[i].vector, -sides[j].vector) for i, j in found[0]])
     turns = np.round((rows @ reference - constant) / (2 * math.pi))
     return Parallelogram(
-        ((sides[i], sides[j]), (sides[k], sides[l])),
+        ((sides[first[0]], sides[first[1]]), (sides[second[0]], sides[second[1]])),
         tuple(side for side in small if side.length > EXACT_LOOP * closure.size),
         rows,
         constant + 2 * math.pi * turns,
-        _apart(axis, turned[i], turned[k]),
+        _apart(axis, turned[first[0]], turned[second[0]]),
     )
 
 
@@ -226,9 +232,9 @@ def deviations(
 ) -> tuple[float, float] | None:
     """Bound how far opposite sides of a loop are from parallel while its shape is in a range.
 
-    With `m = mismatch`, `s = small`, `c = swing`, k_1 = 1 / (l_1 sin), k_2 = 1 / (l_2 sin), the sine being the least over
-    the range, widened by X on both sides: if `S = m (k_1 + k_2) / (1 - s c (k_1 + k_2)) <= X`, then the loop closes for
-    every shape of the range, and `|delta_1| <= k_1 (m + s c S)`, `|delta_2| <= k_2 (m + s c S)`.
+    With `m = mismatch`, `s = small`, `c = swing`, `k_1 = 1 / (l_1 sin)`, `k_2 = 1 / (l_2 sin)`, the sine being the
+    least over the range, widened by X on both sides: if `S = m (k_1 + k_2) / (1 - s c (k_1 + k_2)) <= X`, then the loop
+    closes for every shape of the range, and `|delta_1| <= k_1 (m + s c S)`, `|delta_2| <= k_2 (m + s c S)`.
 
     Args:
         lengths: The shorter side of each pair [m].

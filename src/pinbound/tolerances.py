@@ -56,7 +56,7 @@ CLOSURE_SHARE: Final = 1e-2
 """Relative to the length of a loop: no tolerance of a closure counts for more, or every pairing of the sides of a
 loop of micrometres would be equal."""
 
-EXACT_LOOP: Final = 1e-12
+EXACT_LOOP: Final = 2e-12
 """Relative to the length of a loop. Sides that differ by less are equal: folding six joints' constants in float64 can
 make this difference (`FOLDING` * 7^2 * 2^-53 = 1.4e-12 at most, 1e-15 as a rule)."""
 

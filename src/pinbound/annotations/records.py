@@ -66,8 +66,8 @@ class BoundaryMark:
 class ClosureMark:
     """A pin: `xyz_a` [m] of `link_a` and `xyz_b` [m] of `link_b` are the same place.
 
-    In an open tree `passive` may name the joints that follow; by default those furthest from the root do. `tolerance` [m]
-    is what the sides of its loop may differ by in all; what they do is carried as an error of the links' places.
+    In an open tree `passive` may name the joints that follow; by default those furthest from the root do. `tolerance`
+    [m] is what the sides of its loop may differ by in all; what they do is carried as an error of the links' places.
     """
 
     name: str
