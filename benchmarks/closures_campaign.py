@@ -63,13 +63,16 @@ def main() -> int:
                 print(f"WRONG: seed {options.seed}, loop {number}: {found}", flush=True)
     rows = [f"| {what} | {count} |" for what, count in sorted(counts.items())]
     shares = [np.quantile(values, [0.0, 0.1, 0.5, 0.9, 1.0]) for values in (angles, places)]
-    table = [f"| {name} | {' | '.join(f'{x:.3f}' for x in row)} |" for name, row in zip(("joint", "place"), shares)]
+    table = [
+        f"| {name} | {' | '.join(f'{x:.3f}' for x in row)} |"
+        for name, row in zip(("joint", "place"), shares, strict=True)
+    ]
     text = "\n".join(
         [
             "# Loops whose sides differ, against the linkage as written",
             "",
-            f"`python benchmarks/closures_campaign.py --loops {options.loops} --seed {options.seed}`: {len(wrong)} wrong, "
-            f"{time.perf_counter() - started:.0f} s.",
+            f"`python benchmarks/closures_campaign.py --loops {options.loops} --seed {options.seed}`: "
+            f"{len(wrong)} wrong, {time.perf_counter() - started:.0f} s.",
             "",
             "| loops | count |",
             "| --- | --- |",

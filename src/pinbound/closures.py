@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.annotations import ClosureMark, Mark, Point
+from pinbound.chain import Swept
 from pinbound.coupling import Coupling, LinearLimit
 from pinbound.interpreters import numeric
 from pinbound.interpreters.swept_bounds import swept_bundle
@@ -164,11 +165,18 @@ def place_error(
     reach[n:] = [one.bound for one in found]
     if not np.all(np.isfinite(reach)):
         return math.inf
-    arms = swept_bundle([path], -reach, reach).arms[0]
-    turned = arms @ np.abs(chain.coefficients[:, n:])
-    slid = np.linalg.norm(chain.slides[:, :, n:], axis=1).sum(axis=0)
+    either = (path, replace(path, swept=Swept(chain.reversed()))) if path.is_plain else (path,)
+    moved = min(float(_moved(one, reach, n) @ reach[n:]) for one in either)  # of two points either may stand still
     apart = sum(c.apart for c in closures if any(found.index(one) in crossed for one in c.deviations))
-    return float((turned + slid) @ reach[n:]) * INFLATION + apart
+    return moved * INFLATION + apart
+
+
+def _moved(path: RelativePath, reach: Array, n: int) -> Array:
+    """Return by how much each coordinate behind the first n moves a path's distance, at most [m per unit]."""
+    chain = path.minimal
+    turned = swept_bundle([path], -reach, reach).arms[0] @ np.abs(chain.coefficients[:, n:])
+    moved: Array = turned + np.linalg.norm(chain.slides[:, :, n:], axis=1).sum(axis=0)
+    return moved
 
 
 def _all(closures: Sequence[Closure]) -> list[Deviation]:

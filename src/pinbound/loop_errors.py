@@ -371,7 +371,7 @@ def _where(linkage: _Linkage, shape: _Shape, flats: Sequence[float]) -> str:
     if not flats:
         return ""
     places = [_as_limit(linkage, shape, (flat, flat)) for flat in flats]
-    values = ", ".join(f"{math.degrees(ends[0]):.6g}" for _, ends in places)
+    values = ", ".join(f"{round(math.degrees(ends[0]), 6) + 0.0:.6g}" for _, ends in places)
     return f" (at {places[0][0]} = {values} deg)"
 
 
