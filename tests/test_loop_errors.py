@@ -203,3 +203,16 @@ def test_a_stop_is_kept_away_from_by_what_its_arms_may_be_off(load_text: Load) -
     assert pb.certify(robot, [[1.0], [meets - 0.2 * off]]).verdict is pb.Verdict.UNDECIDED
     assert pb.certify(robot, [[1.0], [meets + 1.1 * off]]).verdict is pb.Verdict.VIOLATED
     assert robot.boundaries.limits("A", [1.0]).upper < meets - off
+
+
+def test_a_batch_calls_nothing_free_within_the_error(load_text: Load) -> None:
+    from pinbound.batch.evaluation import evaluation_of
+
+    robot = load_text(crank_loop(0.9e-6).urdf(WALL))
+    q, boundary = np.array([[2.0]]), robot.boundaries["beta"]
+    for share, verdict in ((0.5, "contact"), (1.5, "inside")):
+        near = replace(boundary, min_distance=float(boundary.norm(q[0])) - 0.02 - share * boundary.place_error)
+        whole = replace(robot, boundaries=BoundarySet([near], robot.coordinates, robot.linear_limits, robot.home))
+        with_verdicts = evaluation_of(whole, ("smallest", "verdict"))
+        found = replace(with_verdicts, region=None).table(q, 0)[0]["verdict"].to_pylist()
+        assert found == [verdict if verdict == "contact" else "free"]
