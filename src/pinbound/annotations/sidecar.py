@@ -131,14 +131,15 @@ def sidecar_text(items: Iterable[RawItem]) -> str:
     return yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=150, allow_unicode=True)
 
 
-def _value(key: str, text: Any) -> Any:
+def _value(key: str, given: str | tuple[str, ...]) -> Any:
+    if isinstance(given, tuple):
+        return list(given)
+    text = given
     if key.startswith("xyz") or key in ("direction", "normal"):
         return [float(word) for word in text.split()]
     if key == "ways":
         numbers = [float(word) for word in text.split()]
         return [numbers[start : start + 3] for start in range(0, len(numbers), 3)]
-    if key == "passive":
-        return list(text) if isinstance(text, tuple) else text
     return float(text) if key in _NUMBERS else text
 
 
