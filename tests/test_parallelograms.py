@@ -1,6 +1,7 @@
 """Loops of open trees: parallelograms are recognised by geometry and proven, all others refused with their sides."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -166,3 +167,92 @@ def test_the_turn_of_a_passive_joint_is_that_of_the_assembled_pose(load_text: Lo
     robot = load_text(palletizer().replace("<pinbound:closure", pose + "<pinbound:closure"))
     assert robot.coupling.row("rod")[1] == pytest.approx(2 * np.pi, abs=1e-15)
     assert gap_by_pinocchio(robot, random_q(robot, 20, seed=3)) < 1e-14
+
+
+def bars(ground: float, crank: float, pose: float, extra: str = "", coupler: float | None = None) -> str:
+    """Return a four-bar drawn along x, pivots on one line at zero, its crank turning by `pose` at home."""
+    joints = [
+        joint("jA", "revolute", "base", "a", axis="0 0 1"),
+        joint("jB", "revolute", "a", "b", axis="0 0 1", xyz=f"{crank} 0 0"),
+        joint("jD", "revolute", "base", "c", axis="0 0 1", xyz=f"{ground} 0 0"),
+    ]
+    ends = closure(("b", f"{coupler or ground} 0 0"), ("c", f"{crank} 0 0"))
+    home = f'<pinbound:home jA="{pose!r}" jB="{-pose!r}" jD="{pose!r}"/>' if pose else ""
+    return robot_xml(joints, {}, [], home + ends + extra)
+
+
+@pytest.mark.parametrize("pose", [0.0, 1e-9, 1e-5, 1e-3, np.pi, -np.pi + 1e-4, 3.1416])
+@pytest.mark.parametrize("ground", [0.25, 0.1])
+def test_a_loop_drawn_flat_does_not_say_its_assembly(load_text: Load, pose: float, ground: float) -> None:
+    """Sides of two lengths, or a rhombus: with all pivots on one line the crossed assembly fits as well."""
+    with pytest.raises(pb.InputError, match="flat in the pose that home gives"):
+        load_text(bars(ground, 0.1, pose).replace('lower="-3" upper="3"', 'lower="-4" upper="4"'))
+    assert load_text(bars(ground, 0.1, 0.01)).coordinates == ("jA",)
+
+
+def test_a_kite_is_no_anti_parallelogram(load_text: Load) -> None:
+    """Ground 0.3 and crank 0.3, coupler 0.1 and rocker 0.1: neighbours are equal."""
+    a, b, turn = 0.3, 0.1, 0.5
+    end = a * np.exp(1j * turn)
+    half, along = abs(end - a) / 2, (end - a) / abs(end - a)
+    pin = (end + a) / 2 + 1j * along * np.sqrt(b * b - half * half)
+    home = {"jA": turn, "jB": float(np.angle(pin - end)) - turn, "jD": float(np.angle(pin - a))}
+    pose = "<pinbound:home " + " ".join(f'{name}="{value!r}"' for name, value in home.items()) + "/>"
+    text = bars(a, a, 0.0, pose).replace('link_a="b" xyz_a="0.3 0 0"', f'link_a="b" xyz_a="{b} 0 0"')
+    with pytest.raises(pb.InputError, match="it is a kite"):
+        load_text(text.replace('xyz_b="0.3 0 0"', f'xyz_b="{b} 0 0"'))
+
+
+@pytest.mark.parametrize(("ground", "crank"), [(0.0, 0.1), (0.25, 0.0), (0.0, 0.0)])
+def test_sides_of_no_length_make_no_parallelogram(load_text: Load, ground: float, crank: float) -> None:
+    with pytest.raises(pb.InputError, match=r"sides of|gap of|nothing|no planar loop"):
+        load_text(bars(ground, crank, 0.5, coupler=0.25))
+
+
+def test_a_pin_that_is_off_in_every_pose_is_said_to_be(load_text: Load) -> None:
+    joints = [
+        joint("j", "revolute", "base", "arm"),
+        joint("s", "continuous", "base", "side", xyz="0.2 0 0", mimic="j 1 0"),
+        joint("b", "continuous", "arm", "bar", xyz="0 0 0.4", mimic="j -1 0"),
+    ]
+    with pytest.raises(pb.InputError, match=r"gap of 15 mm is the same in every pose. Mend xyz_a") as said:
+        load_text(robot_xml(joints, {}, [], closure(("bar", "0.215 0 0"), ("side", "0 0 0.4"))))
+    assert "planar loop" not in str(said.value)
+
+
+def test_rounding_of_the_data_needs_a_tolerance_that_says_so(load_text: Load) -> None:
+    """1.7 um more than a parallelogram: the message says by how much, and what to write."""
+    text = bars(0.25, 0.1, 1.0, coupler=0.2500017).replace('lower="-3" upper="3"', 'lower="0.2" upper="2.9"', 1)
+    with pytest.raises(pb.InputError, match=r"differ by 1\.7 um, its tolerance is 1 um\. .* the tolerance 2e-06"):
+        load_text(text)
+    robot = load_text(text.replace('name="loop"', 'name="loop" tolerance="2e-6"'))
+    assert robot.closures[0].mark.tolerance == 2e-6
+    assert {one.joint for one in robot.closures[0].deviations} == {"jB", "jD"}
+    with pytest.raises(pb.InputError, match="tolerance = -1 is negative"):
+        load_text(text.replace('name="loop"', 'name="loop" tolerance="-1"'))
+
+
+def test_passive_joints_may_have_spaces_in_their_names(load_text: Load) -> None:
+    text = four_bar().replace('"middle"', '"middle pin"').replace('"right"', '"right pin"')
+    body = text.replace(closure(("b", "0.3 0 0"), ("c", "0 0 0.5")), "")
+    loop = "closures: [{name: loop, link_a: b, xyz_a: [0.3, 0, 0], link_b: c, xyz_b: [0, 0, 0.5], passive: [%s]}]\n"
+    robot = load_text(body, loop % '"middle pin", right pin')
+    assert robot.coupling.text("middle pin") == "- left"
+    assert pb.Annotations.load(robot.document.path.with_name("robot.pinbound.yaml")) == replace(
+        robot.annotations, home_line=None
+    )
+    saved = robot.annotations.to_yaml()
+    assert load_text(body, saved).annotations.closures[0].passive == ("middle pin", "right pin")
+    robot.document.path.with_name("robot.pinbound.yaml").unlink()
+    inline = text.replace('name="loop"', 'name="loop" passive="middle pin right pin"')
+    assert load_text(inline).annotations.closures[0].passive == ("middle pin", "right pin")
+    two = inline.replace('"left"', '"middle"')
+    assert load_text(two).annotations.closures[0].passive == ("middle pin", "right pin")
+    with pytest.raises(pb.InputError, match="'elbow', which does not exist"):
+        load_text(body, loop % "elbow, right pin")
+
+
+def test_names_that_can_be_read_in_two_ways_are_not_guessed(load_text: Load) -> None:
+    text = four_bar().replace('"left"', '"m"').replace('"middle"', '"m m"').replace('"right"', '"r"')
+    with pytest.raises(pb.InputError, match="can be read as"):
+        load_text(text.replace('name="loop"', 'name="loop" passive="m m m r"'))

@@ -67,6 +67,8 @@ class Boundary:
         path: The reduced relative path between the marks.
         robot_coordinates: All active coordinates of the robot, in q's order.
         contact_tolerance: [m]; a smallest norm up to this counts as contact.
+        place_error: [m], by how much the true linkage's norm can differ from the coupling's, within all joint limits,
+            because the sides of loops on its path differ (`docs/closures.md`); 0 where they are equal.
     """
 
     name: str
@@ -76,6 +78,7 @@ class Boundary:
     path: RelativePath
     robot_coordinates: tuple[str, ...]
     contact_tolerance: float
+    place_error: float = 0.0
 
     def __repr__(self) -> str:
         """Return name, kind, points and coordinates."""
@@ -103,9 +106,23 @@ class Boundary:
         return self.point_a.radius + self.point_b.radius + self.min_distance
 
     @property
+    def place_margin(self) -> float:
+        """What a clearance must exceed for the true linkage to be free [m]: `place_error`.
+
+        For a stop it is `contact_tolerance + 4 place_error`: each arm's direction is off by `place_error / length` or
+        less, and where the norm exceeds the difference of the arms by twice that, the true arms are not aligned.
+        """
+        if not self.place_error or not self.is_stop:
+            return self.place_error
+        return self.contact_tolerance + 4.0 * self.place_error
+
+    @property
     def contact_distance(self) -> float:
-        """Up to which norm there is contact [m]: the threshold, and at least the tolerance where contact is an area."""
-        return univariate.contact_distance(self.path, self.threshold, self.contact_tolerance)
+        """Up to which norm there may be contact [m]: the threshold, at least the tolerance where contact is an area.
+
+        What the sides of loops differ by is added: `place_margin`.
+        """
+        return univariate.contact_distance(self.path, self.threshold + self.place_margin, self.contact_tolerance)
 
     @property
     def is_stop(self) -> bool:
@@ -241,7 +258,7 @@ class Boundary:
         index = self.robot_coordinates.index(coordinate)
         rows = points.reshape(-1, len(self.robot_coordinates))
         table = univariate.allowed_arcs_table(
-            self.path, index, coordinate, rows, self.threshold, self.contact_tolerance, window
+            self.path, index, coordinate, rows, self.threshold + self.place_margin, self.contact_tolerance, window
         )
         return table if points.ndim > 1 else table[0]
 

@@ -258,6 +258,7 @@ class BoundarySet(Sequence[Boundary]):
     def free(self, Q: ArrayLike, *, threads: int = 1, backend: Backend = "auto") -> Any:
         """Return whether every clearance is positive: a bool, or (N,) bools; False for a row that is not finite.
 
+        Where the sides of closed loops differ, the clearance must exceed `Boundary.place_margin`.
         It says nothing of joint limits, or of which side of a contact q is on: that is `Region.contains`.
 
         Example:
@@ -266,8 +267,11 @@ class BoundarySet(Sequence[Boundary]):
             True
         """
         array = as_configurations(Q, self._coordinates)
+        margins = np.array([boundary.place_margin for boundary in self._boundaries])
         if array.ndim == 1:
-            return bool(np.all(self.clearances(array, backend=backend) > 0.0))
+            return bool(np.all(self.clearances(array, backend=backend) > margins))
+        if np.any(margins):
+            return np.all(self.clearances(array, threads=threads, backend=backend) > margins, axis=1)
         least, _ = self.kernel.smallest(array, False, None, threads, backend)
         return least > 0.0
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from pinbound.annotations import Annotations, Line, Plane, RawItem, raw_items, read_inline, validate
 from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
-from pinbound.closures import Closure
+from pinbound.closures import Closure, joint_errors, place_error
 from pinbound.coupling import Coupling, LinearLimit, as_configurations, couple, linear_limits
 from pinbound.document import Document, read_document
 from pinbound.exceptions import (
@@ -26,6 +27,7 @@ from pinbound.exceptions import (
     name_hint,
 )
 from pinbound.interpreters import numeric
+from pinbound.loop_errors import carry, narrowed
 from pinbound.parallelograms import settle
 from pinbound.path import absolute_chain, relative_path
 from pinbound.tolerances import HOME
@@ -250,10 +252,13 @@ def load(
     if len(problems.found) > faults:
         problems.raise_if_any()
     tree = Tree(kinematics, {mark.link for mark in marks.marks.values()})
-    coupling, closures, coupled = settle(tree, couple(tree.moving_joints), marks, problems)
+    settled = settle(tree, couple(tree.moving_joints), marks, problems)
+    coupling = settled.coupling
     limits = linear_limits(tree.moving_joints, coupling)
+    closures, errors = carry(tree, settled, marks, limits, problems)
+    limits = narrowed(limits, coupling, joint_errors(coupling, closures))
     home, notes = _home(tree, coupling, marks, limits, problems)
-    boundaries = _boundaries(tree, coupling, marks, home, problems)
+    boundaries = _boundaries(tree, coupling, marks, home, problems, limits, closures)
     problems.raise_if_any()
     return Robot(
         document=document,
@@ -266,7 +271,7 @@ def load(
             boundaries, coupling.coordinates, limits, home, partial(_common_marks, tree, coupling, boundaries)
         ),
         home=home,
-        notes=(*kinematics.notes, *said, *coupled, *notes),
+        notes=(*kinematics.notes, *said, *settled.notes, *errors, *notes),
         package_dirs=tuple(map(str, package_dirs)),
     )
 
@@ -325,21 +330,38 @@ def _home(
     return home, notes
 
 
-def _boundaries(tree: Tree, coupling: Coupling, marks: Annotations, home: Array, problems: Problems) -> list[Boundary]:
+def _boundaries(
+    tree: Tree,
+    coupling: Coupling,
+    marks: Annotations,
+    home: Array,
+    problems: Problems,
+    limits: Sequence[LinearLimit],
+    closures: Sequence[Closure],
+) -> list[Boundary]:
     """Return the boundaries; those that are in contact at home are faults."""
     boundaries: list[Boundary] = []
     for mark in marks.boundaries:
         a, b = marks.marks[mark.a], marks.marks[mark.b]
         try:
             path = relative_path(tree, coupling, a, b)
+            error = place_error(tree, coupling, limits, closures, a, b)
         except UnsupportedError as error:
             problems.add(f"boundary {mark.name!r}: {error}", "Choose other points", mark.line)
             continue
-        boundary = Boundary(mark.name, a, b, mark.min_distance, path, coupling.coordinates, marks.contact_tolerance)
+        if not math.isfinite(error):
+            message = f"boundary {mark.name!r} lies across a slide without limits and a loop whose sides differ"
+            problems.add(f"{message}: how far its marks may be off has no bound", "Give the slide limits", mark.line)
+            continue
+        boundary = Boundary(
+            mark.name, a, b, mark.min_distance, path, coupling.coordinates, marks.contact_tolerance, error
+        )
         boundaries.append(boundary)
         clearance = float(boundary.clearance(home))
-        if clearance <= max(0.0, marks.contact_tolerance - boundary.threshold):
+        if clearance <= max(boundary.place_margin, marks.contact_tolerance - boundary.threshold):
             message = f"home is outside the feasible region: {mark.name!r} has a clearance of {1e3 * clearance:.6g} mm"
+            if boundary.place_margin:
+                message += f", and its loops' sides differ so that {1e3 * boundary.place_margin:.3g} mm are needed"
             remedy = "Choose a free home, or mend the points and distances of this boundary"
             problems.add(message, remedy, marks.home_line or mark.line)
     return boundaries

@@ -5,6 +5,7 @@ from typing import Final
 __all__ = [
     "CHORD",
     "CLOSURE",
+    "CLOSURE_SHARE",
     "CONTACT",
     "CONTOUR_ROUNDING",
     "CONTOUR_TURN",
@@ -14,8 +15,11 @@ __all__ = [
     "CROSSCHECK_POINT",
     "CROSSCHECK_SOLID",
     "CROSSCHECK_STOP",
+    "DEVIATION",
     "EVALUATION",
+    "EXACT_LOOP",
     "FIRST_CONTACT",
+    "FLAT",
     "FOLDING",
     "FOLLOWS",
     "HOME",
@@ -46,8 +50,24 @@ CONTACT: Final = 2e-5
 data given to 0.01 mm, two points of two coordinates each: 2 * sqrt(2) * 0.005 mm = 0.014 mm."""
 
 CLOSURE: Final = 1e-6
-"""Metres. A loop closes if its proven residual is below this: far above rounding (1e-16), far below any
-play of a real pin (1e-5)."""
+"""Metres. Default tolerance of a closure, what the sides of its loop may differ by in all: far above rounding
+(1e-16), far below any play of a real pin (1e-5). What they differ by is carried as an error of the links' places."""
+
+CLOSURE_SHARE: Final = 1e-2
+"""Relative to the length of a loop: no tolerance of a closure counts for more, or every pairing of the sides of a
+loop of micrometres would be equal."""
+
+EXACT_LOOP: Final = 2e-12
+"""Relative to the length of a loop. Sides that differ by less are equal: folding six joints' constants in float64 can
+make this difference (`FOLDING` * 7^2 * 2^-53 = 1.4e-12 at most, 1e-15 as a rule)."""
+
+FLAT: Final = 2e-3
+"""Radians. A loop so near its flat pose in the pose that home gives is drawn flat: angles rounded to three decimals, or
+to a tenth of a degree, come this near, and in the flat pose both assemblies of a parallelogram fit."""
+
+DEVIATION: Final = 1e-2
+"""Radians. A passive joint may be this far from the coupling, at most, where the sides of its loop differ: within a
+loop that comes so near its flat pose the coupling says little about the linkage."""
 
 HOME: Final = 1e-6
 """Radians or metres. A passive joint that home names must be where the closed loops put it: six decimals of it."""

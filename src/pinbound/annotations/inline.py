@@ -85,7 +85,7 @@ def inline_text(items: Iterable[RawItem]) -> str:
             continue
         for key, value in item.fields.items():
             try:
-                element.set(key, value)
+                element.set(key, value if isinstance(value, str) else " ".join(value))
             except ValueError as error:
                 raise UnsupportedError(f"{key!r} cannot be written as XML ({error}); write a sidecar") from error
     etree.indent(block)

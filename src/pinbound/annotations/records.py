@@ -9,7 +9,7 @@ from typing import Any, cast
 
 from pinbound.annotations.marks import Line, Mark, Plane, Point, Segment, Sweep, Vector
 from pinbound.exceptions import Problems
-from pinbound.tolerances import CONTACT
+from pinbound.tolerances import CLOSURE, CONTACT
 
 __all__ = [
     "FIELDS",
@@ -33,7 +33,7 @@ FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "line": (("name", "link", "xyz", "direction"), ("radius",)),
     "plane": (("name", "link", "xyz", "normal"), ()),
     "boundary": (("name", "a", "b"), ("min_distance",)),
-    "closure": (("name", "link_a", "xyz_a", "link_b", "xyz_b"), ("passive",)),
+    "closure": (("name", "link_a", "xyz_a", "link_b", "xyz_b"), ("passive", "tolerance")),
     "follower": (("joint", "primary"), ("multiplier", "offset")),
     "limit": (("joint", "lower", "upper"), ()),
     "settings": ((), ("contact_tolerance",)),
@@ -66,7 +66,8 @@ class BoundaryMark:
 class ClosureMark:
     """A pin: `xyz_a` [m] of `link_a` and `xyz_b` [m] of `link_b` are the same place.
 
-    In an open tree `passive` may name the joints that follow; by default those furthest from the root do.
+    In an open tree `passive` may name the joints that follow; by default those furthest from the root do. `tolerance`
+    [m] is what the sides of its loop may differ by in all; what they do is carried as an error of the links' places.
     """
 
     name: str
@@ -75,6 +76,7 @@ class ClosureMark:
     link_b: str
     xyz_b: Vector
     passive: tuple[str, ...] = ()
+    tolerance: float = CLOSURE
     line: int | None = None
 
 
@@ -101,7 +103,10 @@ class LimitMark:
 
 @dataclass(frozen=True, slots=True)
 class RawItem:
-    """One element or YAML entry before validation: its kind, its fields as written, its place."""
+    """One element or YAML entry before validation: its kind, its fields as written, its place.
+
+    Fields are text; `passive` given as a list is a tuple of names, which may hold spaces.
+    """
 
     kind: str
     fields: Mapping[str, Any]
@@ -209,7 +214,8 @@ def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
         required, optional = FIELDS[kind]
         values = {key: getattr(record, key) for key in (*required, *optional)}
         kept = {key: value for key, value in values.items() if key in required or value not in ((), "")}
-        return RawItem(kind, {key: _text(value) for key, value in kept.items()}, source, record.line)
+        said = {key: value if key == "passive" else _text(value) for key, value in kept.items()}
+        return RawItem(kind, said, source, record.line)
 
     items = [RawItem("settings", {"contact_tolerance": _text(annotations.contact_tolerance)}, source, None)]
     if annotations.home:

@@ -82,7 +82,7 @@ class _Sidecar:
             if key == "assumptions":
                 fields: dict[str, Any] = {"text": self._plain(entry)}
             else:
-                fields = {name: self._plain(value) for name, value in self._mapping(entry, key).items()}
+                fields = {name: self._field(name, value) for name, value in self._mapping(entry, key).items()}
             items.append(RawItem(_LISTS[key], fields, self.source, _node_line(entry)))
         return items
 
@@ -97,6 +97,12 @@ class _Sidecar:
                 self.problems.add(f"{name!r} is given twice in {what}", "Keep one", _node_line(key), self.source)
             found[name] = value
         return found
+
+    def _field(self, name: str, node: yaml.Node) -> str | tuple[str, ...]:
+        """Return a field as text, but a list of names as a tuple: names may hold spaces."""
+        if name == "passive" and isinstance(node, yaml.SequenceNode):
+            return tuple(self._plain(entry) for entry in node.value)
+        return self._plain(node)
 
     @staticmethod
     def _plain(node: yaml.Node) -> str:
@@ -125,15 +131,16 @@ def sidecar_text(items: Iterable[RawItem]) -> str:
     return yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=150, allow_unicode=True)
 
 
-def _value(key: str, text: str) -> Any:
+def _value(key: str, given: str | tuple[str, ...]) -> Any:
+    if isinstance(given, tuple):
+        return list(given)
+    text = given
     if key.startswith("xyz") or key in ("direction", "normal"):
         return [float(word) for word in text.split()]
     if key == "ways":
         numbers = [float(word) for word in text.split()]
         return [numbers[start : start + 3] for start in range(0, len(numbers), 3)]
-    if key == "passive":
-        return text.split()
     return float(text) if key in _NUMBERS else text
 
 
-_NUMBERS = ("contact_tolerance", "radius", "min_distance", "multiplier", "offset", "lower", "upper")
+_NUMBERS = ("contact_tolerance", "radius", "min_distance", "tolerance", "multiplier", "offset", "lower", "upper")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 from pinbound.annotations.marks import FlatMark, Line, Mark, Plane, Point, Segment, Sweep, Vector
 from pinbound.annotations.records import (
@@ -17,7 +17,7 @@ from pinbound.annotations.records import (
 )
 from pinbound.document import parse_floats
 from pinbound.exceptions import Problems, name_hint
-from pinbound.tolerances import CONTACT
+from pinbound.tolerances import CLOSURE, CONTACT
 
 __all__ = ["validate"]
 
@@ -236,8 +236,22 @@ class _Validator:
         if link_a == link_b:
             self._fault(f"closure {item.fields['name']!r} joins link {link_a!r} to itself", "Name two links")
             return None
-        passive = tuple(filter(None, (self._known("joint", n) for n in str(item.fields.get("passive", "")).split())))
-        return ClosureMark(str(item.fields["name"]), link_a, xyz_a, link_b, xyz_b, passive, item.line)
+        tolerance = self._length("tolerance", CLOSURE)
+        name, passive = str(item.fields["name"]), self._passive(item.fields.get("passive", ()))
+        return ClosureMark(name, link_a, xyz_a, link_b, xyz_b, passive, tolerance, item.line)
+
+    def _passive(self, given: str | tuple[str, ...]) -> tuple[str, ...]:
+        """Return the joints that a list names, or a text: there a name may hold spaces if only one reading is known."""
+        if isinstance(given, str):
+            words = given.split()
+            readings = _readings(words, self.names["joint"] or ())
+            if len(readings) > 1:
+                said = f"passive = {given!r} of closure {self._name(self.item)!r} can be read as "
+                said += " or ".join(repr(list(one)) for one in readings)
+                self._fault(said, "Name the joints in a list, in a YAML sidecar")
+                return ()
+            given = readings[0] if readings else tuple(words)
+        return tuple(name for name in given if self._known("joint", name) is not None)
 
     def _follower(self, item: RawItem) -> FollowerMark | None:
         self.item = item
@@ -266,3 +280,17 @@ class _Validator:
             if numbers is not None:
                 home[name] = numbers[0]
         return home
+
+
+def _readings(words: Sequence[str], names: Collection[str]) -> list[tuple[str, ...]]:
+    """Return every way, three at most, to read words as names, which may hold spaces."""
+    if not words:
+        return [()]
+    found: list[tuple[str, ...]] = []
+    for count in range(1, len(words) + 1):
+        name = " ".join(words[:count])
+        if name in names:
+            found += [(name, *rest) for rest in _readings(words[count:], names)]
+        if len(found) > 2:
+            break
+    return found[:3]

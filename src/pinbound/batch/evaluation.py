@@ -26,7 +26,8 @@ COLUMNS = ("coordinates", "clearances", "smallest", "region", "verdict")
 
 VERDICTS = ("inside", "free", "outside", "limit", "contact", "invalid")
 """inside: free, within limits and in the region around home. free: the same, where no region is known. outside: free,
-but not in that region. limit: free, a joint limit is violated. contact: a clearance is zero or less. invalid: a number
+but not in that region. limit: free, a joint limit is violated. contact: a clearance is zero or less
+(where the sides of closed loops differ, `Boundary.place_margin` or less). invalid: a number
 is not finite."""
 
 BINS = 1024
@@ -69,6 +70,7 @@ class Evaluation:
         columns: Some of `COLUMNS`.
         summary: Whether statistics of every boundary are kept.
         backend: ``"compiled"`` or ``"numpy"``; fixed for a job, so that all chunks have the same bits.
+        margins: (m,) [m], what each clearance must exceed, where loops' sides differ.
     """
 
     robot: str
@@ -81,6 +83,7 @@ class Evaluation:
     columns: tuple[str, ...]
     summary: bool
     backend: Literal["compiled", "numpy"]
+    margins: Array
 
     @property
     def spans(self) -> Array:
@@ -113,7 +116,7 @@ class Evaluation:
             for array in arrays if across is None else [*arrays, across]:
                 known.update(np.ascontiguousarray(array + 0.0).tobytes())
             known.update(np.float64(pair.threshold).tobytes())
-        for array in self.limits:
+        for array in (*self.limits, *([self.margins] if np.any(self.margins) else [])):
             known.update(np.ascontiguousarray(array + 0.0).tobytes())
         known.update(b"" if self.region is None else np.ascontiguousarray(self.region.vertices).tobytes())
         return known.hexdigest()
@@ -132,7 +135,8 @@ class Evaluation:
         out: dict[str, Any] = {"row": np.arange(start, start + len(Q), dtype=np.int64)}
         if "coordinates" in self.columns:
             out.update({name: Q[:, j] for j, name in enumerate(self.coordinate_columns)})
-        everything = "clearances" in self.columns or self.summary
+        margins = "verdict" in self.columns and bool(np.any(self.margins))
+        everything = "clearances" in self.columns or self.summary or margins
         clearances = self.kernel.rows(Q, "clearances", None, threads, self.backend) if everything else None
         if clearances is not None and "clearances" in self.columns:
             out.update({f"clearance_{name}": clearances[:, k] for k, name in enumerate(self.boundaries)})
@@ -153,7 +157,8 @@ class Evaluation:
                 out["inside_region"] = inside
         counts: list[int] = []
         if "verdict" in self.columns:
-            verdict = self._verdicts(Q, finite, least, inside)
+            room = np.min(clearances - self.margins, axis=1) if margins and clearances is not None else least
+            verdict = self._verdicts(Q, finite, room, inside)
             counts = np.bincount(verdict, minlength=len(VERDICTS)).tolist()
             out["verdict"] = arrow.DictionaryArray.from_arrays(arrow.array(verdict), arrow.array(VERDICTS))
         invalid = int(np.count_nonzero(~finite))
@@ -241,4 +246,5 @@ def evaluation_of(
         columns=tuple(name for name in COLUMNS if name in columns),
         summary=summary,
         backend="compiled" if chosen == "compiled" else "numpy",
+        margins=np.array([boundary.place_margin for boundary in robot.boundaries]),
     )

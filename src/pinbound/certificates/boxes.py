@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinbound.boundary import Boundary, one_configuration
-from pinbound.certificates.constraints import families, select
+from pinbound.certificates.constraints import families, needs_limits, select, unplaced
 from pinbound.certificates.enclosures import Family
 from pinbound.certificates.records import BoxCertificate, Budget, OpenBox, Reason, Verdict
 from pinbound.certificates.search import Meter
@@ -83,9 +83,16 @@ def certify_box(
     meter, state = Meter(budget or Budget()), _State()
     chosen = select(robot, boundaries)
     limit_family, *others = families(robot, chosen, low, high)
-    for family in ([limit_family] if limits else []) + others:
+    if limits or needs_limits(chosen):
+        kept = state if limits else _State()
+        if len(limit_family.names):
+            _search(limit_family, low, high, meter, kept, is_limit=True)
+        if needs_limits(chosen) and (kept.witness is not None or kept.open_boxes):
+            _, *others = families(robot, unplaced(chosen), low, high)
+            state.lower = -np.inf
+    for family in others:
         if len(family.names) and state.witness is None:
-            _search(family, low, high, meter, state, is_limit=family is limit_family)
+            _search(family, low, high, meter, state, is_limit=False)
     verdict = Verdict.UNDECIDED if state.open_boxes else Verdict.CERTIFIED
     if state.witness is not None:
         verdict = Verdict.VIOLATED

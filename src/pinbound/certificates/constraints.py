@@ -15,7 +15,7 @@ is a line or a point instead of a strip:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -41,11 +41,13 @@ from pinbound.interpreters.bounds import (
 from pinbound.robot import Robot
 from pinbound.tolerances import LIMIT, UNIT_ROUNDOFF
 
-__all__ = ["families", "far_sides", "select", "signed_clearances"]
+__all__ = ["families", "far_sides", "needs_limits", "select", "signed_clearances", "unplaced"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+
+_ANYWHERE = 1e9  # metres: larger than any path, and still finite
 
 
 @dataclass(frozen=True)
@@ -246,6 +248,16 @@ def select(robot: Robot, boundaries: Sequence[str] | None) -> tuple[Boundary, ..
     return tuple(boundary for boundary in robot.boundaries if boundary.name in wanted)
 
 
+def needs_limits(boundaries: Sequence[Boundary]) -> bool:
+    """Return whether the boundaries' bounds hold within the joint limits only: links of loops whose sides differ."""
+    return any(boundary.place_error for boundary in boundaries)
+
+
+def unplaced(boundaries: Sequence[Boundary]) -> list[Boundary]:
+    """Return boundaries as they are outside the joint limits: where loops' sides differ, links may be anywhere."""
+    return [replace(one, place_error=_ANYWHERE) if one.place_error else one for one in boundaries]
+
+
 def families(
     robot: Robot, boundaries: Sequence[Boundary], lower: Array, upper: Array, degree: int = 1
 ) -> tuple[Limits, OneAngleBoundaries, ManyAngleBoundaries, SweptBoundaries]:
@@ -286,7 +298,8 @@ def _limits(robot: Robot, lower: Array, upper: Array, degree: int) -> Limits:
 
 
 def _errors(robot: Robot, boundaries: Sequence[Boundary], chains: Bundle, lower: Array, upper: Array, degree: int):
-    return rounding_bound(chains, joints_between(robot, boundaries), lower, upper, degree)
+    places = np.array([boundary.place_error for boundary in boundaries])
+    return rounding_bound(chains, joints_between(robot, boundaries), lower, upper, degree) + places
 
 
 def joints_between(robot: Robot, boundaries: Sequence[Boundary]) -> Array:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pinbound.certificates.constraints import families, far_sides, select
+from pinbound.certificates.constraints import families, far_sides, needs_limits, select, unplaced
 from pinbound.certificates.records import Budget, Certificate, Finding, OpenPart, Verdict
 from pinbound.certificates.search import Meter, Search
 from pinbound.certificates.trajectory import as_trajectory
@@ -16,6 +17,11 @@ from pinbound.robot import Robot
 from pinbound.tolerances import PRECISION
 
 __all__ = ["certify"]
+
+_NOT_PLACED = (
+    "the sides of a closed loop differ, and where its links are is proven within the joint limits only, which this "
+    "motion does not keep: nothing is said of the boundaries that they carry"
+)
 
 
 def certify(
@@ -74,15 +80,23 @@ def certify(
     found: dict[str, Finding] = {}
     open_parts: list[OpenPart] = []
     bounds: list[Finding] = []
-    if limits:
+    placed = True
+    if limits or needs_limits(chosen):
         search = Search(limit_family, trajectory, meter, None)
         search.run(each)
-        bounds, open_parts = search.results()
+        kept, left = search.results()
+        placed = not needs_limits(chosen) or _verdict(kept) is Verdict.CERTIFIED
+        if limits:
+            bounds, open_parts = kept, left
+    if not placed:
+        _, *boundary_families = families(robot, unplaced(chosen), *trajectory.extent, trajectory.degree)
     best = np.inf
     for family in boundary_families:
         search = Search(family, trajectory, meter, precision, best)
         search.run(each)
         findings, left = search.results()
+        if not placed:
+            findings = [_unbounded(robot, finding) for finding in findings]
         best = min(best, *(finding.upper for finding in findings), np.inf)
         open_parts += left
         found |= {finding.name: finding for finding in findings}
@@ -96,10 +110,17 @@ def certify(
         boundaries=ordered,
         limits=tuple(bounds),
         open_parts=tuple(sorted(open_parts, key=lambda part: (part.start, part.name))),
-        notes=_notes(robot, chosen, found, first_q),
+        notes=(*_notes(robot, chosen, found, first_q), *([] if placed else [_NOT_PLACED])),
         boxes=meter.boxes,
         seconds=meter.seconds,
     )
+
+
+def _unbounded(robot: Robot, finding: Finding) -> Finding:
+    """Return a finding without its bounds if nothing bounds where its links are."""
+    if not robot.boundaries[finding.name].place_error:
+        return finding
+    return replace(finding, lower=-np.inf, upper=np.inf)
 
 
 def _verdict(findings: Sequence[Finding]) -> Verdict:

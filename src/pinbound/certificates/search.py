@@ -206,7 +206,7 @@ class Search:
         stuck = found.settled & ~found.violated
         narrow = parts.b - parts.a <= _NARROWEST
         timed = np.isfinite(first) & (end - begin <= FIRST_CONTACT * self.total / 4.0)
-        split = (doubtful & ~timed | wanted) & ~stuck & ~narrow
+        split = (doubtful & ~timed & ~stuck | wanted & ~found.settled) & ~narrow
         done = ~split
         np.minimum.at(self.lower, which[done], found.lower[done])
         left = done & doubtful

@@ -20,6 +20,7 @@ from pinbound.interpreters.swept_bounds import (
     rounding_bound,
     swept_bundle,
 )
+from pinbound.interpreters.univariate import contact_distance
 
 __all__ = ["SweptBoundaries", "swept_boundaries"]
 
@@ -83,7 +84,7 @@ def swept_boundaries(
 ) -> SweptBoundaries:
     """Return boundaries with rounding bounds that hold while q stays in a box; `joints` (m,) counts those between."""
     swept = swept_bundle([boundary.path for boundary in boundaries], lower, upper)
-    threshold = [boundary.contact_distance for boundary in boundaries]
-    error = rounding_bound(swept, joints, lower, upper, degree)
+    threshold = [contact_distance(b.path, b.threshold, b.contact_tolerance) for b in boundaries]
+    error = rounding_bound(swept, joints, lower, upper, degree) + np.array([b.place_error for b in boundaries])
     names = tuple(boundary.name for boundary in boundaries)
     return SweptBoundaries(names, swept, np.array(threshold), error, tuple(boundaries))

@@ -24,6 +24,7 @@ from pinbound.cli.shared import (
     parse_configuration,
     print_table,
 )
+from pinbound.closures import Closure
 from pinbound.interpreters import symbolic
 from pinbound.region import Region, feasible_region
 from pinbound.robot import Robot
@@ -51,8 +52,9 @@ def info(
     out.print(f"[bold]{loaded.name}[/bold]: {len(loaded.coordinates)} coordinates, {len(loaded.tree.links)} links")
     print_table("Joints", ("joint", "type", "moves", "home", "limits"), _joint_rows(loaded))
     if loaded.closures:
-        rows = [(c.name, f"{c.mark.link_a} - {c.mark.link_b}", f"{c.bound:.1e}") for c in loaded.closures]
-        print_table("Closures", ("closure", "links", "residual at most, for every q [m]"), rows)
+        rows = [(c.name, f"{c.mark.link_a} - {c.mark.link_b}", f"{c.bound:.1e}", _off(c)) for c in loaded.closures]
+        headings = ("closure", "links", "residual at most, for every q [m]", "joints off by, at most [rad]")
+        print_table("Closures", headings, rows)
     rows = [
         (p.name, p.link, *(millimetres(x, 3) for x in p.xyz), millimetres(p.radius, 3))
         for p in loaded.annotations.points.values()
@@ -70,6 +72,10 @@ def info(
             out.print(f"[bold]{heading}[/bold]")
             for line in lines:
                 out.print(f"- {line}", markup=False)
+
+
+def _off(closure: Closure) -> str:
+    return ", ".join(f"{one.joint} {one.bound:.1e}" for one in closure.deviations) or "0"
 
 
 def _vectors(mark: Segment | Sweep | Line | Plane) -> tuple[str, str]:
@@ -109,7 +115,10 @@ def _info_record(robot: Robot) -> dict[str, Any]:
         "S": robot.coupling.S,
         "offset": robot.coupling.offset,
         "links": list(robot.tree.links),
-        "closures": [{"name": c.name, "residual_bound": c.bound} for c in robot.closures],
+        "closures": [
+            {"name": c.name, "residual_bound": c.bound, "joint_errors": {d.joint: d.bound for d in c.deviations}}
+            for c in robot.closures
+        ],
         "points": [_mark_record(mark) for mark in robot.annotations.points.values()],
         "marks": [_mark_record(mark) for mark in robot.annotations.marks.values()],
         "boundaries": robot.boundaries.names,
@@ -166,6 +175,9 @@ def derive(
         if boundary.path.swept.directions:
             out.print("  each t in [0, 1], along the ways of the first mark, then of the second", markup=False)
         out.print(f"  {_contact_text(boundary)}", markup=False)
+        if boundary.place_error:
+            off = millimetres(boundary.place_error, 6)
+            out.print(f"  the sides of a loop differ: up to {off} mm off, kept as more distance", markup=False)
         if operations and boundary.path.is_plain:
             minimal_count, unreduced = loaded.operation_counts(boundary.name)
             out.print(f"  {minimal_count} operations; Eq. (5) unreduced has {unreduced}")
@@ -197,6 +209,7 @@ def _boundary_record(boundary: Boundary) -> dict[str, Any]:
         "ancestor": boundary.ancestor,
         "coordinates": boundary.coordinates,
         "threshold": boundary.threshold,
+        "place_error": boundary.place_error,
         "expression": [str(component) for component in boundary.expression()],
         "expression_ancestor": [str(component) for component in boundary.expression("ancestor")],
         "latex": boundary.latex(),

@@ -186,7 +186,7 @@ def _along_one_coordinate(robot: Robot, boundary: Boundary, start: Array, rng: n
     """A ray along one coordinate from a random free start: the articular limit in closed form."""
     index = int(rng.choice(boundary.path.minimal.coordinates))
     name, side = robot.coordinates[index], int(rng.integers(2))
-    level = 0.0 if boundary.path.is_plain else boundary.contact_distance - boundary.threshold
+    level = boundary.place_margin if boundary.path.is_plain else boundary.contact_distance - boundary.threshold
     arcs, around = _arcs_around(boundary, name, index, start)
     if around is None:
         start = robot.home

@@ -80,6 +80,7 @@ def check_points(robot: Robot, samples: int, rng: np.random.Generator) -> PointL
         dict(zip(names, where, strict=True)),
         _pin_gaps(robot, Q[: min(len(Q), 1000)]),
         tuple(name for name, is_solid in zip(names, solid, strict=True) if is_solid),
+        pin_tolerance=max((closure.mark.tolerance for closure in robot.closures), default=CLOSURE),
     )
 
 

@@ -149,7 +149,7 @@ def smallest_clearance(plane: Plane, polygon: Any, gap: float) -> SmallestCleara
         else:
             bounds = _PointBounds(chain) if path.is_plain else _SweptBounds(path)
             least, upper, point = _branch_and_bound(bounds, boundary.threshold, polygon, gap, best.upper)
-        lower = min(lower, least)
+        lower = min(lower, least - boundary.place_error)
         if upper < best.upper:
             best = SmallestClearance(lower, upper, boundary.name, plane.lift(point[None])[0])
     return SmallestClearance(min(lower, best.upper), best.upper, best.boundary, best.q)

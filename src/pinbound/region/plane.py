@@ -239,7 +239,7 @@ def _contacts(
     boundary: Boundary, start: Array, indices: Sequence[int], margin: float
 ) -> tuple[Strips, ...] | tuple[Curve, ...]:
     """Return what a boundary is in the plane; nothing if it never comes into contact there."""
-    threshold, tolerance = boundary.threshold + margin, boundary.contact_tolerance
+    threshold, tolerance = boundary.threshold + boundary.place_margin + margin, boundary.contact_tolerance
     whole = one_angle_strips(boundary.path, threshold, tolerance)
     if whole is not None:  # one effective angle in the robot: its contact angles, moved by what is held
         coefficients, strips = whole
