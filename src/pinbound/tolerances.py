@@ -8,6 +8,7 @@ __all__ = [
     "CONTACT",
     "CONTOUR_ROUNDING",
     "CONTOUR_TURN",
+    "CONVERSION",
     "CROSSCHECK_ANGLE",
     "CROSSCHECK_BODY",
     "CROSSCHECK_GRAZING",
@@ -15,6 +16,7 @@ __all__ = [
     "CROSSCHECK_SOLID",
     "CROSSCHECK_STOP",
     "EVALUATION",
+    "FARTHEST",
     "FIRST_CONTACT",
     "FOLDING",
     "FOLLOWS",
@@ -34,6 +36,7 @@ __all__ = [
     "REGION_ACCURACY",
     "ROOT",
     "SAME_BODY",
+    "SAMPLE_ROUNDOFFS",
     "SOLVES",
     "SYMBOLIC_DIGITS",
     "UNIT_ROUNDOFF",
@@ -76,6 +79,17 @@ REDUCTION_ROUNDOFFS: Final = 128
 
 EVALUATION: Final = 32
 """Unit roundoffs per rotation, relative to the length of a path: two sines, one turn, one sum, one root."""
+
+CONVERSION: Final = 64
+"""Unit roundoffs per degree and one, relative to the sum of the sizes of its terms: what a change of a spline's basis
+can have changed, from the differences of its breakpoints to the last sum (`docs/certificates.md`)."""
+
+SAMPLE_ROUNDOFFS: Final = 1000
+"""Unit roundoffs, relative to 1 and the size of a value: what a caller's function of time may lose by its own
+rounding before its values count as a contradiction of its bounds."""
+
+FARTHEST: Final = 1e100
+"""Radians or metres. A motion or box beyond it is refused: squares of squares of it would overflow float64."""
 
 INFLATION: Final = 1.0 + 1e-12
 """Factor on every lever arm and every remainder: far above the rounding of the sums that make them (1e-14)."""
