@@ -33,6 +33,7 @@ __all__ = [
     "REACHED",
     "REDUCTION",
     "REDUCTION_ROUNDOFFS",
+    "REDUCTION_SLIDES",
     "REGION_ACCURACY",
     "ROOT",
     "SAME_BODY",
@@ -74,8 +75,13 @@ FOLDING: Final = 256
 """Unit roundoffs per squared number of joints on a path, relative to its length: what folding its constants and
 reducing it can have changed (`docs/certificates.md` adds them up)."""
 
-REDUCTION_ROUNDOFFS: Final = 128
-"""Unit roundoffs, rounded up: `REDUCTION` = 90 of them, taken for zero in an angle's coefficient, and its sums."""
+REDUCTION_ROUNDOFFS: Final = 192
+"""Unit roundoffs, rounded up: `REDUCTION` = 90 of them, taken for zero in an angle's coefficient, at most twice a joint
+(as an entry, and as a difference of two angles that are taken for one)."""
+
+REDUCTION_SLIDES: Final = 512
+"""Unit roundoffs, rounded up: the vector of three slides of `REDUCTION` (156) that leaves the chain, or (312) the head
+of the chain. Metres per unit of a coordinate, whatever the length of the path."""
 
 EVALUATION: Final = 32
 """Unit roundoffs per rotation, relative to the length of a path: two sines, one turn, one sum, one root."""
