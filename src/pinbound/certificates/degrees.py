@@ -25,9 +25,7 @@ def look_like_degrees(robot: Robot, Q: NDArray[np.float64]) -> tuple[str, ...]:
     beyond = values > _TURN
     if 2 * np.count_nonzero(beyond) <= np.count_nonzero(values):
         return ()
-    names = ", ".join(
-        robot.coordinates[i] for i, any_beyond in zip(limited, beyond.any(axis=0), strict=True) if any_beyond
-    )
+    names = ", ".join(robot.coordinates[index] for column, index in enumerate(limited) if np.any(beyond[:, column]))
     largest = float(values.max())
     return (
         f"these look like degrees: most values of {names} are beyond a full turn of 2 pi rad (the largest is "

@@ -69,14 +69,14 @@ def _times(times: ArrayLike | None, count: int) -> Array:
         raise DimensionError(f"times have shape {knots.shape}; give one a waypoint, ({count},)")
     if not np.all(np.isfinite(knots)):
         raise DimensionError(f"time {int(np.flatnonzero(~np.isfinite(knots))[0])} is not finite")
-    falling = np.flatnonzero(np.diff(knots) <= 0.0)
-    if falling.size:
-        row = int(falling[0])
-        raise DimensionError(f"times must increase: t[{row + 1}] = {knots[row + 1]:g} after t[{row}] = {knots[row]:g}")
     with np.errstate(over="ignore"):
         too_long = not np.isfinite(knots[-1] - knots[0])
     if too_long:
         raise DimensionError(f"times from {knots[0]:g} to {knots[-1]:g} are too far apart for float64")
+    falling = np.flatnonzero(np.diff(knots) <= 0.0)
+    if falling.size:
+        row = int(falling[0])
+        raise DimensionError(f"times must increase: t[{row + 1}] = {knots[row + 1]:g} after t[{row}] = {knots[row]:g}")
     return knots
 
 

@@ -308,12 +308,13 @@ def box_terms(chains: Bundle, arms: Array, which: Indices, centre: Array, half: 
     wide = np.einsum("nki,ni->nk", np.abs(C), half)
     slides = chains.slides[which] if chains.slides is not None else None
     slid = _slid(slides, np.zeros((len(which), 1, half.shape[1])), half)
-    rho, rates, r = arms[which], list[Array](), np.zeros((3, len(which)))
-    for j in range(half.shape[1]):
-        step = np.zeros_like(half)
-        step[:, j] = half[:, j]
-        r, v = _value_and_rate(chains, which, centre, step, phi, np.einsum("nki,ni->kn", C, step))
-        rates.append(v)
+    rho, (count, n) = arms[which], half.shape
+    steps = np.zeros((n, count, n))  # half across in each coordinate alone, all of them in one go
+    steps[np.arange(n), :, np.arange(n)] = half.T
+    turns = np.einsum("nki,jni->kjn", C, steps).reshape(len(phi), n * count)
+    again, many = np.tile(which, n), np.tile(phi, (1, n))
+    r, v = _value_and_rate(chains, again, np.tile(centre, (n, 1)), steps.reshape(n * count, n), many, turns)
+    r, rates = r[:, :count], v.reshape(3, n, count).transpose(1, 0, 2)
     return Terms(
         r=r,
         rates=tuple(rates),
