@@ -10,7 +10,7 @@ from mechanisms import random_robot
 from pinbound.certificates.constraints import families
 from pinbound.certificates.trajectory import as_trajectory
 from pinbound.chain import Chain, rotation_matrix
-from pinbound.interpreters import bounds, numeric
+from pinbound.interpreters import bounds, numeric, rounding
 
 
 def robots(folder: Path, seed: int, count: int):
@@ -106,8 +106,9 @@ def test_rounding_bound_covers_reduction_and_evaluation_and_stays_small(tmp_path
         n = len(robot.coordinates)
         Q = rng.uniform(-6, 6, (50, n))
         chains = bounds.bundle([boundary.path.minimal for boundary in robot.boundaries], n)
-        joints = np.array([float(len(robot.tree.moving_joints))] * len(robot.boundaries))
-        error = bounds.rounding_bound(chains, joints, Q.min(axis=0), Q.max(axis=0))
+        ends = [(b.ancestor, b.point_a.link, b.point_b.link) for b in robot.boundaries]
+        walked = rounding.walks(robot.tree, robot.coupling, ends)
+        error = rounding.rounding_bound(chains, walked, Q.min(axis=0), Q.max(axis=0))
         data = robot.model.createData()
         frames = {f.name: i for i, f in enumerate(robot.model.frames) if f.type == pinocchio.FrameType.BODY}
         for q, theta, norms in zip(Q, robot.coupling.expand(Q), robot.boundaries.norms(Q), strict=True):

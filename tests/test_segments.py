@@ -17,9 +17,9 @@ import pinbound as pb
 from pinbound.certificates.constraints import families
 from pinbound.certificates.trajectory import as_trajectory
 from pinbound.interpreters.bounds import Expansion
-from pinbound.interpreters.bounds import rounding_bound as chain_rounding_bound
 from pinbound.interpreters.closest import nearest
 from pinbound.interpreters.minimum_norm import nearest_corners
+from pinbound.interpreters.rounding import rounding_bound as chain_rounding_bound
 from pinbound.interpreters.swept_bounds import over_box
 from pinbound.interpreters.swept_isolation import arcs as searched_arcs
 from pinbound.path import RelativePath
@@ -728,9 +728,7 @@ def test_enclosures_take_off_every_error(robot: pb.Robot) -> None:
     n, which = len(robot.coordinates), np.arange(len(swept))
     family = families(robot, swept, -4 * np.ones(n), 4 * np.ones(n), 1)[-1]
     lengths = np.array([boundary.path.minimal.scale for boundary in swept])
-    chains = chain_rounding_bound(
-        family.swept.chains, np.zeros(len(family.swept.arms)), -4 * np.ones(n), 4 * np.ones(n)
-    )
+    chains = chain_rounding_bound(family.swept.chains, None, -4 * np.ones(n), 4 * np.ones(n))
     assert np.all(family.error >= chains[:: family.swept.rows] + 32 * 2.0**-53 * lengths)
     q = rng.uniform(-3, 3, n)
     still = family.enclose_box(which, np.tile(q, (len(which), 1)), np.zeros((len(which), n)))
@@ -835,9 +833,9 @@ def test_rounding_of_the_projection_is_counted(robot: pb.Robot) -> None:
 
     n = len(robot.coordinates)
     swept = swept_bundle([b.path for b in robot.boundaries if not b.path.is_plain], -np.ones(n), np.ones(n))
-    none, box = np.zeros(len(swept.normal)), (-np.ones(n), np.ones(n))
-    chains = chain_rounding_bound(swept.chains, np.repeat(none, swept.rows), *box).reshape(-1, swept.rows).sum(axis=1)
-    assert np.all(rounding_bound(swept, none, *box) >= chains + 16 * 2.0**-53 * swept.reach)
+    box = (-np.ones(n), np.ones(n))
+    chains = chain_rounding_bound(swept.chains, None, *box).reshape(-1, swept.rows).sum(axis=1)
+    assert np.all(rounding_bound(swept, None, *box) >= chains + 16 * 2.0**-53 * swept.reach)
 
 
 @pytest.mark.parametrize("depth", [1e-3, 1e-6, 1e-9, 1e-11, 3e-12])

@@ -55,6 +55,8 @@ KNOWN = {
     ("swept_isolation", "swept_bounds"),
     ("swept_isolation", "bounds"),
     ("swept_bounds", "bounds"),
+    ("rounding", "bounds"),
+    ("swept_bounds", "rounding"),
 }
 ONLY = {
     "pinocchio": {"urdf", "robot", "crosscheck"},

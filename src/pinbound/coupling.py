@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.exceptions import DimensionError
+from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.urdf import Joint, Mimic
 
-__all__ = ["Coupling", "LinearLimit", "as_configurations", "couple", "linear_limits", "linear_text"]
+__all__ = ["Coupling", "LinearLimit", "as_configurations", "couple", "linear_limits", "linear_text", "real_array"]
 
 
 @dataclass(frozen=True)
@@ -95,16 +97,48 @@ class LinearLimit:
     upper: float
 
 
+def real_array(values: Any, what: str) -> NDArray[np.float64]:
+    """Return values as float64; nothing that is not a real number passes for one.
+
+    Raises:
+        DimensionError: If a value is complex, masked, a text or a date, or the rows have different lengths.
+
+    Example:
+        >>> real_array([1, 2.5], "q").tolist()
+        [1.0, 2.5]
+        >>> real_array([1.0, 2.0 + 1.0j], "q")
+        Traceback (most recent call last):
+        pinbound.exceptions.DimensionError: q holds complex numbers; give real ones
+    """
+    given: Any = values
+    if isinstance(given, np.ma.MaskedArray) and np.any(cast(Any, np.ma).getmaskarray(given)):
+        raise DimensionError(f"{what} has masked entries; fill them or leave their rows out")
+    try:
+        raw: NDArray[Any] = np.asarray(cast(Any, given))
+        if raw.dtype.kind == "c":
+            raise DimensionError(f"{what} holds complex numbers; give real ones")
+        is_text = raw.dtype.kind in "SUmM" or (raw.dtype == object and any(isinstance(x, str) for x in raw.flat))
+        if is_text:
+            raise DimensionError(f"{what} is no array of numbers: its type is {raw.dtype}")
+        return np.asarray(raw, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, DimensionError):
+            raise
+        raise DimensionError(f"{what} is no array of numbers: {error}") from error
+
+
 def as_configurations(Q: ArrayLike, coordinates: Sequence[str]) -> NDArray[np.float64]:
     """Return Q as float64 with last axis n, one (n,) or many (N, n); non-finite rows pass through.
 
     Raises:
-        DimensionError: If Q is not numeric, or has another shape.
+        DimensionError: If Q is not numeric, has another shape, or is a data frame whose columns have other names or
+            another order.
     """
-    try:
-        array = np.asarray(Q, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise DimensionError(f"q is no array of numbers: {error}") from error
+    columns = getattr(Q, "columns", None)
+    if columns is not None and [str(name) for name in columns] != list(coordinates):
+        wanted = ", ".join(coordinates)
+        raise DimensionError(f"the columns of q are {', '.join(map(str, columns))}; give them in the order {wanted}")
+    array = real_array(Q, "q")
     if array.ndim not in (1, 2) or array.shape[-1] != len(coordinates):
         names = ", ".join(coordinates)
         n = len(coordinates)
@@ -117,6 +151,9 @@ def couple(joints: Sequence[Joint]) -> Coupling:
 
     A joint without `mimic` is active. `theta_f = m theta_p + o` is applied repeatedly, whatever the order of
     declaration; the URDF reader has refused cycles.
+
+    Raises:
+        UnsupportedError: If a chain of followers overflows float64.
     """
     mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None}
     active = tuple(joint.name for joint in joints if joint.name not in mimics)
@@ -129,11 +166,21 @@ def couple(joints: Sequence[Joint]) -> Coupling:
 
 
 def _flatten(name: str, mimics: dict[str, Mimic]) -> Mimic:
-    flat = Mimic(name, 1.0, 0.0)
-    while flat.primary in mimics:
-        step = mimics[flat.primary]
-        flat = Mimic(step.primary, flat.multiplier * step.multiplier, flat.multiplier * step.offset + flat.offset)
-    return flat
+    """Return what a joint follows in the end, in exact arithmetic, rounded once.
+
+    Offsets of a chain may cancel (`0.1 * 1e6 - 1e5` is 5.55e-12 for the float64 nearest to 0.1, and 0 if it is rounded
+    on the way); rounded once, multiplier and offset are off by half a digit of themselves, whatever the chain.
+    """
+    primary, multiplier, offset = name, Fraction(1), Fraction(0)
+    while primary in mimics:
+        step = mimics[primary]
+        primary, offset = step.primary, multiplier * Fraction(step.offset) + offset
+        multiplier *= Fraction(step.multiplier)
+    try:
+        return Mimic(primary, float(multiplier), float(offset))
+    except OverflowError as error:
+        message = f"joint {name!r} follows {primary!r} through a chain whose multipliers or offsets overflow float64"
+        raise UnsupportedError(f"{message}; mend its <mimic> elements") from error
 
 
 def linear_limits(joints: Sequence[Joint], coupling: Coupling) -> tuple[LinearLimit, ...]:

@@ -9,6 +9,7 @@ __all__ = [
     "CONTACT",
     "CONTOUR_ROUNDING",
     "CONTOUR_TURN",
+    "CONVERSION",
     "CROSSCHECK_ANGLE",
     "CROSSCHECK_BODY",
     "CROSSCHECK_GRAZING",
@@ -18,6 +19,7 @@ __all__ = [
     "DEVIATION",
     "EVALUATION",
     "EXACT_LOOP",
+    "FARTHEST",
     "FIRST_CONTACT",
     "FLAT",
     "FOLDING",
@@ -36,9 +38,11 @@ __all__ = [
     "REACHED",
     "REDUCTION",
     "REDUCTION_ROUNDOFFS",
+    "REDUCTION_SLIDES",
     "REGION_ACCURACY",
     "ROOT",
     "SAME_BODY",
+    "SAMPLE_ROUNDOFFS",
     "SOLVES",
     "SYMBOLIC_DIGITS",
     "UNIT_ROUNDOFF",
@@ -92,11 +96,27 @@ FOLDING: Final = 256
 """Unit roundoffs per squared number of joints on a path, relative to its length: what folding its constants and
 reducing it can have changed (`docs/certificates.md` adds them up)."""
 
-REDUCTION_ROUNDOFFS: Final = 128
-"""Unit roundoffs, rounded up: `REDUCTION` = 90 of them, taken for zero in an angle's coefficient, and its sums."""
+REDUCTION_ROUNDOFFS: Final = 192
+"""Unit roundoffs, rounded up: `REDUCTION` = 90 of them, taken for zero in an angle's coefficient, at most twice a joint
+(as an entry, and as a difference of two angles that are taken for one)."""
+
+REDUCTION_SLIDES: Final = 512
+"""Unit roundoffs, rounded up: the vector of three slides of `REDUCTION` (156) that leaves the chain, or (312) the head
+of the chain. Metres per unit of a coordinate, whatever the length of the path."""
 
 EVALUATION: Final = 32
 """Unit roundoffs per rotation, relative to the length of a path: two sines, one turn, one sum, one root."""
+
+CONVERSION: Final = 64
+"""Unit roundoffs per degree and one, relative to the sum of the sizes of its terms: what a change of a spline's basis
+can have changed, from the differences of its breakpoints to the last sum (`docs/certificates.md`)."""
+
+SAMPLE_ROUNDOFFS: Final = 1000
+"""Unit roundoffs, relative to 1 and the size of a value: what a caller's function of time may lose by its own
+rounding before its values count as a contradiction of its bounds."""
+
+FARTHEST: Final = 1e100
+"""Radians or metres. A motion or box beyond it is refused: squares of squares of it would overflow float64."""
 
 INFLATION: Final = 1.0 + 1e-12
 """Factor on every lever arm and every remainder: far above the rounding of the sums that make them (1e-14)."""

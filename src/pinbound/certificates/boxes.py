@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinbound.boundary import Boundary, one_configuration
 from pinbound.certificates.constraints import families, needs_limits, select, unplaced
+from pinbound.certificates.degrees import look_like_degrees
 from pinbound.certificates.enclosures import Family
 from pinbound.certificates.records import BoxCertificate, Budget, OpenBox, Reason, Verdict
 from pinbound.certificates.search import Meter
+from pinbound.certificates.trajectory import refuse_far
 from pinbound.exceptions import DimensionError
 from pinbound.robot import Robot
+from pinbound.tolerances import FARTHEST
 
 __all__ = ["certified_box", "certify_box"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 
 _BATCH = 2**13
 _NARROWEST = 2.0**-40
-_GROWTH = Budget(boxes=4_000, seconds=1.0)
+_GROWTH = Budget(boxes=400_000, seconds=30.0)
 _STEPS = 12
 
 
@@ -76,10 +80,12 @@ def certify_box(
         >>> pb.certify_box(robot, [-1.0, 0.1, 0.0], [1.0, 0.6, 1.1]).violated
         'beta_4'
     """
-    low, high = one_configuration(lower, robot.coordinates), one_configuration(upper, robot.coordinates)
+    low, high = (one_configuration(corner, robot.coordinates).copy() for corner in (lower, upper))
     if np.any(low > high):
         index = int(np.flatnonzero(low > high)[0])
-        raise DimensionError(f"the box's lower corner is above its upper one in {robot.coordinates[index]!r}")
+        name, ends = robot.coordinates[index], f"{low[index]:.9g} above {high[index]:.9g}"
+        raise DimensionError(f"the box's lower corner is above its upper one in {name!r}: {ends}; swap them")
+    refuse_far(low, high, robot.coordinates)
     meter, state = Meter(budget or Budget()), _State()
     chosen = select(robot, boundaries)
     limit_family, *others = families(robot, chosen, low, high)
@@ -93,9 +99,10 @@ def certify_box(
     for family in others:
         if len(family.names) and state.witness is None:
             _search(family, low, high, meter, state, is_limit=False)
-    verdict = Verdict.UNDECIDED if state.open_boxes else Verdict.CERTIFIED
+    verdict, notes = Verdict.UNDECIDED if state.open_boxes else Verdict.CERTIFIED, tuple[str, ...]()
     if state.witness is not None:
         verdict = Verdict.VIOLATED
+        notes = look_like_degrees(robot, np.stack([low, high])) if state.violated in limit_family.names else ()
     return BoxCertificate(
         verdict=verdict,
         lower_corner=low,
@@ -107,27 +114,61 @@ def certify_box(
         open_boxes=tuple(state.open_boxes),
         boxes=meter.boxes,
         seconds=meter.seconds,
+        notes=notes,
     )
+
+
+@dataclass(frozen=True)
+class _Boxes:
+    """Boxes within a root box, each of one constraint; `start` and `width` (N, n) are dyadic fractions of it, exact.
+
+    Corners and centres are computed from the root's corners each time, so that their rounding (three operations) does
+    not add up with depth. `docs/certificates.md` counts it.
+    """
+
+    which: Indices
+    start: Array
+    width: Array
+
+    def __len__(self) -> int:
+        return len(self.which)
+
+    def take(self, rows: Flags | slice) -> _Boxes:
+        return _Boxes(self.which[rows], self.start[rows], self.width[rows])
+
+    def halved(self, reach: Array) -> _Boxes:
+        """Halve each box across the coordinate along which `reach` (N, n) is largest."""
+        rows, across = np.arange(len(self)), np.argmax(reach, axis=1)
+        width, second = self.width.copy(), self.start.copy()
+        width[rows, across] *= 0.5
+        second[rows, across] += width[rows, across]
+        which, start = np.concatenate([self.which, self.which]), np.concatenate([self.start, second])
+        return _Boxes(which, start, np.concatenate([width, width]))
 
 
 def _search(family: Family, low: Array, high: Array, meter: Meter, state: _State, is_limit: bool) -> None:
     """Halve boxes, last ones first, until all are clear, one is violated, or the budget is spent."""
-    m = len(family.names)
-    weights = family.weights
-    root = 0.5 * (high - low)
-    stack = [(np.arange(m), np.tile(0.5 * (low + high), (m, 1)), np.tile(root, (m, 1)))]
+    m, n = len(family.names), len(low)
+    weights, size = family.weights, high - low
+
+    def at(fraction: Array) -> Array:
+        return np.where(fraction == 1.0, high, np.clip(low + fraction * size, low, high))
+
+    stack = [_Boxes(np.arange(m), np.zeros((m, n)), np.ones((m, n)))]
     while stack:
-        which, centre, half = stack.pop()
+        boxes = stack.pop()
         reason = meter.spent()
         if reason:
             state.lower = state.lower if is_limit else -np.inf
-            for w, c, h in [(w, c, h) for one in [(which, centre, half), *stack] for w, c, h in zip(*one, strict=True)]:
-                state.open_boxes.append(OpenBox(family.names[int(w)], c - h, c + h, -np.inf, reason))
+            for left in [boxes, *stack]:
+                for w, c, d in zip(left.which, at(left.start), at(left.start + left.width), strict=True):
+                    state.open_boxes.append(OpenBox(family.names[int(w)], c, d, -np.inf, reason))
             return
-        if len(which) > _BATCH:
-            stack.append((which[_BATCH:], centre[_BATCH:], half[_BATCH:]))
-            which, centre, half = which[:_BATCH], centre[:_BATCH], half[:_BATCH]
-        meter.boxes += len(which)
+        if len(boxes) > _BATCH:
+            stack.append(boxes.take(slice(_BATCH, None)))
+            boxes = boxes.take(slice(_BATCH))
+        which, meter.boxes = boxes.which, meter.boxes + len(boxes)
+        centre, half = at(boxes.start + 0.5 * boxes.width), 0.5 * boxes.width * size
         found = family.enclose_box(which, centre, half)
         if not is_limit:
             state.upper = min(state.upper, float((found.value + found.error).min()))
@@ -135,28 +176,18 @@ def _search(family: Family, low: Array, high: Array, meter: Meter, state: _State
             row = int(np.argmin(np.where(found.violated, found.value, np.inf)))
             state.witness, state.violated = centre[row].copy(), family.names[int(which[row])]
             return
-        reach = weights[which] * half
-        stuck = found.settled | (half <= _NARROWEST * root).all(axis=1)
+        stuck = found.settled | (boxes.width <= _NARROWEST).all(axis=1)
         closed, left = found.clear | stuck, stuck & ~found.clear
         if not is_limit and np.any(closed):
             state.lower = min(state.lower, float(found.lower[closed].min()))
-        for row in np.flatnonzero(left):
-            c, h = centre[row], half[row]
-            one = OpenBox(family.names[int(which[row])], c - h, c + h, float(found.lower[row]), Reason.ROUNDING)
-            state.open_boxes.append(one)
+        if np.any(left):
+            kept = boxes.take(left)
+            for w, c, d, bound in zip(
+                kept.which, at(kept.start), at(kept.start + kept.width), found.lower[left], strict=True
+            ):
+                state.open_boxes.append(OpenBox(family.names[int(w)], c, d, float(bound), Reason.ROUNDING))
         if not np.all(closed):
-            keep = ~closed
-            stack.append(_halved(which[keep], centre[keep], half[keep], reach[keep]))
-
-
-def _halved(which: Indices, centre: Array, half: Array, reach: Array) -> tuple[Indices, Array, Array]:
-    """Halve each box across the coordinate that moves the points most."""
-    rows, across = np.arange(len(which)), np.argmax(reach, axis=1)
-    smaller = half.copy()
-    smaller[rows, across] *= 0.5
-    step = half - smaller
-    centres, halves = np.concatenate([centre - step, centre + step]), np.concatenate([smaller, smaller])
-    return np.concatenate([which, which]), centres, halves
+            stack.append(boxes.take(~closed).halved((weights[which] * half)[~closed]))
 
 
 def certified_box(
@@ -164,7 +195,7 @@ def certified_box(
     q: ArrayLike,
     boundaries: Sequence[str] | None = None,
     reach: float = np.pi,
-    budget: Budget = _GROWTH,
+    budget: Budget | None = None,
     *,
     limits: bool = True,
 ) -> BoxCertificate:
@@ -179,14 +210,16 @@ def certified_box(
         q: (n,) the configuration inside.
         boundaries: Names of the boundaries; None: all.
         reach: How far a face may be from q [rad or m].
-        budget: Of each of the certificates that are tried (some 10 (2 n + 1)).
+        budget: Of all certificates together, some 12 (2 n + 1) of them. Half of it is for growing alike; what is left
+            is shared out evenly among the certificates still to come. None: 400,000 boxes, 30 seconds.
         limits: Whether joint limits count too.
 
     Returns:
-        The certificate of the box; if q itself is not certified, the certificate of q alone.
+        The certificate of the box, with the boxes and seconds of the whole search; a note says if the budget ended it
+        before every face was tried. If q itself is not certified, the certificate of q alone.
 
     Raises:
-        DimensionError: If q is not one finite configuration.
+        DimensionError: If q is not one finite configuration, or reach is no positive number.
         UnknownNameError: If the robot has no boundary of that name.
 
     Example:
@@ -196,38 +229,52 @@ def certified_box(
         >>> box.verdict.value, bool(np.all(box.upper_corner[1:] - box.lower_corner[1:] > 0.5))
         ('certified', True)
     """
-    start = one_configuration(q, robot.coordinates)
+    start = one_configuration(q, robot.coordinates).copy()
+    if not (np.ndim(reach) == 0 and 0.0 < reach <= FARTHEST):
+        raise DimensionError(f"the reach is {reach}; give one positive number [rad or m]")
     chosen = select(robot, boundaries)
+    names = [boundary.name for boundary in chosen]
     moving = _moving(robot, chosen, limits)
-
-    def ask(low: Array, high: Array) -> BoxCertificate:
-        names = [boundary.name for boundary in chosen]
-        return certify_box(robot, start - low * reach, start + high * reach, names, budget, limits=limits)
-
-    best = ask(0.0 * moving, 0.0 * moving)
-    if best.verdict is not Verdict.CERTIFIED:
-        return best
     low, high = 0.0 * moving, 0.0 * moving
     faces = [(low, moving.copy(), high, moving.copy())]
     for index in np.flatnonzero(moving):
         one = np.eye(len(start))[index]
         faces += [(low, 0.0 * one, high, one), (low, one, high, 0.0 * one)]
-    for _, grow_low, _, grow_high in faces:
+    meter = Meter(budget or _GROWTH)
+    left = len(faces) * _STEPS
+
+    def ask(low: Array, high: Array, share: int) -> BoxCertificate:
+        boxes = max(meter.budget.boxes - meter.boxes, 0)
+        seconds = max(meter.budget.seconds - meter.seconds, 0.0)
+        allowed = Budget(-(-boxes // share), seconds / share)
+        found = certify_box(robot, start - low * reach, start + high * reach, names, allowed, limits=limits)
+        meter.boxes += found.boxes
+        return found
+
+    best, cut = ask(low, high, share=1), False
+    if best.verdict is not Verdict.CERTIFIED:
+        return best
+    for face, (_, grow_low, _, grow_high) in enumerate(faces):
         inside, outside = 0.0, 1.0
         for step in range(_STEPS):
             trial = 1.0 if step == 0 else 0.5 * (inside + outside)
             new = np.maximum(low, trial * grow_low), np.maximum(high, trial * grow_high)
+            left, cut = left - 1, cut or meter.spent() is not None
+            if cut:
+                break
             if np.array_equal(new[0], low) and np.array_equal(new[1], high):
                 inside = trial
                 continue
-            found = ask(*new)
+            found = ask(*new, share=left + 1 if face else 2 * (_STEPS - step))
             if found.verdict is Verdict.CERTIFIED:
                 inside, (low, high), best = trial, new, found
                 if step == 0:
+                    left -= _STEPS - 1
                     break
             else:
                 outside = trial
-    return best
+    notes = ("the budget was spent before every face had been tried: a larger box may be certified",) if cut else ()
+    return replace(best, boxes=meter.boxes, seconds=meter.seconds, notes=(*best.notes, *notes))
 
 
 def _moving(robot: Robot, chosen: Sequence[Boundary], limits: bool) -> Array:

@@ -36,8 +36,8 @@ from pinbound.interpreters.bounds import (
     lever_arms,
     one_angle,
     over_box,
-    rounding_bound,
 )
+from pinbound.interpreters.rounding import Walks, rounding_bound, walks
 from pinbound.robot import Robot
 from pinbound.tolerances import LIMIT, UNIT_ROUNDOFF
 
@@ -278,7 +278,7 @@ def families(
         _limits(robot, lower, upper, degree),
         _one_angle(robot, one, lower, upper, degree),
         _many_angles(robot, many, lower, upper, degree),
-        swept_boundaries(swept, joints_between(robot, swept), lower, upper, degree),
+        swept_boundaries(swept, _walked(robot, swept), lower, upper, degree),
     )
 
 
@@ -286,29 +286,30 @@ def _limits(robot: Robot, lower: Array, upper: Array, degree: int) -> Limits:
     names: list[str] = []
     rows: list[Array] = []
     bounds: list[float] = []
+    sizes: list[float] = []
     for limit in robot.linear_limits:
         for end, sign, bound in (("upper", 1.0, limit.upper), ("lower", -1.0, limit.lower)):
             if np.isfinite(bound):
                 names.append(f"{limit.joint} {end}")
                 rows.append(sign * limit.coefficients)
                 bounds.append(sign * (bound - limit.offset))
+                sizes.append(abs(bound) + abs(limit.offset))  # these may cancel, their rounding does not
     C = np.array(rows).reshape(-1, len(robot.coordinates))
-    sizes = np.abs(C) @ np.maximum(np.abs(lower), np.abs(upper)) + np.abs(bounds)
-    return Limits(tuple(names), C, np.array(bounds), UNIT_ROUNDOFF * (C.shape[1] + 4 + 8 * degree) * sizes)
+    size = np.abs(C) @ np.maximum(np.abs(lower), np.abs(upper)) + np.array(sizes)
+    return Limits(tuple(names), C, np.array(bounds), UNIT_ROUNDOFF * (C.shape[1] + 4 + 8 * degree) * size)
 
 
-def _errors(robot: Robot, boundaries: Sequence[Boundary], chains: Bundle, lower: Array, upper: Array, degree: int):
+def _errors(
+    robot: Robot, boundaries: Sequence[Boundary], chains: Bundle, lower: Array, upper: Array, degree: int
+) -> Array:
     places = np.array([boundary.place_error for boundary in boundaries])
-    return rounding_bound(chains, joints_between(robot, boundaries), lower, upper, degree) + places
+    return rounding_bound(chains, _walked(robot, boundaries), lower, upper, degree) + places
 
 
-def joints_between(robot: Robot, boundaries: Sequence[Boundary]) -> Array:
-    """Return the number of joints, fixed ones too, on each boundary's path (m,)."""
-    counts = [
-        sum(len(robot.tree.descent(boundary.ancestor, mark.link)) for mark in (boundary.point_a, boundary.point_b))
-        for boundary in boundaries
-    ]
-    return np.array(counts, dtype=np.float64)
+def _walked(robot: Robot, boundaries: Sequence[Boundary]) -> Walks:
+    """Return the joints between the marks of each boundary, as they are in the tree."""
+    ends = [(boundary.ancestor, boundary.point_a.link, boundary.point_b.link) for boundary in boundaries]
+    return walks(robot.tree, robot.coupling, ends)
 
 
 def _one_angle(

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinbound.certificates.constraints import families, far_sides, needs_limits, select, unplaced
+from pinbound.certificates.degrees import look_like_degrees
 from pinbound.certificates.records import Budget, Certificate, Finding, OpenPart, Verdict
 from pinbound.certificates.search import Meter, Search
-from pinbound.certificates.trajectory import as_trajectory
+from pinbound.certificates.trajectory import Trajectory, as_trajectory
+from pinbound.exceptions import DimensionError
 from pinbound.robot import Robot
 from pinbound.tolerances import PRECISION
 
@@ -57,7 +59,8 @@ def certify(
         The certificate: CERTIFIED, VIOLATED with first contact and witness, or UNDECIDED with what is left.
 
     Raises:
-        DimensionError: If shapes do not fit, something is not finite, or times do not increase.
+        DimensionError: If shapes do not fit, something is not finite, times do not increase, a spline jumps at a
+            breakpoint, or the values of a `BoundedMotion` contradict its bounds.
         UnknownNameError: If the robot has no boundary of that name.
         UnsupportedError: If the motion is of a kind that says nothing about what lies between two times.
 
@@ -73,6 +76,8 @@ def certify(
         >>> found.verdict, found.violations[0].name, round(found.first_contact.after, 6)
         (<Verdict.VIOLATED: 'violated'>, 'beta_4', 0.540485)
     """
+    if not precision >= 0.0:
+        raise DimensionError(f"the precision is {precision}; give a length in metres, zero or more")
     meter = Meter(budget or Budget())
     chosen = select(robot, boundaries)
     trajectory = as_trajectory(waypoints, robot.coordinates, times)
@@ -110,7 +115,12 @@ def certify(
         boundaries=ordered,
         limits=tuple(bounds),
         open_parts=tuple(sorted(open_parts, key=lambda part: (part.start, part.name))),
-        notes=(*_notes(robot, chosen, found, first_q), *([] if placed else [_NOT_PLACED])),
+        notes=(
+            *trajectory.notes,
+            *_notes(robot, chosen, found, first_q),
+            *([] if placed else [_NOT_PLACED]),
+            *_degrees(robot, trajectory, bounds),
+        ),
         boxes=meter.boxes,
         seconds=meter.seconds,
     )
@@ -136,3 +146,11 @@ def _notes(robot: Robot, chosen: Sequence[Any], found: dict[str, Finding], first
         f"clear, but beyond contact as seen from home, so not reachable from there: {', '.join(names)}; "
         "see whether the motion's signs and zeros are the robot's",
     )
+
+
+def _degrees(robot: Robot, trajectory: Trajectory, limits: Sequence[Finding]) -> tuple[str, ...]:
+    """Return a note if a limit is passed by numbers that look like degrees."""
+    pieces = np.arange(len(trajectory.starts))
+    Q = np.concatenate([trajectory.at(pieces, np.full(len(pieces), u)) for u in (0.0, 0.5, 1.0)])
+    passed = any(finding.verdict is Verdict.VIOLATED for finding in limits)
+    return look_like_degrees(robot, Q) if passed else ()

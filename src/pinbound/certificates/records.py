@@ -8,6 +8,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.exceptions import DimensionError
+
 __all__ = [
     "BoxCertificate",
     "Budget",
@@ -55,6 +57,15 @@ class Budget:
 
     boxes: int = 2_000_000
     seconds: float = 30.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no amount: a budget that is not a number would never be spent.
+
+        Raises:
+            DimensionError: If boxes or seconds are negative or not a number.
+        """
+        if not (self.boxes >= 0 and self.seconds >= 0.0):
+            raise DimensionError(f"a budget of {self.boxes} boxes and {self.seconds} seconds; give numbers, 0 or more")
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +237,7 @@ class BoxCertificate(_NoTruth):
         open_boxes: What is undecided.
         boxes: How many boxes times boundaries were bounded.
         seconds: Wall time.
+        notes: What the verdict does not say.
     """
 
     verdict: Verdict
@@ -238,3 +250,4 @@ class BoxCertificate(_NoTruth):
     open_boxes: tuple[OpenBox, ...]
     boxes: int
     seconds: float
+    notes: tuple[str, ...] = ()

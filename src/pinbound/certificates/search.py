@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.certificates.enclosures import Enclosure, Family, OneAngleFamily
+from pinbound.certificates.polynomials import Polynomials, Trajectory
 from pinbound.certificates.records import Budget, Contact, Finding, OpenPart, Reason, Verdict
-from pinbound.certificates.trajectory import Polynomials, Trajectory
 from pinbound.interpreters.bounds import Expansion
 from pinbound.tolerances import FIRST_CONTACT
 
@@ -124,27 +124,28 @@ class Search:
                     self._give_up(parts, active, reason)
                     return
                 batches: list[_Parts] = []
-                for i in range(0, len(parts), _BATCH):
+                batch = _BATCH * 2 // (1 + max(1, self.trajectory.degree))
+                for i in range(0, len(parts), batch):
                     if i and self.meter.spent():  # what is left of the round is left open
                         batches.append(parts.take(slice(i, len(parts))))
                         break
-                    batches.append(self._round(parts.take(slice(i, i + _BATCH)), each))
+                    batches.append(self._round(parts.take(slice(i, i + batch)), each))
                 parts = batches[0] if len(batches) == 1 else _joined(batches)
 
     def _sweep(self, each: bool) -> Indices:
         """Settle what one look at the whole motion settles; return the constraints that need a closer one.
 
         A constraint on one angle is proven for the motion if it is for the whole range of that angle, and its clearance
-        is smallest at an end of the range, which a motion straight between knots takes at a knot.
+        is smallest at an end of the range, which a motion straight between knots takes at a knot. All control points of
+        all pieces count, both ends of each among them: that a piece begins where the one before ends is not assumed.
         """
         m, family = len(self.family.names), self.family
         if not m or not isinstance(family, OneAngleFamily) or not isinstance(self.trajectory, Polynomials):
             return np.arange(m)
         controls, which = self.trajectory.controls, np.arange(m)
-        knots = np.concatenate([controls[:, 0], controls[-1:, -1]])
-        phi = knots @ family.angles.T
-        inner = phi if controls.shape[1] == 2 else controls.reshape(-1, knots.shape[1]) @ family.angles.T
-        wide = np.abs(family.angles) @ self.trajectory.radius
+        phi = self.trajectory.ends @ family.angles.T
+        inner = phi if controls.shape[1] == 2 else controls.reshape(-1, controls.shape[2]) @ family.angles.T
+        wide = np.abs(family.angles) @ self.trajectory.radius.max(axis=0)
         low, high = inner.min(axis=0) - wide, inner.max(axis=0) + wide
         self.meter.boxes += m
         clear, lower = np.zeros(m, np.bool_), np.full(m, -np.inf)
@@ -152,10 +153,9 @@ class Search:
             found = family.judge(which, phi[row, which], low, high)
             upper, clear, lower = found.value + found.error, found.clear, found.lower
             better = upper < self.best
-            piece = np.minimum(row, len(controls) - 1)
             self.best = np.where(better, upper, self.best)
-            self.best_piece = np.where(better, piece, self.best_piece)
-            self.best_u = np.where(better, (row - piece).astype(np.float64), self.best_u)
+            self.best_piece = np.where(better, row // 2, self.best_piece)
+            self.best_u = np.where(better, (row % 2).astype(np.float64), self.best_u)
         target = self.best if each else np.full(m, min(float(self.best.min()), self.elsewhere))
         settled = clear & ((self.best - lower <= self.precision) | (lower >= target - self.precision))
         self.lower[settled] = lower[settled]

@@ -12,6 +12,7 @@ from pinbound.boundary import Boundary
 from pinbound.certificates.enclosures import Enclosure
 from pinbound.interpreters import separation
 from pinbound.interpreters.bounds import Expansion
+from pinbound.interpreters.rounding import Walks
 from pinbound.interpreters.swept_bounds import (
     Bounds,
     SweptBundle,
@@ -80,11 +81,11 @@ class SweptBoundaries:
 
 
 def swept_boundaries(
-    boundaries: Sequence[Boundary], joints: Array, lower: Array, upper: Array, degree: int
+    boundaries: Sequence[Boundary], walked: Walks, lower: Array, upper: Array, degree: int
 ) -> SweptBoundaries:
-    """Return boundaries with rounding bounds that hold while q stays in a box; `joints` (m,) counts those between."""
+    """Return boundaries with rounding bounds that hold while q stays in a box; `walked` are the joints between."""
     swept = swept_bundle([boundary.path for boundary in boundaries], lower, upper)
     threshold = [contact_distance(b.path, b.threshold, b.contact_tolerance) for b in boundaries]
-    error = rounding_bound(swept, joints, lower, upper, degree) + np.array([b.place_error for b in boundaries])
+    error = rounding_bound(swept, walked, lower, upper, degree) + np.array([b.place_error for b in boundaries])
     names = tuple(boundary.name for boundary in boundaries)
     return SweptBoundaries(names, swept, np.array(threshold), error, tuple(boundaries))

@@ -7,7 +7,7 @@ the centre of a box) with half-widths `h_i` of the angles this gives
     |r| >= |r_0| - sum_i rho_i h_i                                      (first order)
     |r| >= min |r_0 + tau r'_0| - sum_j rho_j (c_j^2 - c_(j-1)^2) / 2   (second order), c_j = h_1 + ... + h_j.
 
-`docs/certificates.md` proves both, with slides, and derives the bound of every rounding error.
+`docs/certificates.md` proves both, with slides; `rounding` bounds the rounding errors.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.chain import Chain
-from pinbound.tolerances import EVALUATION, FOLDING, INFLATION, REDUCTION_ROUNDOFFS, UNIT_ROUNDOFF
+from pinbound.tolerances import INFLATION
 
 __all__ = [
     "Bundle",
@@ -34,7 +34,6 @@ __all__ = [
     "motion_terms",
     "one_angle",
     "over_box",
-    "rounding_bound",
 ]
 
 Array = NDArray[np.float64]
@@ -218,30 +217,6 @@ def lever_arms(chains: Bundle, lower: Array, upper: Array, loose: Array | None =
     return arms * INFLATION
 
 
-def rounding_bound(chains: Bundle, joints: Array, lower: Array, upper: Array, degree: int = 1) -> Array:
-    """Return a bound of every rounding error in a norm while q stays in a box, (m,) [m].
-
-    It covers the derivation of the chain (constants folded in float64, what the reduction took for zero), the
-    evaluation of a motion of that degree and of the chain. Derived in `docs/certificates.md`.
-
-    Args:
-        chains: The chains.
-        joints: (m,) number of joints, fixed ones too, on each path in the tree.
-        lower: (n,) lower corner of the box.
-        upper: (n,) upper corner.
-        degree: Degree of the motion's pieces.
-    """
-    _, k, n = chains.coefficients.shape
-    farthest = np.maximum(np.abs(lower), np.abs(upper))
-    size = np.linalg.norm(chains.offsets, axis=2).sum(axis=1)
-    reach = np.maximum(chains.scale, size) + _slide_lengths(chains, lower, upper).sum(axis=1)
-    turned = (np.abs(chains.coefficients) @ farthest).max(axis=1, initial=0.0)
-    kappa = 1.0 + np.maximum(turned, farthest.sum())
-    constants = FOLDING * (joints + 1.0) ** 2 + EVALUATION * (k + 1)
-    growing = (k + 1) * (n + 4 + 8 * degree) + REDUCTION_ROUNDOFFS * (joints + 1.0)
-    return UNIT_ROUNDOFF * reach * (constants + growing * kappa)
-
-
 def along_motion(chains: Bundle, arms: Array, which: Indices, piece: Expansion, error: Array) -> tuple[Array, Array]:
     """Return, for N pieces, the norm in the middle and a lower bound of the norm on the piece.
 
@@ -333,12 +308,13 @@ def box_terms(chains: Bundle, arms: Array, which: Indices, centre: Array, half: 
     wide = np.einsum("nki,ni->nk", np.abs(C), half)
     slides = chains.slides[which] if chains.slides is not None else None
     slid = _slid(slides, np.zeros((len(which), 1, half.shape[1])), half)
-    rho, rates, r = arms[which], list[Array](), np.zeros((3, len(which)))
-    for j in range(half.shape[1]):
-        step = np.zeros_like(half)
-        step[:, j] = half[:, j]
-        r, v = _value_and_rate(chains, which, centre, step, phi, np.einsum("nki,ni->kn", C, step))
-        rates.append(v)
+    rho, (count, n) = arms[which], half.shape
+    steps = np.zeros((n, count, n))  # half across in each coordinate alone, all of them in one go
+    steps[np.arange(n), :, np.arange(n)] = half.T
+    turns = np.einsum("nki,jni->kjn", C, steps).reshape(len(phi), n * count)
+    again, many = np.tile(which, n), np.tile(phi, (1, n))
+    r, v = _value_and_rate(chains, again, np.tile(centre, (n, 1)), steps.reshape(n * count, n), many, turns)
+    r, rates = r[:, :count], v.reshape(3, n, count).transpose(1, 0, 2)
     return Terms(
         r=r,
         rates=tuple(rates),

@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 
 from pinbound.chain import Chain
 from pinbound.interpreters.bounds import Bundle, Expansion, Terms, box_terms, bundle, lever_arms, motion_terms
-from pinbound.interpreters.bounds import rounding_bound as chain_rounding_bound
 from pinbound.interpreters.closest import nearest, overlap, overlap_in_plane
+from pinbound.interpreters.rounding import Walks
+from pinbound.interpreters.rounding import rounding_bound as chain_rounding_bound
 from pinbound.path import RelativePath
 from pinbound.tolerances import INFLATION, REDUCTION, UNIT_ROUNDOFF
 
@@ -141,10 +142,17 @@ def _nothing(path: RelativePath) -> Chain:
     return replace(chain, offsets=np.zeros_like(chain.offsets), slides=np.zeros_like(chain.slides))
 
 
-def rounding_bound(swept: SweptBundle, joints: Array, lower: Array, upper: Array, degree: int = 1) -> Array:
-    """Return a bound of every rounding error in a separation while q stays in a box, (m,) [m]."""
-    each = chain_rounding_bound(swept.chains, np.repeat(joints, swept.rows), lower, upper, degree)
-    return each.reshape(len(joints), swept.rows).sum(axis=1) + _PROJECTING * UNIT_ROUNDOFF * swept.reach
+def rounding_bound(swept: SweptBundle, walked: Walks | None, lower: Array, upper: Array, degree: int = 1) -> Array:
+    """Return a bound of every rounding error in a separation while q stays in a box, (m,) [m].
+
+    `walked` is what the paths were reduced from; None: the paths are taken for exact.
+    """
+    rows, farthest = swept.rows, np.maximum(np.abs(lower), np.abs(upper))
+    each = chain_rounding_bound(swept.chains, walked and walked.with_ways(rows - 1), lower, upper, degree)
+    reach = swept.reach
+    if swept.chains.slides is not None:
+        reach = reach + (np.linalg.norm(swept.chains.slides[::rows], axis=2).sum(axis=1)) @ farthest
+    return each.reshape(-1, rows).sum(axis=1) + _PROJECTING * UNIT_ROUNDOFF * reach
 
 
 def along_motion(swept: SweptBundle, which: Indices, piece: Expansion, error: Array) -> Bounds:

@@ -123,8 +123,7 @@ def _one_coordinate(path: RelativePath) -> RelativePath:
 
 def _bundle(path: RelativePath, lower: Array, upper: Array) -> tuple[SweptBundle, float]:
     swept = swept_bundle([path], lower, upper)
-    evaluation = np.zeros(1)  # joints whose folding has been rounded: limits are of the path as it is, as elsewhere
-    return swept, float(rounding_bound(swept, evaluation, lower, upper)[0])
+    return swept, float(rounding_bound(swept, None, lower, upper)[0])  # limits are of the path as it is, as elsewhere
 
 
 def _bound(swept: SweptBundle, Q: Array, index: int, middle: Array, half: float, error: float) -> Bounds:

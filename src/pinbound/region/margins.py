@@ -209,7 +209,7 @@ class _SweptBounds:
 
     def over(self, reach: Array) -> None:
         self.swept = swept_bundle([self.path], -reach, reach)
-        self.error = rounding_bound(self.swept, np.zeros(1), -reach, reach)
+        self.error = rounding_bound(self.swept, None, -reach, reach)
         self.weights = (self.swept.arms[0] @ np.abs(self.swept.chains.coefficients[0])) + 1e-12
         self.size = float(self.swept.reach[0])
 

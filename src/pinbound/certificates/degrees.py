@@ -1,0 +1,33 @@
+"""Numbers that look like degrees, in motions and boxes that pass a joint limit."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.robot import Robot
+
+__all__ = ["look_like_degrees"]
+
+_TURN = 2.0 * math.pi
+
+
+def look_like_degrees(robot: Robot, Q: NDArray[np.float64]) -> tuple[str, ...]:
+    """Return a note if most of what is not zero in Q (N, n) is beyond a turn, though the joint may not turn so far.
+
+    Only revolute joints count whose own limits lie within a turn to either side; zero is zero in both units.
+    """
+    within = (robot.lower >= -_TURN) & (robot.upper <= _TURN)
+    limited = [i for i, name in enumerate(robot.coordinates) if within[i] and robot.turns(name)]
+    values = np.abs(Q[:, limited])
+    beyond = values > _TURN
+    if 2 * np.count_nonzero(beyond) <= np.count_nonzero(values):
+        return ()
+    names = ", ".join(robot.coordinates[index] for column, index in enumerate(limited) if np.any(beyond[:, column]))
+    largest = float(values.max())
+    return (
+        f"these look like degrees: most values of {names} are beyond a full turn of 2 pi rad (the largest is "
+        f"{largest:.6g}), more than their limits allow; angles are radians, see numpy.radians",
+    )

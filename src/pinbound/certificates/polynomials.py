@@ -1,0 +1,167 @@
+"""Motions of polynomial pieces in Bernstein form, and what a certificate needs of any motion.
+
+A polynomial in Bernstein form lies in the hull of its control points, and so do its derivatives in the hulls of
+theirs; restricted to a part of a piece the hull shrinks with it. Straight segments are pieces of degree one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.interpreters.bounds import Expansion
+from pinbound.tolerances import UNIT_ROUNDOFF
+
+__all__ = ["Polynomials", "Trajectory"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_RESTRICTING = 8
+"""Unit roundoffs per degree, relative to the largest control point: two runs of de Casteljau's scheme."""
+
+
+class Trajectory(Protocol):
+    """What a certificate needs of a motion."""
+
+    @property
+    def starts(self) -> Array:
+        """(K,) times at which its pieces start."""
+        ...
+
+    @property
+    def durations(self) -> Array:
+        """(K,) of its pieces."""
+        ...
+
+    @property
+    def degree(self) -> int:
+        """Rounding of q grows with it."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader of the certificate must know of it."""
+        ...
+
+    @property
+    def extent(self) -> tuple[Array, Array]:
+        """Corners (n,) of a box that q never leaves, widened by rounding."""
+        ...
+
+    def at(self, piece: Indices, u: Array) -> Array:
+        """Return q (N, n) at the fractions u of pieces."""
+        ...
+
+    def expand(self, piece: Indices, a: Array, b: Array) -> Expansion:
+        """Return what is known of q on the parts [a, b] of pieces."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Polynomials:
+    """Polynomial pieces, one after the other.
+
+    Attributes:
+        controls: (K, d + 1, n) control points of each piece, in [0, 1].
+        starts: (K,).
+        durations: (K,).
+        radius: (K, n) how far the true motion may be from the one of these control points; 0 for straight segments.
+        notes: What a reader of the certificate must know of the motion.
+    """
+
+    controls: Array
+    starts: Array
+    durations: Array
+    radius: Array
+    notes: tuple[str, ...] = ()
+
+    @property
+    def degree(self) -> int:
+        """Degree of the pieces."""
+        return self.controls.shape[1] - 1
+
+    @property
+    def extent(self) -> tuple[Array, Array]:
+        """Hull of all control points."""
+        lower, upper = self.controls.min(axis=1) - self.radius, self.controls.max(axis=1) + self.radius
+        return lower.min(axis=0), upper.max(axis=0)
+
+    @property
+    def ends(self) -> Array:
+        """(2 K, n) both ends of each piece: start and end of the first, of the second, and so on."""
+        return self.controls[:, [0, -1]].reshape(-1, self.controls.shape[2])
+
+    @cached_property
+    def _first(self) -> Array:
+        return self.degree * np.diff(self.controls, axis=1) if self.degree else np.zeros_like(self.controls)
+
+    @cached_property
+    def _second(self) -> Array:
+        if self.degree < 2:
+            return np.zeros_like(self.controls[:, :1])
+        return (self.degree - 1) * np.diff(self._first, axis=1)
+
+    @cached_property
+    def _rounding(self) -> tuple[Array, Array]:
+        """Rounding bounds (K, n) of restricted first and second derivatives; a straight segment has none."""
+        unit = _RESTRICTING * self.degree * UNIT_ROUNDOFF if self.degree > 1 else 0.0
+        first, second = np.abs(self._first).max(axis=1), np.abs(self._second).max(axis=1)
+        return unit * first, unit * (first + second)
+
+    def at(self, piece: Indices, u: Array) -> Array:
+        """Return q by de Casteljau's scheme; exact at u = 0 and u = 1."""
+        return _value(self.controls[piece], u)
+
+    def expand(self, piece: Indices, a: Array, b: Array) -> Expansion:
+        """Restrict pieces, and their derivatives, to [a, b]; each by its own control points."""
+        width = (b - a)[:, None, None]
+        middle = 0.5 * (a + b)
+        first, second, radius = self._first, self._second, self.radius[piece]
+        slope_rounding, bend_rounding = (one[piece] for one in self._rounding)
+        loose = 2.0 * self.degree * radius
+        return Expansion(
+            middle=self.at(piece, middle),
+            # The slope in the middle is rounded, too: the point that moves along it is off by half of that at an end.
+            middle_radius=radius + 0.5 * slope_rounding * width[:, 0],
+            slope=_value(first[piece], middle) * width[:, 0],
+            values=_restrict(self.controls[piece], a, b),
+            value_radius=radius,
+            slopes=_restrict(first[piece], a, b) * width,
+            slope_radius=(loose + slope_rounding) * width[:, 0],
+            bends=_restrict(second[piece], a, b) * width**2,
+            bend_radius=(2.0 * self.degree * loose + bend_rounding) * width[:, 0] ** 2,
+        )
+
+
+def _step(points: Array, u: Array) -> Array:
+    """Return the next level of de Casteljau's scheme at u (N,)."""
+    fraction = u[:, None, None]
+    return np.where(fraction == 1.0, points[:, 1:], points[:, :-1] + fraction * (points[:, 1:] - points[:, :-1]))
+
+
+def _value(controls: Array, u: Array) -> Array:
+    """Return the values (N, n) of polynomials (N, d + 1, n) at u (N,)."""
+    points = controls
+    while points.shape[1] > 1:
+        points = _step(points, u)
+    return points[:, 0]
+
+
+def _restrict(controls: Array, a: Array, b: Array) -> Array:
+    """Return the control points of the same polynomials on [a, b]: cut at b, and what is before it at a / b."""
+    points, left = controls, [controls[:, 0]]
+    while points.shape[1] > 1:
+        points = _step(points, b)
+        left.append(points[:, 0])
+    points = np.stack(left, axis=1)
+    share = np.divide(a, b, out=np.zeros_like(a), where=b > 0.0)
+    right = [points[:, -1]]
+    while points.shape[1] > 1:
+        points = _step(points, share)
+        right.append(points[:, -1])
+    return np.stack(right[::-1], axis=1)
