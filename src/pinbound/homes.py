@@ -160,7 +160,7 @@ def _couples_alike(robot: Robot, q: Array) -> bool:
         return True
     marks = replace(robot.annotations, home=home_entries(robot, q))
     problems = Problems(robot.document.label)
-    found, _, _ = settle(robot.tree, couple(robot.tree.moving_joints), marks, problems)
+    found = settle(robot.tree, couple(robot.tree.moving_joints), marks, problems).coupling
     same = found.coordinates == robot.coordinates and not problems.found
     return same and bool(
         np.allclose(found.S, robot.coupling.S, rtol=0.0, atol=LIMIT)
