@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from pinbound.document import parse_floats
-from pinbound.robot import Robot
+from pinbound.document import Document, parse_floats
 
 __all__ = ["Body", "collision_bodies"]
 
@@ -43,7 +42,16 @@ class Body:
     translation: Array
 
 
-def collision_bodies(robot: Robot) -> tuple[Body, ...]:
+class _HasDocument(Protocol):
+    """A robot, as far as its bodies need it: `pinbound.robot` stands above this room."""
+
+    @property
+    def document(self) -> Document:
+        """The XML that it was read from."""
+        ...
+
+
+def collision_bodies(robot: _HasDocument) -> tuple[Body, ...]:
     """Return the collision bodies of all links, in file order.
 
     Example:
