@@ -299,13 +299,13 @@ def test_limits_of_followers_bind(tmp_path: Path) -> None:
         '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>',
     )
     robot = pb.load(write(tmp_path, follower))
-    assert pb.certify(robot, [[-0.45], [0.55]]).verdict is pb.Verdict.CERTIFIED
+    assert pb.certify(robot, [[-0.45], [0.55]], limits_only=True).verdict is pb.Verdict.CERTIFIED
     found = pb.certify(robot, [[0.0], [0.56]])
     assert found.verdict is pb.Verdict.VIOLATED
     assert found.violations[0].name == "b lower"
     assert found.first_contact.after == pytest.approx(0.55 / 0.56, abs=1e-8)
     assert found.first_contact.clearance < 0.0
-    assert pb.certify(robot, [[0.0], [0.56]], limits=False).verdict is pb.Verdict.CERTIFIED
+    assert pb.certify(robot, [[0.0], [0.56]], limits=False).verdict is pb.Verdict.NOTHING_TO_CHECK
 
 
 def test_a_motion_may_end_at_a_limit(tmp_path: Path) -> None:
@@ -314,7 +314,8 @@ def test_a_motion_may_end_at_a_limit(tmp_path: Path) -> None:
         found = pb.certify(robot, [[0.0, -1.0], [0.0, value]], boundaries=[])
         assert found.verdict.value == verdict
     spline = interpolate.CubicSpline([0, 1, 2], [[0, 0], [0, 10], [0, 20]], bc_type="natural")
-    assert pb.certify(robot, spline, boundaries=[]).verdict is pb.Verdict.CERTIFIED
+    assert pb.certify(robot, spline, limits_only=True).verdict is pb.Verdict.CERTIFIED
+    assert pb.certify(robot, spline, boundaries=[]).verdict is pb.Verdict.NOTHING_TO_CHECK
 
 
 def test_budget_ends_in_undecided_with_what_is_left(tmp_path: Path) -> None:

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinbound.boundary import Boundary, one_configuration
-from pinbound.certificates.constraints import families, select
+from pinbound.certificates.constraints import families
 from pinbound.certificates.enclosures import Family
 from pinbound.certificates.records import BoxCertificate, Budget, OpenBox, Reason, Verdict
+from pinbound.certificates.scope import covered, scope, settled
 from pinbound.certificates.search import Meter
 from pinbound.exceptions import DimensionError
 from pinbound.robot import Robot
@@ -46,6 +47,7 @@ def certify_box(
     budget: Budget | None = None,
     *,
     limits: bool = True,
+    limits_only: bool = False,
 ) -> BoxCertificate:
     """Prove that every configuration of a box is clear and within limits, or find one that is not.
 
@@ -60,12 +62,14 @@ def certify_box(
         boundaries: Names of the boundaries to check; None: all.
         budget: How much work is allowed; None: `Budget()`.
         limits: Whether joint limits are checked too.
+        limits_only: Check joint limits and nothing else. Without it, no boundary at all is NOTHING_TO_CHECK.
 
     Returns:
         The certificate.
 
     Raises:
-        DimensionError: If a corner is not one finite configuration, or the corners are not in order.
+        DimensionError: If a corner is not one finite configuration, the corners are not in order, or `limits_only` is
+            asked for together with boundaries or without limits.
         UnknownNameError: If the robot has no boundary of that name.
 
     Example:
@@ -80,8 +84,9 @@ def certify_box(
     if np.any(low > high):
         index = int(np.flatnonzero(low > high)[0])
         raise DimensionError(f"the box's lower corner is above its upper one in {robot.coordinates[index]!r}")
+    chosen = scope(robot, boundaries, limits, limits_only)
+    coverage = covered(robot, chosen)
     meter, state = Meter(budget or Budget()), _State()
-    chosen = select(robot, boundaries)
     limit_family, *others = families(robot, chosen, low, high)
     for family in ([limit_family] if limits else []) + others:
         if len(family.names) and state.witness is None:
@@ -90,7 +95,8 @@ def certify_box(
     if state.witness is not None:
         verdict = Verdict.VIOLATED
     return BoxCertificate(
-        verdict=verdict,
+        verdict=settled(verdict, chosen, limits_only),
+        coverage=coverage,
         lower_corner=low,
         upper_corner=high,
         lower=-np.inf if state.witness is not None else state.lower,
@@ -160,6 +166,7 @@ def certified_box(
     budget: Budget = _GROWTH,
     *,
     limits: bool = True,
+    limits_only: bool = False,
 ) -> BoxCertificate:
     """Return a box around q that is certified, and that cannot grow much on any face.
 
@@ -174,12 +181,14 @@ def certified_box(
         reach: How far a face may be from q [rad or m].
         budget: Of each of the certificates that are tried (some 10 (2 n + 1)).
         limits: Whether joint limits count too.
+        limits_only: Joint limits count and nothing else.
 
     Returns:
         The certificate of the box; if q itself is not certified, the certificate of q alone.
 
     Raises:
-        DimensionError: If q is not one finite configuration.
+        DimensionError: If q is not one finite configuration, or `limits_only` is asked for together with boundaries or
+            without limits.
         UnknownNameError: If the robot has no boundary of that name.
 
     Example:
@@ -190,12 +199,13 @@ def certified_box(
         ('certified', True)
     """
     start = one_configuration(q, robot.coordinates)
-    chosen = select(robot, boundaries)
+    chosen = scope(robot, boundaries, limits, limits_only)
     moving = _moving(robot, chosen, limits)
 
     def ask(low: Array, high: Array) -> BoxCertificate:
         names = [boundary.name for boundary in chosen]
-        return certify_box(robot, start - low * reach, start + high * reach, names, budget, limits=limits)
+        corners = start - low * reach, start + high * reach
+        return certify_box(robot, *corners, names, budget, limits=limits, limits_only=limits_only)
 
     best = ask(0.0 * moving, 0.0 * moving)
     if best.verdict is not Verdict.CERTIFIED:
