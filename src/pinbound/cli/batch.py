@@ -229,8 +229,6 @@ def _print(evaluation: Evaluation, outcome: Outcome) -> None:
         ("size", f"{outcome.bytes / 1e6:,.1f} MB"),
     ]
     print_table(f"{evaluation.robot} in {outcome.folder}", ("what", "count"), rows, evaluation.region_note)
-    if evaluation.limits_only:
-        console().print("joint limits alone were checked", markup=False)
     say_coverage(evaluation.coverage)
     if not statistics.minima:
         return

@@ -134,12 +134,14 @@ def _over_a_turn(axis: Array, p: Array, s: Array) -> Array:
 
 def _balls(mark: Mark) -> tuple[Array, Array]:
     """Return balls (m, 3), (m,) that hold a mark together: one a cell, the cells about as long as they are wide."""
-    ways = np.array(mark.ways).reshape(-1, 3)
+    if not mark.ways:
+        return np.array([mark.xyz]), np.array([mark.radius])
+    ways = np.array(mark.ways)
     counts, lengths = np.ones(len(ways), dtype=int), np.linalg.norm(ways, axis=1)
-    while len(ways) and np.prod(counts) * 2 <= _MOST_BALLS:
+    while np.prod(counts) * 2 <= _MOST_BALLS:
         counts[int(np.argmax(lengths / counts))] *= 2
     cells = np.indices(tuple(counts.tolist())).reshape(len(ways), -1).T
-    centres = np.array(mark.xyz) + ((cells + 0.5) / counts) @ ways if len(ways) else np.array([mark.xyz])
+    centres = np.array(mark.xyz) + ((cells + 0.5) / counts) @ ways
     around = 0.5 * float(np.sum(lengths / counts))  # the half edges of a cell, end to end
     return centres, np.full(len(centres), mark.radius + around)
 

@@ -242,6 +242,9 @@ class _Survey:
             return None
         if self.tree.are_adjacent(a, b):
             return Basis.NEIGHBOURS, "neighbours: one degree of freedom between"
+        pin = next((c.name for c in self.annotations.closures if {c.link_a, c.link_b} == {a, b}), None)
+        if pin is not None:
+            return Basis.NEIGHBOURS, f"neighbours: joined by the pin of closure {pin}"
         one, two = self.shapes[a], self.shapes[b]
         if not one or not two:
             return None
