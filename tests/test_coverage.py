@@ -384,3 +384,20 @@ def test_boundaries_of_a_proposal_watch_what_it_covers(load_text: LoadText) -> N
     assert marked.coverage.is_complete
     names = {frozenset((b.point_a.link, b.point_b.link)) for b in marked.boundaries}
     assert {frozenset(pair.links) for pair in marked.coverage.watched} == names
+
+
+def test_a_proposal_states_what_overlaps_by_design_and_leaves_open_what_it_does_not_cover(load_text: LoadText) -> None:
+    bodies = BALLS | {
+        "base": body_of("sphere", "0.6"),  # holds the shoulder of b at every q
+        "d": '<collision><geometry><mesh filename="x.stl"/></geometry></collision>',
+    }
+    proposal = pb.propose_marks(load_text(arm(bodies)))
+    stated = {(one.a, one.b): one.reason for one in proposal.annotations.left_out}
+    assert stated["base", "b"].startswith("in contact in all of")
+    marked = load_text(arm(bodies), proposal.annotations.to_yaml())
+    pairs = {pair.links: pair for pair in marked.coverage.pairs}
+    assert (pairs["base", "b"].status, pairs["base", "b"].basis) == (Status.LEFT_OUT, Basis.SAID)
+    assert pairs["base", "b"].reason.startswith("said by robot.pinbound.yaml: in contact in all of")
+    assert pairs["a", "c"].basis is Basis.PROOF
+    for other in ("base", "a", "b"):
+        assert pairs[other, "d"].is_open

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.annotations import Annotations, BoundaryMark, Mark
+from pinbound.annotations import Annotations, BoundaryMark, LeftOutMark, Mark
 from pinbound.bodies import Body, collision_bodies
 from pinbound.covers import By, Cover, covers
 from pinbound.exceptions import UnknownNameError
@@ -23,7 +23,7 @@ from pinbound.path import RelativePath, relative_path
 from pinbound.robot import Robot
 from pinbound.tolerances import CONTACT
 
-__all__ = ["SHAPES", "Proposal", "propose_marks"]
+__all__ = ["SHAPES", "Proposal", "left_out_marks", "propose_marks"]
 
 Array = NDArray[np.float64]
 
@@ -125,7 +125,8 @@ def _proposal(robot: Robot, found: Sequence[Cover], uncovered: tuple[Body, ...])
         boundaries,
         home=dict(zip(robot.coordinates, Q[best].tolist(), strict=True)),
     )
-    return Proposal(annotations, tuple(found), uncovered, dict(left_out)), touching
+    proposal = Proposal(annotations, tuple(found), uncovered, dict(left_out))
+    return replace(proposal, annotations=replace(annotations, left_out=left_out_marks(proposal))), touching
 
 
 def _samples(robot: Robot) -> Array:
@@ -187,3 +188,21 @@ def _least(path: RelativePath) -> float:
     middle = np.linalg.norm(chain.offsets + 0.5 * ways.sum(axis=0), axis=1)
     around = 0.5 * np.linalg.norm(ways, axis=2).sum(axis=0)
     return float(np.max(2.0 * middle) - np.sum(middle) - np.sum(around))
+
+
+def left_out_marks(proposal: Proposal) -> tuple[LeftOutMark, ...]:
+    """Return what the sidecar of a proposal states about pairs of links that it leaves out.
+
+    Stated are pairs that can never meet, and pairs that overlap in every sample: by design. Not stated are neighbours
+    and links that never move, which `robot.coverage` knows; nor pairs that touch at home only, or that are not covered:
+    they stay open, for nobody looks at them and nothing says why nobody needs to.
+    """
+    annotations = proposal.annotations
+    marks = annotations.marks
+    watched = {frozenset((marks[one.a].link, marks[one.b].link)) for one in annotations.boundaries}
+    stated: list[LeftOutMark] = []
+    for (a, b, reason), count in sorted(proposal.left_out.items()):
+        if reason == "can never meet" or reason.startswith("in contact in all of"):
+            some = f"{count} pairs of marks: " if frozenset((a, b)) in watched else ""
+            stated.append(LeftOutMark(a, b, some + reason))
+    return tuple(stated)

@@ -43,7 +43,7 @@ def holders(body: Body, marks: Sequence[Mark]) -> tuple[tuple[str, ...], ...]:
         >>> holders(body, [*ends, Point("all", "arm", (0.0, 0.0, 0.0), 0.25)])
         (('all',),)
         >>> holders(body, ends), holders(body, [*ends, Point("middle", "arm", (0.0, 0.0, 0.0), 0.1)])
-        ((), (('low', 'high', 'middle'),))
+        ((), (('low', 'middle', 'high'),))
     """
     alone = tuple((mark.name,) for mark in marks if holds(mark, body))
     if alone or not is_known(body):
