@@ -10,6 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pinbound as pb
+from pinbound.annotations.srdf import read_srdf
+from pinbound.exceptions import Problems
 from test_input import BARE, GOOD
 
 Load = Callable[..., pb.Robot]
@@ -136,3 +138,61 @@ def test_srdf_spheres_become_points_and_disabled_pairs_are_respected(tmp_path: P
     srdf.write_text("<robot/>")
     with pytest.raises(pb.InputError, match="link_sphere_approximation"):
         pb.load(tmp_path / "arm.urdf", annotations=srdf)
+
+
+WRIST = """<robot name="wrist">
+<link name="base"/><link name="arm"/><link name="hand"/><link name="plate"/><link name="tip"/>
+<joint name="q" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0 0 0.5"/>
+  <limit lower="-1" upper="1"/></joint>
+<joint name="p" type="revolute"><parent link="arm"/><child link="hand"/><origin xyz="0 0 0.5"/>
+  <limit lower="-1" upper="1"/></joint>
+<joint name="f" type="fixed"><parent link="hand"/><child link="plate"/></joint>
+<joint name="g" type="fixed"><parent link="plate"/><child link="tip"/><origin xyz="0 0 0.1"/></joint>
+</robot>"""
+HELD = """<robot name="wrist">
+<group_state name="ready" group="all"><joint name="q" value="0.5"/></group_state>
+<link_sphere_approximation link="base"><sphere center="0 0 0" radius="0.1"/></link_sphere_approximation>
+<link_sphere_approximation link="arm"><sphere center="0 0 0" radius="0.1"/></link_sphere_approximation>
+<link_sphere_approximation link="hand"><sphere center="0 0 0" radius="0.1"/></link_sphere_approximation>
+<link_sphere_approximation link="tip"><sphere center="0 0 0" radius="0.1"/></link_sphere_approximation>
+<link_sphere_approximation link="hand"><sphere center="0 0 0.2" radius="0.1"/></link_sphere_approximation>
+<disable_collisions link1="arm" link2="base" reason="Adjacent"/>
+<disable_collisions link1="arm" link2="cover"/>
+</robot>"""
+
+
+def test_srdf_pairs_that_never_move_are_left_out_with_their_reason(tmp_path: Path) -> None:
+    (tmp_path / "wrist.urdf").write_text(WRIST)
+    srdf = tmp_path / "wrist.srdf"
+    srdf.write_text(HELD)
+    robot = pb.load(tmp_path / "wrist.urdf", annotations=srdf)
+    expected = {
+        ("base.0", "hand.0"),
+        ("base.0", "hand.1"),
+        ("base.0", "tip.0"),
+        ("arm.0", "hand.0"),
+        ("arm.0", "tip.0"),
+    }
+    assert {(mark.a, mark.b) for mark in robot.annotations.boundaries} == {*expected, ("arm.0", "hand.1")}
+    read = read_srdf(srdf, Problems("wrist.srdf"), robot.document.root)
+    assert read.left_out == {
+        ("base", "arm"): "disable_collisions: Adjacent",
+        ("hand", "tip"): "never move against each other",
+    }
+    assert [note for note in robot.notes if "wrist.srdf" in note] == [
+        "wrist.srdf leaves out 1 pair of links (disable_collisions: Adjacent): base and arm",
+        "wrist.srdf leaves out 1 pair of links (never move against each other): hand and tip",
+        "wrist.srdf has 1 group state, ignored: ready",
+        "wrist.srdf names links that the robot does not have: 'cover'",
+    ]
+
+
+def test_a_sidecar_may_repeat_a_tolerance_but_not_contradict_it(tmp_path: Path) -> None:
+    path, sidecar = tmp_path / "wrist.urdf", tmp_path / "wrist.pinbound.yaml"
+    said = '<pinbound:annotations xmlns:pinbound="urn:pinbound:1" contact_tolerance="1e-4"/></robot>'
+    path.write_text(WRIST.replace("</robot>", said))
+    sidecar.write_text("contact_tolerance: 0.0001")
+    assert pb.load(path).annotations.contact_tolerance == 1e-4
+    sidecar.write_text("contact_tolerance: 0.0002")
+    with pytest.raises(pb.InputError, match="contact_tolerance is given twice"):
+        pb.load(path)

@@ -1,6 +1,7 @@
 """The command line: tables for people, JSON for programs, exit codes."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ from typer.testing import CliRunner
 
 import pinbound as pb
 from pinbound.cli import app
-from robots import ARM, robot_xml
+from robots import ARM, joint, robot_xml
 
 
 def run(*arguments: str, code: int = 0) -> str:
@@ -113,16 +114,64 @@ def test_a_robot_without_boundaries_still_has_a_report(tmp_path: Path) -> None:
     assert "<b>" not in page.split("<h2>")[0].replace("<li><b>", "").replace("bare &lt;b&gt;", "")
 
 
-def test_mark_writes_a_sidecar_that_loads(tmp_path: Path) -> None:
-    urdf, out = tmp_path / "arm.urdf", tmp_path / "arm.pinbound.yaml"
+def marked_arm(folder: Path, **shapes: str) -> Path:
+    """Write an arm whose links have the given shapes as collision bodies."""
+    path = folder / "arm.urdf"
     text = robot_xml(ARM, {}, [])
-    shapes = {"base": '<sphere radius="0.05"/>', "d": '<box size="0.1 0.1 0.1"/>', "b": '<mesh filename="x.stl"/>'}
     for link, shape in shapes.items():
         body = f"<collision><geometry>{shape}</geometry></collision>"
         text = text.replace(f'<link name="{link}"/>', f'<link name="{link}">{body}</link>')
-    urdf.write_text(text)
+    path.write_text(text)
+    return path
+
+
+def test_mark_writes_a_sidecar_that_loads(tmp_path: Path) -> None:
+    out = tmp_path / "arm.pinbound.yaml"
+    urdf = marked_arm(tmp_path, base='<sphere radius="0.05"/>', d='<box size="0.1 0.1 0.1"/>')
     said = run("mark", str(urdf), "--out", str(out))
-    assert "Not covered: 1 bodies of b" in said
+    assert "Not covered" not in said
     assert len(pb.load(urdf).boundaries) == json.loads(run("mark", str(urdf), "--json"))["boundaries"] > 0
     assert "exists already" in run("mark", str(urdf), "--out", str(out), code=2)
     assert "sphere, box, cylinder, capsule" in run("mark", str(urdf), "--shapes", "cone", code=2)
+
+
+def test_mark_says_last_what_it_left_out_and_exits_with_1(tmp_path: Path) -> None:
+    out = tmp_path / "out.yaml"
+    urdf = marked_arm(
+        tmp_path, base='<sphere radius="0.05"/>', d='<box size="0.1 0.1 0.1"/>', b='<mesh filename="x.stl"/>'
+    )
+    lines = run("mark", str(urdf), "--out", str(out), code=1).splitlines()
+    assert lines[-2] == "Not covered: 1 body of b (1 mesh); no boundary speaks of it."
+    assert lines[-1].startswith("1 of 3 bodies carries no mark")
+    assert len(pb.load(urdf, annotations=out).boundaries) == 1
+    record = json.loads(run("mark", str(urdf), "--json", code=1))
+    assert [(one["link"], one["shape"]) for one in record["uncovered"]] == [("b", "mesh")]
+    assert ["base", "b"] in [one["links"] for one in record["left_out"]]
+    meshes = marked_arm(tmp_path, base='<mesh filename="x.stl"/>', d='<mesh filename="y.stl"/>')
+    assert "2 of 2 bodies carry no mark" in run("mark", str(meshes), code=1).splitlines()[-1]
+    run("mark", str(urdf), "--shapes", "box", code=1)
+
+
+def test_mark_of_half_written_geometry_is_bad_input(tmp_path: Path) -> None:
+    urdf = marked_arm(tmp_path, base="<sphere/>", b='<box size="1 1"/>')
+    said = run("mark", str(urdf), code=2)
+    assert "2 problems" in said
+    assert "has no radius" in said
+    assert "Traceback" not in said
+
+
+def test_mark_says_which_home_it_proposes(tmp_path: Path) -> None:
+    urdf = tmp_path / "arm.urdf"
+    balls = {
+        name: f'<link name="{name}"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>'
+        for name in ("base", "c")
+    }
+    joints = [joint("j1", "revolute", "base", "a"), joint("j2", "prismatic", "a", "c", limit="0 0.5")]
+    text = robot_xml(joints, {}, [])
+    for name, ball in balls.items():
+        text = text.replace(f'<link name="{name}"/>', ball)
+    urdf.write_text(text)
+    said = run("mark", str(urdf), "--out", str(tmp_path / "out.yaml"))
+    assert "base.0 and c.0 overlap by 200 mm" in said
+    home = pb.load(urdf, annotations=tmp_path / "out.yaml").home
+    assert f"j1 = {math.degrees(home[0]):.6g} deg, j2 = {1e3 * home[1]:.6g} mm, with no pair in contact" in said

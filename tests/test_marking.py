@@ -1,16 +1,22 @@
 """Covers hold their bodies; proposals leave nothing out without a reason that holds."""
 
 import itertools
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pinbound as pb
-from pinbound.bodies import Body
+from pinbound.bodies import Body, collision_bodies
+from pinbound.coupling import LinearLimit
 from pinbound.covers import cover, covers
+from pinbound.homes import draw, within_limits
 from pinbound.interpreters.closest import nearest
-from robots import ARM, robot_xml
+from robots import ARM, joint, robot_xml
+
+Load = Callable[..., pb.Robot]
 
 SHAPES = {
     "box": (0.3, 0.1, 0.05),
@@ -136,7 +142,7 @@ def test_reasons_for_leaving_pairs_out_hold(tmp_path: Path) -> None:
     bare = pb.load(path)
     proposal = pb.propose_marks(bare)
     reasons = {(a, b): reason for a, b, reason in proposal.left_out}
-    assert reasons["base", "a"] == reasons["a", "b"] == "parent and child"
+    assert reasons["base", "a"] == reasons["a", "b"] == "neighbours"
     assert reasons["base", "b"] == "can never meet"
     Q = np.random.default_rng(0).uniform(-3.2, 3.2, (20_000, 4))
     gap = np.linalg.norm(bare.positions("base", Q) - bare.positions("b", Q, (0, 0, 0.2)), axis=1)
@@ -157,3 +163,337 @@ def test_wrong_questions() -> None:
         pb.propose_marks(robot, shapes=("cone",))
     with pytest.raises(pb.DimensionError, match="positive"):
         cover(Body("l", 0, "sphere", (1.0,), np.eye(3), np.zeros(3)), 0.0)
+
+
+INERTIA = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+
+
+def urdf(links: dict[str, str], joints: list[str], extra: str = "") -> str:
+    """Return a URDF of links with the given elements inside; `joint` declares links, too, which is dropped."""
+    body = "".join(f'<link name="{name}">{inner}</link>' for name, inner in links.items())
+    bare = "".join(text.partition("</joint>")[0] + "</joint>" for text in joints)
+    return f'<robot name="r" xmlns:pinbound="urn:pinbound:1">{body}{bare}{extra}</robot>'
+
+
+def block(size: str, xyz: str = "0 0 0") -> str:
+    return f'<collision><origin xyz="{xyz}"/><geometry><box size="{size}"/></geometry></collision>'
+
+
+def ball(radius: float, xyz: str = "0 0 0") -> str:
+    return f'<collision><origin xyz="{xyz}"/><geometry><sphere radius="{radius}"/></geometry></collision>'
+
+
+def reason_of(proposal: pb.Proposal, a: str, b: str) -> list[str]:
+    return [reason for left, right, reason in proposal.left_out if {left, right} == {a, b}]
+
+
+@pytest.mark.parametrize("middle", ["", INERTIA, ball(0.001, "9 9 9")])
+@pytest.mark.parametrize(
+    ("lift", "then"),
+    [
+        (joint("q1", "prismatic", "a", "m", axis="0 0 1"), joint("q2", "revolute", "m", "b", axis="0 0 1")),
+        (joint("q1", "prismatic", "a", "m", axis="1 0 0"), joint("q2", "prismatic", "m", "b", axis="0 0 1")),
+        (joint("q1", "prismatic", "a", "m", axis="0 0 1"), joint("q2", "prismatic", "m", "b", axis="0 0 1")),
+        (joint("q1", "revolute", "a", "m", axis="0 0 1"), joint("q2", "continuous", "m", "b", axis="0 1 0")),
+        (joint("q1", "revolute", "a", "m", xyz="0 0 1"), joint("q2", "revolute", "m", "b", axis="0 1 0", xyz="1 0 0")),
+        (
+            joint("q1", "revolute", "a", "m", xyz="0 0 1"),
+            joint("q2", "revolute", "m", "b", mimic="q1 1 0", xyz="1 0 0"),
+        ),
+    ],
+)
+def test_two_degrees_of_freedom_apart_is_never_neighbours(load_text: Load, middle: str, lift: str, then: str) -> None:
+    links = {"a": block("0.5 0.5 0.5"), "m": middle, "b": block("0.5 0.5 0.5", "0 0 0.8")}
+    robot = load_text(urdf(links, [lift, then]))
+    assert robot.tree.degrees_between("a", "b", robot.coupling) == 2
+    assert not robot.tree.are_adjacent("b", "a")
+    assert robot.tree.are_adjacent("a", "m")
+    assert "neighbours" not in reason_of(pb.propose_marks(robot), "a", "b")
+
+
+def test_which_links_are_neighbours(load_text: Load, minerva: pb.Robot) -> None:
+    level = [
+        joint("q1", "revolute", "a", "upper", xyz="0 0 1"),
+        joint("flip", "fixed", "upper", "side", rpy="3.141592653589793 0 0"),
+        joint("level", "revolute", "side", "helper", xyz="0 0 -1", mimic="q1 1 0"),
+        joint("q2", "revolute", "helper", "fore", axis="0 -1 0"),
+        joint("beside", "revolute", "side", "rod", xyz="0 0 -1", mimic="q1 1 0"),
+        joint("still", "revolute", "fore", "tool", axis="1 0 0", xyz="1 0 0", mimic="q1 0 0.5"),
+        joint("loose", "planar", "tool", "table"),
+        joint("free", "floating", "table", "cup"),
+    ]
+    names = ("a", "upper", "side", "helper", "fore", "rod", "tool", "table", "cup")
+    robot = load_text(urdf(dict.fromkeys(names, ""), level))
+    between = {
+        ("upper", "side"): 0,
+        ("a", "side"): 1,
+        ("upper", "helper"): 1,
+        ("upper", "fore"): 1,  # the level link only carries a second joint at the same place
+        ("side", "fore"): 1,
+        ("a", "fore"): 2,
+        ("fore", "tool"): 0,  # a mimic joint of multiplier 0
+        ("helper", "rod"): 0,  # both keep the base's orientation
+        ("fore", "rod"): 2,
+        ("tool", "table"): 3,
+        ("table", "cup"): 6,
+        ("fore", "table"): 3,
+    }
+    for (a, b), count in between.items():
+        assert robot.tree.degrees_between(a, b, robot.coupling) == count, (a, b)
+        assert robot.tree.degrees_between(b, a, robot.coupling) == count, (b, a)
+    tree, coupling = minerva.tree, minerva.coupling
+    assert tree.are_adjacent("link_2", "link_3", coupling)
+    assert not tree.are_adjacent("link_2", "link_13", coupling)  # beside each other on link_1; beta_4 is theirs
+
+
+LIMITED = urdf(
+    {"base": ball(0.05), "a": "", "b": ball(0.05, "0.3 0 0"), "f": ""},
+    [
+        joint("j1", "revolute", "base", "a", xyz="0.2 0 0"),
+        joint("j2", "revolute", "a", "b", xyz="0.2 0 0"),
+        joint("j3", "revolute", "base", "f", xyz="0 1 0"),
+    ],
+)
+SIDECAR = """
+contact_tolerance: 1.0e-4
+home: {j1: 0.1}
+points: [{name: mine, link: f, xyz: [0, 1, 0], radius: 0.01}, {name: base.0, link: base, xyz: [0, 0, 1], radius: 0.02}]
+boundaries: [{name: base.0-b.0, a: mine, b: base.0, min_distance: 0.003}]
+followers: [{joint: j3, primary: j1, multiplier: -0.5}]
+limits: [{joint: j1, lower: -0.5, upper: 0.5}]
+assumptions: [measured with a ruler]
+"""
+
+
+def same_robot(robot: pb.Robot, marked: pb.Robot) -> None:
+    """What was said stays said: the coupling, limits, loops, boundaries."""
+    assert marked.coordinates == robot.coordinates
+    assert np.array_equal(marked.coupling.S, robot.coupling.S)
+    assert np.array_equal(marked.coupling.offset, robot.coupling.offset)
+    ends = [[(limit.joint, limit.lower, limit.upper) for limit in one.linear_limits] for one in (robot, marked)]
+    assert ends[0] == ends[1]
+    assert len(marked.closures) == len(robot.closures)
+    assert marked.annotations.contact_tolerance == robot.annotations.contact_tolerance
+    assert marked.annotations.assumptions == robot.annotations.assumptions
+    for boundary in robot.boundaries:
+        kept = marked.boundaries[boundary.name]
+        assert kept.threshold == boundary.threshold
+        assert (kept.point_a.xyz, kept.point_b.xyz) == (boundary.point_a.xyz, boundary.point_b.xyz)
+
+
+def test_what_the_sidecar_says_is_repeated(load_text: Load, tmp_path: Path) -> None:
+    robot = load_text(LIMITED, SIDECAR)
+    proposal = pb.propose_marks(robot)
+    proposal.annotations.save(tmp_path / "more.yaml")
+    marked = pb.load(tmp_path / "robot.urdf", annotations=tmp_path / "more.yaml")
+    same_robot(robot, marked)
+    assert marked.home.tolist() == robot.home.tolist() == [0.1, 0.0]
+    assert [boundary.name for boundary in marked.boundaries] == ["base.0-b.0", "base.0.2-b.0"]
+    verdict = [pb.certify(one, [[0.0, 0.0], [2.0, 0.0]]).verdict.name for one in (robot, marked)]
+    assert verdict == ["VIOLATED", "VIOLATED"]
+    again = pb.propose_marks(marked)
+    assert again.annotations == proposal.annotations
+
+
+def test_what_is_said_inside_the_urdf_stays_there(load_text: Load, tmp_path: Path) -> None:
+    inline = (
+        '<pinbound:annotations contact_tolerance="1e-4"><pinbound:home j1="0.1"/>'
+        '<pinbound:point name="mine" link="f" xyz="0 1 0"/><pinbound:point name="yours" link="base" xyz="0 0 1"/>'
+        '<pinbound:boundary name="stop" a="mine" b="yours"/><pinbound:limit joint="j1" lower="-0.5" upper="0.5"/>'
+        '<pinbound:follower joint="j3" primary="j1" multiplier="-0.5"/><pinbound:assumption>level</pinbound:assumption>'
+        "</pinbound:annotations></robot>"
+    )
+    robot = load_text(LIMITED.replace("</robot>", inline))
+    proposal = pb.propose_marks(robot)
+    own = proposal.annotations
+    assert not own.home
+    assert not own.limits
+    assert not own.followers
+    assert not own.assumptions
+    assert set(own.marks) == {"base.0", "b.0"}
+    own.save(tmp_path / "robot.pinbound.yaml")
+    marked = pb.load(tmp_path / "robot.urdf")
+    same_robot(robot, marked)
+    assert marked.home.tolist() == robot.home.tolist()
+    assert marked.boundaries.names == ("stop", "base.0-b.0")
+
+
+def test_a_robot_with_loops_keeps_them(minerva: pb.Robot) -> None:
+    proposal = pb.propose_marks(minerva, shapes=("box",))
+    marked = pb.load("minervabot_v3", annotations=proposal.annotations)
+    same_robot(minerva, marked)
+    assert marked.boundaries.names[: len(minerva.boundaries)] == minerva.boundaries.names
+    assert len(marked.boundaries) > len(minerva.boundaries) + 100
+
+
+OPEN_LOOP = [
+    joint("q1", "revolute", "base", "crank", xyz="0 0 0"),
+    joint("q2", "revolute", "crank", "rod", xyz="0 0 0.2"),
+    joint("q3", "revolute", "base", "lever", xyz="0.3 0 0"),
+]
+PIN = "closures: [{name: pin, link_a: rod, xyz_a: [0.3, 0, 0], link_b: lever, xyz_b: [0, 0, 0.2]}]"
+
+
+def test_a_new_home_keeps_the_assembly_of_a_loop(load_text: Load, tmp_path: Path) -> None:
+    """A home that is replaced names the joints of the loop, or the loop would be read in another pose."""
+    links = {"base": ball(0.15, "0 0 0.4"), "crank": "", "rod": ball(0.1, "0 0 0.1"), "lever": ""}
+    robot = load_text(urdf(links, OPEN_LOOP), PIN)
+    assert robot.coordinates == ("q1",)
+    proposal = pb.propose_marks(robot)
+    assert "replaces it" in proposal.home_note
+    assert set(proposal.annotations.home) == {"q1", "q2", "q3"}
+    proposal.annotations.save(tmp_path / "more.yaml")
+    marked = pb.load(tmp_path / "robot.urdf", annotations=tmp_path / "more.yaml")
+    same_robot(robot, marked)
+    assert len(marked.boundaries) == 1
+
+
+def touching(limits: dict[str, str], *followers: str) -> str:
+    """Return two blocks that touch at zero, on two revolute joints, with mimic joints aside."""
+    links = {"base": block("0.3 0.3 1"), "a": "", "b": block("0.3 0.3 1", "0 0 0.1"), "f": "", "g": ""}
+    joints = [
+        joint("q1", "revolute", "base", "a", xyz="0 0 0.3", limit=limits.get("q1", "-3 3")),
+        joint("q2", "revolute", "a", "b", xyz="0 0 0.5", limit=limits.get("q2", "-2.5 2.5")),
+        *followers,
+    ]
+    names = {word for text in joints for word in ("f", "g") if f'<link name="{word}"/>' in text}
+    return urdf({name: inner for name, inner in links.items() if name not in {"f", "g"} - names}, joints)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        touching({}, joint("f", "revolute", "base", "f", mimic="q1 1 0", limit="-1 0.3")),
+        touching({}, joint("f", "revolute", "base", "f", mimic="q1 -2 0.1", limit="-0.001 3")),
+        touching(
+            {},
+            joint("f", "revolute", "base", "f", mimic="q1 1000 0", limit="-1 1"),
+            joint("g", "prismatic", "base", "g", mimic="q2 0.001 0", limit="-1 0.002"),
+        ),
+        touching({"q1": "-1e16 1e16", "q2": "-1e300 1e300"}),
+        touching({"q1": "0 9"}, joint("f", "revolute", "base", "f", mimic="q1 1 0", limit="0.8 1.1")),  # not at zero
+    ],
+)
+def test_a_new_home_keeps_the_limits_of_mimic_joints(load_text: Load, tmp_path: Path, text: str) -> None:
+    robot = load_text(text)
+    proposal = pb.propose_marks(robot)
+    assert "The proposal replaces it by q1 = " in proposal.home_note
+    assert " deg" in proposal.home_note
+    proposal.annotations.save(tmp_path / "robot.pinbound.yaml")
+    marked = pb.load(tmp_path / "robot.urdf")
+    assert len(marked.boundaries) == 1
+    assert marked.boundaries.clearances(marked.home).min() > 0.0
+    for limit in marked.linear_limits:
+        assert limit.lower <= float(limit.coefficients @ marked.home) + limit.offset <= limit.upper
+
+
+def test_limits_that_chance_does_not_meet_are_met_by_a_program(load_text: Load) -> None:
+    """A coupled limit of width 1e-6 over two joints, away from zero: no sample of the box would meet it."""
+    robot = load_text(touching({}))
+    row = np.array([1.0, -1.0])
+    narrow = replace(robot, linear_limits=(*robot.linear_limits, LinearLimit("c", row, 0.0, 1.0, 1.0 + 1e-6)))
+    Q = draw(narrow, 50, np.random.default_rng(0))
+    assert len(Q) == 50
+    assert np.all(within_limits(narrow.linear_limits, Q))
+    assert np.ptp(Q[:, 0]) > 1.0
+    closed = replace(narrow, linear_limits=(*narrow.linear_limits, LinearLimit("d", row, 0.0, 2.0, 3.0)))
+    with pytest.raises(pb.UnsupportedError, match="no configuration"):
+        draw(closed, 50, np.random.default_rng(0))
+
+
+def test_a_home_that_the_user_gave_is_kept_and_a_better_one_is_told(load_text: Load) -> None:
+    robot = load_text(touching({}), "home: {q1: 0.0}")
+    proposal = pb.propose_marks(robot)
+    assert proposal.annotations.home == {"q1": 0.0}
+    assert not proposal.annotations.boundaries
+    assert reason_of(proposal, "base", "b") == ["in contact at home"]
+    assert "base.0 and b.0 overlap" in proposal.home_note
+    assert "is kept" in proposal.home_note
+    assert "Another home is q1 = " in proposal.home_note
+    assert proposal.touching == {("base.0", "b.0"): 0.0}
+
+
+def test_how_deep_marks_overlap_at_home_is_told(load_text: Load) -> None:
+    links = {"base": ball(0.1, "0 0 0.85"), "a": "", "b": ball(0.1, "0 0 0.1")}
+    joints = [joint("q1", "revolute", "base", "a", xyz="0 0 0.3"), joint("q2", "revolute", "a", "b", xyz="0 0 0.5")]
+    proposal = pb.propose_marks(load_text(urdf(links, joints)))
+    assert proposal.touching["base.0", "b.0"] == pytest.approx(0.05 - 0.2)
+    assert "overlap by 150 mm" in proposal.home_note
+
+
+def test_existing_boundaries_stay_free_at_a_new_home(load_text: Load, tmp_path: Path) -> None:
+    """No contact lies between the old home and the new one: the stop keeps its side."""
+    stop = """
+points: [{name: p, link: base, xyz: [0.3, 0, 0.3]}, {name: s, link: a, xyz: [0, 0, 0.3]}]
+boundaries: [{name: stop, a: p, b: s}]
+"""
+    robot = load_text(touching({"q1": "-6 6"}), stop)
+    contact = robot.boundaries["stop"].contact
+    proposal = pb.propose_marks(robot)
+    assert "replaces it" in proposal.home_note
+    proposal.annotations.save(tmp_path / "more.yaml")
+    marked = pb.load(tmp_path / "robot.urdf", annotations=tmp_path / "more.yaml")
+    assert not robot.boundaries.beyond(marked.home)
+    assert contact is not None
+    assert contact.angle - 2 * np.pi < marked.home[0] < contact.angle
+
+
+MIXED = urdf(
+    {
+        "base": ball(0.1) + '<collision name="cover"><geometry><mesh filename="c.stl"/></geometry></collision>',
+        "a": "",
+        "b": ball(0.1, "0 0 0.5"),
+        "c": '<visual><geometry><ellipsoid radii="1 1 1"/></geometry></visual>',
+        "d": ball(0.1),
+        "e": "",
+    },
+    [
+        joint("q1", "revolute", "base", "a", xyz="0 0 0.3"),
+        joint("q2", "revolute", "a", "b", xyz="0 0 0.3"),
+        joint("q3", "revolute", "b", "c", xyz="0 0 0.6"),
+        joint("fix", "fixed", "c", "d", xyz="0 0 0.3"),
+        joint("q4", "revolute", "d", "e"),
+    ],
+)
+
+
+def test_every_pair_of_links_is_watched_or_has_its_reason(load_text: Load) -> None:
+    for robot in (load_text(MIXED), pb.load("minervabot_v3")):
+        proposal = pb.propose_marks(robot)
+        marks = proposal.annotations.marks
+        watched = {frozenset((marks[one.a].link, marks[one.b].link)) for one in proposal.annotations.boundaries}
+        bare = {body.link for body in proposal.uncovered}
+        linked = list(dict.fromkeys(body.link for body in collision_bodies(robot)))
+        for a, b in itertools.combinations(linked, 2):
+            assert reason_of(proposal, a, b) or frozenset((a, b)) in watched, (a, b)
+            if {a, b} & bare:
+                assert reason_of(proposal, a, b), (a, b)
+    proposal = pb.propose_marks(load_text(MIXED))
+    assert reason_of(proposal, "base", "b") == ["not covered: cover (mesh)"]
+    assert reason_of(proposal, "base", "c") == ["not covered: cover (mesh), c.0 (ellipsoid)"]
+    assert reason_of(proposal, "b", "c") == ["neighbours"]
+    assert reason_of(proposal, "c", "d") == ["never move against each other"]
+    assert proposal.left_out["base", "d", "not covered: cover (mesh)"] == 1
+    assert [(body.name, body.shape) for body in proposal.uncovered] == [("cover", "mesh"), ("c.0", "ellipsoid")]
+
+
+def test_can_never_meet_allows_for_the_contact_tolerance(load_text: Load) -> None:
+    """Two marks that pass by at less than the contact tolerance do meet."""
+    links = {"base": ball(0.1), "a": "", "b": ball(0.1, "0 0 0.2")}
+    joints = [joint("q1", "revolute", "base", "a", axis="0 0 1"), joint("q2", "revolute", "a", "b", xyz="0 0 0.200001")]
+    text = urdf(links, joints)
+    assert reason_of(pb.propose_marks(load_text(text)), "base", "b") == []
+    thin = text.replace('radius="0.1"', 'radius="0"').replace("0.200001", "0.20001")
+    never = reason_of(pb.propose_marks(load_text(thin, "contact_tolerance: 1.0e-6")), "base", "b")
+    assert never == ["can never meet"]
+    meets = pb.propose_marks(load_text(thin, "contact_tolerance: 1.0e-4"))
+    assert reason_of(meets, "base", "b") == []
+
+
+def test_marks_under_names_that_are_taken_get_others(load_text: Load) -> None:
+    """`a.0` is link a.0's body 1 under one reading and link a's body 0.1 under another."""
+    links = {"a": ball(0.01) + ball(0.01, "0.1 0 0"), "m": "", "a.0": ball(0.01) + ball(0.01, "0.2 0 0")}
+    joints = [joint("q1", "revolute", "a", "m", xyz="0 0 1"), joint("q2", "revolute", "m", "a.0", xyz="0 0 1")]
+    proposal = pb.propose_marks(load_text(urdf(links, joints)), by="spheres")
+    names = [mark.name for cover in proposal.covers for mark in cover.marks]
+    assert len(set(names)) == len(names) == 4

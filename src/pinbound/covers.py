@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.annotations import Mark, Point, Segment, Sweep
-from pinbound.bodies import Body
-from pinbound.exceptions import DimensionError
+from pinbound.bodies import SHAPES, Body
+from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.tolerances import REDUCTION, SAME_BODY
 
 __all__ = ["By", "Cover", "cover", "covers"]
@@ -50,21 +50,26 @@ class Cover:
 
 
 def covers(bodies: Sequence[Body], accuracy: float, by: By = "bodies") -> tuple[Cover, ...]:
-    """Return covers of bodies that are no meshes, those of one link in file order.
+    """Return covers of bodies, in their order.
 
     Args:
-        bodies: The bodies.
+        bodies: The bodies, their shapes among `bodies.SHAPES`.
         accuracy: [m], the excess to aim at.
         by: ``"bodies"``: by capsules, boxes and prisms; a cylinder between two spheres is one capsule. ``"spheres"``.
 
     Raises:
         DimensionError: If the accuracy is not positive.
+        UnsupportedError: If no mark holds such a shape.
     """
     found: list[Cover] = []
     taken: set[Body] = set()
+    spheres: dict[str, list[Body]] = {}
+    for body in bodies:
+        if body.shape == "sphere":
+            spheres.setdefault(body.link, []).append(body)
     if by == "bodies":
         for body in bodies:
-            ends = _end_spheres(body, bodies)
+            ends = _end_spheres(body, spheres.get(body.link, ()))
             if ends is not None and not taken & {body, *ends}:
                 taken |= {body, *ends}
                 excess = _beyond(body, ends)
@@ -81,12 +86,13 @@ def cover(body: Body, accuracy: float, by: By = "bodies") -> Cover:
     Spheres are as few as keep the excess within `accuracy`, at most 64, a polygon has as few sides, at most 16.
 
     Args:
-        body: The body, no mesh.
+        body: The body, its shape among `bodies.SHAPES`. Measures may be zero: a flat box is a rectangle.
         accuracy: [m], the excess to aim at.
         by: As for `covers`.
 
     Raises:
         DimensionError: If the accuracy is not positive.
+        UnsupportedError: If no mark holds such a shape.
 
     Example:
         >>> from pinbound.bodies import Body
@@ -99,6 +105,8 @@ def cover(body: Body, accuracy: float, by: By = "bodies") -> Cover:
     """
     if not accuracy > 0.0:
         raise DimensionError(f"the accuracy {accuracy} is not a positive length")
+    if body.shape not in SHAPES:
+        raise UnsupportedError(f"no mark holds a {body.shape} ({body.name}); give one of: {', '.join(SHAPES)}")
     name = f"{body.link}.{body.index}"
     if body.shape == "sphere":
         return Cover((body,), (_point(body, name, np.zeros(3), body.size[0]),), 0.0)
@@ -110,7 +118,7 @@ def cover(body: Body, accuracy: float, by: By = "bodies") -> Cover:
     if body.shape == "capsule":
         return Cover((body,), (_capsule(body, name),), 0.0)
     if body.shape == "box":
-        return Cover((body,), (_sweep(body, name, np.diag(body.size)),), 0.0)
+        return Cover((body,), (_sum_of(body, name, np.diag(body.size)),), 0.0)
     return _prism(body, name, accuracy)
 
 
@@ -127,11 +135,21 @@ def _capsule(body: Body, name: str, excess: float = 0.0) -> Mark:
     return Segment(name, body.link, (a, b, c), (x, y, z), radius)
 
 
-def _sweep(body: Body, name: str, ways: Array) -> Sweep:
-    """Return the sweep along the rows of `ways` (k, 3) of the body's frame, about its centre."""
+def _sum_of(body: Body, name: str, ways: Array) -> Mark:
+    """Return the sum of the segments along the rows of `ways` (k, 3), in the body's frame and about its centre.
+
+    Rows of length zero are left out: what is left is a sweep, a segment, or a point.
+    """
+    ways = ways[np.any(ways, axis=1)]
     corner = (body.translation - body.rotation @ ways.sum(axis=0) / 2).tolist()
-    turned = (ways @ body.rotation.T).tolist()
-    return Sweep(name, body.link, (corner[0], corner[1], corner[2]), tuple((x, y, z) for x, y, z in turned))
+    turned: list[tuple[float, float, float]] = [(x, y, z) for x, y, z in (ways @ body.rotation.T).tolist()]
+    start = (corner[0], corner[1], corner[2])
+    if not turned:
+        return Point(name, body.link, start)
+    if len(turned) == 1:
+        x, y, z = turned[0]
+        return Segment(name, body.link, start, (start[0] + x, start[1] + y, start[2] + z))
+    return Sweep(name, body.link, start, tuple(turned))
 
 
 def _prism(body: Body, name: str, accuracy: float) -> Cover:
@@ -141,7 +159,7 @@ def _prism(body: Body, name: str, accuracy: float) -> Cover:
     angles = np.pi * np.arange(m) / m
     side = 2.0 * radius * math.tan(math.pi / (2 * m))
     ways = [*(side * np.column_stack((np.cos(angles), np.sin(angles), np.zeros(m)))), np.array([0.0, 0.0, length])]
-    return Cover((body,), (_sweep(body, name, np.array(ways)),), _sticks_out(radius, m))
+    return Cover((body,), (_sum_of(body, name, np.array(ways)),), _sticks_out(radius, m))
 
 
 def _sticks_out(radius: float, m: int) -> float:
@@ -225,8 +243,11 @@ def _on_axis(heights: list[float]) -> Array:
 def _cells(size: Array, accuracy: float) -> tuple[Array, float, float]:
     """Cut a box into cells of nearly equal sides, finer until the spheres about them stick out little enough."""
     found: tuple[Array, float, float] | None = None
+    longest = float(np.max(size))
+    if longest == 0.0:
+        return np.zeros((1, 3)), 0.0, 0.0
     for step in range(1, _MOST_SPHERES + 1):
-        counts = np.maximum(1, np.ceil(size / (np.max(size) / step) - 1e-9)).astype(int)
+        counts = np.maximum(1, np.ceil(size / (longest / step) - 1e-9)).astype(int)
         if found is not None and int(np.prod(counts)) > _MOST_SPHERES:
             break
         half = size / (2 * counts)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.annotations import FlatMark, Line, Mark, Plane
-from pinbound.chain import Chain, Swept, are_parallel, drop_head, reduce_chain, rotation_matrix, split
+from pinbound.chain import Chain, Swept, drop_head, reduce_chain, rotation_matrix, split
 from pinbound.coupling import Coupling
 from pinbound.exceptions import UnsupportedError
 from pinbound.tolerances import REDUCTION
@@ -300,29 +300,29 @@ def _best_frame(chain: Chain, last_is_ancestor: bool) -> int:
 
     Between equals an end of the chain that does not turn in the ancestor's frame wins, and then the first.
     """
+    used = np.any(chain.offsets, axis=1) | np.any(chain.slides, axis=(1, 2))
+    turning = _coordinates_between(chain)[:, used]
+    rotated, coordinates = np.count_nonzero(turning, axis=1).tolist(), np.sum(turning, axis=1).tolist()
     k = chain.rotations
 
     def cost(position: int) -> tuple[int, int, bool, int]:
-        rotated = coordinates = 0
-        for index, offset in enumerate(chain.offsets):
-            if index != position and (np.any(offset) or np.any(chain.slides[index])):
-                span = slice(min(index, position), max(index, position))
-                turning = _count_coordinates(chain.axes[span], chain.coefficients[span])
-                rotated += turning > 0
-                coordinates += turning
-        return rotated, coordinates, last_is_ancestor and position != k, position
+        return rotated[position], coordinates[position], last_is_ancestor and position != k, position
 
     return min(range(k + 1), key=cost)
 
 
-def _count_coordinates(axes: Array, coefficients: Array) -> int:
-    """Count the coordinates in the angles between two positions, neighbours about one direction merged."""
-    count, start = 0, 0
-    while start < len(axes):
-        stop, total = start, np.zeros(coefficients.shape[1])
-        while stop < len(axes) and are_parallel(axes[start], axes[stop]):
-            total = total + np.sign(axes[start] @ axes[stop]) * coefficients[stop]
-            stop += 1
-        count += int(np.count_nonzero(np.abs(total) > REDUCTION))
-        start = stop
-    return count
+def _coordinates_between(chain: Chain) -> NDArray[np.int64]:
+    """Count the coordinates in the angle between any two positions, (k + 1, k + 1); turns about one axis merged."""
+    k, axes = chain.rotations, chain.axes
+    crossed = np.abs(np.cross(axes[:, None], axes[None])).max(axis=2, initial=0.0) if k else np.zeros((0, 0))
+    parallel, signs = crossed <= REDUCTION, np.sign(axes @ axes.T)
+    counts = np.zeros((k + 1, k + 1), dtype=np.int64)
+    for start in range(k):
+        first, before, total = start, 0, np.zeros(chain.coefficients.shape[1])
+        for position in range(start, k):
+            if not parallel[first, position]:
+                before += int(np.count_nonzero(np.abs(total) > REDUCTION))
+                first, total = position, np.zeros_like(total)
+            total = total + signs[first, position] * chain.coefficients[position]
+            counts[start, position + 1] = before + int(np.count_nonzero(np.abs(total) > REDUCTION))
+    return counts + counts.T

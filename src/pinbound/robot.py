@@ -249,7 +249,8 @@ def load(
     """
     document = read_document(robot, {key: str(value) for key, value in (xacro_args or {}).items()})
     problems = Problems(document.label)
-    items = [*read_inline(document.root, problems), *_given_items(document, annotations, problems)]
+    given, said = _given_items(document, annotations, problems)
+    items = [*read_inline(document.root, problems), *given]
     links, joints = ([str(e.get("name")) for e in document.root.findall(tag)] for tag in ("link", "joint"))
     marks = validate(items, problems, links, joints)
     faults = len(problems.found)
@@ -278,22 +279,28 @@ def load(
             boundaries, coupling.coordinates, limits, home, partial(_common_marks, tree, coupling, boundaries)
         ),
         home=home,
-        notes=(*kinematics.notes, *coupled, *notes),
+        notes=(*kinematics.notes, *said, *coupled, *notes),
         package_dirs=tuple(map(str, package_dirs)),
     )
 
 
-def _given_items(document: Document, given: str | Path | Annotations | None, problems: Problems) -> list[RawItem]:
+def _given_items(
+    document: Document, given: str | Path | Annotations | None, problems: Problems
+) -> tuple[Sequence[RawItem], tuple[str, ...]]:
+    """Return the items of the annotations beside the document, and notes on what of them was not used."""
     if isinstance(given, Annotations):
-        return raw_items(given, "annotations")
+        return raw_items(given, "annotations"), ()
     stem = document.path.name.removesuffix(".xacro").removesuffix(".urdf")
     path = document.path.with_name(f"{stem}.pinbound.yaml") if given is None else Path(given)
     if given is None and not path.is_file():
-        return []
+        return [], ()
     from pinbound.annotations.sidecar import read_sidecar
     from pinbound.annotations.srdf import read_srdf
 
-    return read_srdf(path, problems) if path.suffix == ".srdf" else read_sidecar(path, problems)
+    if path.suffix == ".srdf":
+        srdf = read_srdf(path, problems, document.root)
+        return srdf.items, srdf.notes
+    return read_sidecar(path, problems), ()
 
 
 def _home(

@@ -23,6 +23,7 @@ __all__ = [
     "IMPLIED",
     "INFLATION",
     "KERNEL_CONSTANT",
+    "LARGEST_BODY",
     "LIMIT",
     "MESH_CHORD",
     "NEVER_MEETS",
@@ -85,6 +86,10 @@ INFLATION: Final = 1.0 + 1e-12
 LIMIT: Final = 1e-12
 """Radians or metres. A motion exceeds a joint limit if it passes it by more: degrees converted to radians, and sums
 along a spline, end up this close on either side."""
+
+LARGEST_BODY: Final = 1e9
+"""Metres. A longer body, or one further from its link, is a fault of the file: no robot is so large, and sums of
+squares of such lengths stay far from overflow."""
 
 PRECISION: Final = 1e-6
 """Metres. Default width of the bounds of a motion's smallest clearance: a tenth of the rounding of 0.01 mm data."""

@@ -7,10 +7,18 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pinbound.coupling import Coupling
+from pinbound.tolerances import REDUCTION
 from pinbound.urdf import Joint, Kinematics, Link
 
 __all__ = ["Tree"]
+
+_Vector = NDArray[np.float64]
+
+_TURNING = ("revolute", "continuous")
+_FREEDOMS = {"planar": 3, "floating": 6}
 
 
 @dataclass(frozen=True)
@@ -118,8 +126,88 @@ class Tree:
         meeting = next(name for name in self.lineage(link_a) if name in above_b)
         return [*reversed(self.descent(meeting, link_a)), *self.descent(meeting, link_b)]
 
-    def are_adjacent(self, link_a: str, link_b: str) -> bool:
-        """Return whether one moving joint connects two links, fixed joints and helper links between aside."""
-        moving = [joint for joint in self.path_between(link_a, link_b) if joint.type != "fixed"]
-        hidden = sum(joint.child in self.helpers for joint in moving)
-        return len(moving) - hidden == 1
+    def motions_between(self, link_a: str, link_b: str, branches: bool = False) -> list[list[tuple[Joint, float]]]:
+        """Return the moving joints between two links, those together that turn about one axis at one place.
+
+        Two turns that follow each other down (or up) the tree at one place about one axis are one turn by the sum of
+        their angles, each with the sign that is returned. A parallelogram's elbow is such a place: `-q2` and `q3` turn
+        the forearm by `q3 - q2` against the upper arm. Two links that turn about one axis beside each other, both on
+        one link below them, are two motions, unless `branches` is set. A planar or floating joint stands alone, and so
+        does each sliding joint.
+        """
+        found: list[list[tuple[Joint, float]]] = []
+        last: tuple[_Vector, _Vector, float] | None = None
+        for joint, sign, axis, place, scale in self._axes_between(link_a, link_b):
+            one_way = last is not None and (branches or last[2] == sign)
+            if joint.type not in _TURNING:
+                found.append([(joint, sign)])
+                last = None
+            elif last is not None and one_way and _same_axis(last[:2], (axis, place), scale):
+                found[-1].append((joint, sign * float(np.sign(axis @ last[0]))))
+            else:
+                found.append([(joint, sign)])
+                last = axis, place, sign
+        return found
+
+    def _axes_between(self, link_a: str, link_b: str) -> Iterator[tuple[Joint, float, _Vector, _Vector, float]]:
+        """Yield each moving joint from a to b: joint, sign, axis and place in a's frame at zero, length so far."""
+        above_b = set(self.lineage(link_b))
+        meeting = next(name for name in self.lineage(link_a) if name in above_b)
+        rotation, place, scale = np.eye(3), np.zeros(3), 0.0
+        for joint in reversed(self.descent(meeting, link_a)):
+            if joint.type != "fixed":
+                yield joint, -1.0, rotation @ joint.axis, place, scale
+            rotation = rotation @ joint.rotation.T
+            place = place - rotation @ joint.translation
+            scale += float(np.linalg.norm(joint.translation))
+        for joint in self.descent(meeting, link_b):
+            place = place + rotation @ joint.translation
+            rotation = rotation @ joint.rotation
+            scale += float(np.linalg.norm(joint.translation))
+            if joint.type != "fixed":
+                yield joint, 1.0, rotation @ joint.axis, place, scale
+
+    def degrees_between(self, link_a: str, link_b: str, coupling: Coupling | None = None) -> int:
+        """Return how many degrees of freedom lie between two links; 0: they never move against each other.
+
+        Each of the motions of `motions_between` is one, a planar joint three, a floating joint six.
+
+        Args:
+            link_a: One link.
+            link_b: The other.
+            coupling: `theta = S q + o`; with it, motions that no coordinate moves are not counted: a mimic joint of
+                multiplier 0, or turns that cancel.
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> [robot.tree.degrees_between("link_2", name) for name in ("link_1", "link_3", "link_21", "link_6")]
+            [1, 1, 1, 2]
+        """
+        if coupling is not None and not any(
+            self._freedoms(motion, coupling) for motion in self.motions_between(link_a, link_b, branches=True)
+        ):
+            return 0
+        return sum(self._freedoms(motion, coupling) for motion in self.motions_between(link_a, link_b))
+
+    @staticmethod
+    def _freedoms(motion: list[tuple[Joint, float]], coupling: Coupling | None) -> int:
+        joint = motion[0][0]
+        if coupling is None or not joint.moves:
+            return _FREEDOMS.get(joint.type, 1)
+        total = sum(sign * coupling.row(one.name)[0] for one, sign in motion)
+        return int(np.any(np.abs(total) > REDUCTION))
+
+    def are_adjacent(self, link_a: str, link_b: str, coupling: Coupling | None = None) -> bool:
+        """Return whether two links are neighbours: exactly one degree of freedom lies between them.
+
+        Fixed joints do not count, and masses, geometry and names of the links between do not matter.
+        """
+        return self.degrees_between(link_a, link_b, coupling) == 1
+
+
+def _same_axis(first: tuple[_Vector, _Vector], second: tuple[_Vector, _Vector], scale: float) -> bool:
+    """Return whether two axes are parallel and pass through the same origin, up to the rounding of folded constants."""
+    across = float(np.max(np.abs(np.cross(first[0], second[0]))))
+    apart = float(np.linalg.norm(first[1] - second[1]))
+    return across <= REDUCTION and apart <= REDUCTION * scale

@@ -194,8 +194,8 @@ class Annotations:
 
         file = Path(path)
         problems = Problems(file.name)
-        read = read_srdf if file.suffix == ".srdf" else read_sidecar
-        annotations = validate(read(file, problems), problems)
+        items = read_srdf(file, problems).items if file.suffix == ".srdf" else read_sidecar(file, problems)
+        annotations = validate(items, problems)
         problems.raise_if_any()
         return annotations
 

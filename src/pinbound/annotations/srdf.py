@@ -1,7 +1,10 @@
-"""SRDF in: spheres of `link_sphere_approximation` as marked points, `disable_collisions` as pairs left out."""
+"""An SRDF in: spheres of `link_sphere_approximation` as marked points, `disable_collisions` as pairs left out."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
@@ -11,49 +14,151 @@ from pinbound.annotations.records import RawItem
 from pinbound.document import parse_file, parse_floats
 from pinbound.exceptions import Problems
 
-__all__ = ["read_srdf"]
+__all__ = ["RIGID", "Srdf", "read_srdf"]
+
+RIGID = "never move against each other"
+"""Reason for leaving out two links that fixed joints join."""
+
+_BY_DEFAULT = "disable_default_collisions"
+_NAMED = 5  # how many pairs or links a note names
 
 
-def read_srdf(path: Path, problems: Problems) -> list[RawItem]:
-    """Return a point for every sphere, a boundary for every pair on two links that may collide, and what is left out.
+@dataclass(frozen=True)
+class Srdf:
+    """What an SRDF says about spheres and pairs.
+
+    Attributes:
+        items: Points, boundaries, and pairs of links that the file leaves out.
+        left_out: Why two links with spheres have no boundary, by pair of links in the order of the file.
+        notes: What was left out or ignored, a sentence each.
+    """
+
+    items: tuple[RawItem, ...]
+    left_out: Mapping[tuple[str, str], str]
+    notes: tuple[str, ...]
+
+
+def read_srdf(path: Path, problems: Problems, robot: etree._Element | None = None) -> Srdf:
+    """Read a point for every sphere, a boundary for every pair on two links that may collide, and what is left out.
 
     A sphere of radius 0 says, as elsewhere, that the link has no body. Pairs of links under `disable_collisions`, and
-    links under `disable_default_collisions` unless `enable_collisions` names the pair, are left out, with the reason
-    that the file gives. A file without spheres says what is left out only.
+    links under `disable_default_collisions` unless `enable_collisions` names the pair, are left out; so are links that
+    fixed joints join, for they never move against each other. A file without spheres says what is left out only.
+
+    Args:
+        path: The SRDF.
+        problems: Where faults go.
+        robot: The `<robot>` element of the URDF, which says what fixed joints join; None: nothing is known of it.
     """
     root, source = parse_file(path), path.name
     items: list[RawItem] = []
-    names: list[tuple[str, str]] = []
+    names: dict[str, list[str]] = {}
     for element in root.iter("link_sphere_approximation"):
         link = element.get("link", "")
-        for index, sphere in enumerate(element.iter("sphere")):
+        for sphere in element.iter("sphere"):
             center, radius = sphere.get("center", ""), sphere.get("radius", "")
-            fields = {"name": f"{link}.{index}", "link": link, "xyz": center, "radius": radius}
             if parse_floats(radius, 1) == (0.0,):
                 continue
+            known = names.setdefault(link, [])
+            fields = {"name": f"{link}.{len(known)}", "link": link, "xyz": center, "radius": radius}
             items.append(RawItem("point", fields, source, sphere.sourceline))
-            names.append((link, fields["name"]))
+            known.append(fields["name"])
     if not names and root.find(".//disable_collisions") is None:
         said = "holds no <link_sphere_approximation> with a sphere, and no <disable_collisions>"
         problems.add(said, "Give an SRDF that holds one of them", 1, source)
-    off, closed, on = _pairs(root, "disable_collisions"), set[str](), _pairs(root, "enable_collisions")
+    left_out = _left_out(root, list(names), {} if robot is None else _rigid_groups(robot))
+    for link_a, link_b in combinations(names, 2):
+        if (link_a, link_b) not in left_out:
+            pairs = [(a, b) for a in names[link_a] for b in names[link_b]]
+            items += [RawItem("boundary", {"name": f"{a}-{b}", "a": a, "b": b}, source, None) for a, b in pairs]
+    items += _stated(root, source, left_out)
+    known = None if robot is None else {str(link.get("name")) for link in robot.findall("link")}
+    return Srdf(tuple(items), left_out, tuple(_notes(root, source, left_out, known)))
+
+
+def _left_out(root: etree._Element, links: list[str], rigid: Mapping[str, str]) -> dict[tuple[str, str], str]:
+    """Return the reason of each pair of links that has no boundary."""
+    off, on = _pairs(root, "disable_collisions"), _pairs(root, "enable_collisions")
     closed = {element.get("link", "") for element in root.iter("disable_default_collisions")}
-    for (link_a, a), (link_b, b) in combinations(names, 2):
-        pair = frozenset((link_a, link_b))
-        if link_a == link_b or pair in off or (pair & closed and pair not in on):
-            continue
-        items.append(RawItem("boundary", {"name": f"{a}-{b}", "a": a, "b": b}, source, None))
+    found: dict[tuple[str, str], str] = {}
+    for a, b in combinations(links, 2):
+        pair = frozenset((a, b))
+        if pair in off:
+            found[a, b] = f"disable_collisions: {off[pair] or 'no reason given'}"
+        elif pair & closed and pair not in on:
+            found[a, b] = _BY_DEFAULT
+        elif a in rigid and rigid[a] == rigid.get(b):
+            found[a, b] = RIGID
+    return found
+
+
+def _stated(root: etree._Element, source: str, left_out: Mapping[tuple[str, str], str]) -> list[RawItem]:
+    """Return what the file itself leaves out, each pair with its reason; links without spheres, too."""
+    items: list[RawItem] = []
     for element in root.iter("disable_collisions"):
         a, b, reason = (element.get(key, "").strip() for key in ("link1", "link2", "reason"))
         if a and b and a != b:
             fields = {"a": a, "b": b, "reason": reason or "disable_collisions"}
             items.append(RawItem("left_out", fields, source, element.sourceline))
-    for a, b in combinations(dict.fromkeys(link for link, _ in names), 2):
-        if {a, b} & closed and frozenset((a, b)) not in on | off:
-            fields = {"a": a, "b": b, "reason": "disable_default_collisions"}
-            items.append(RawItem("left_out", fields, source, None))
+    for (a, b), reason in left_out.items():
+        if reason == _BY_DEFAULT:
+            items.append(RawItem("left_out", {"a": a, "b": b, "reason": reason}, source, None))
     return items
 
 
-def _pairs(root: etree._Element, tag: str) -> set[frozenset[str]]:
-    return {frozenset((element.get("link1", ""), element.get("link2", ""))) for element in root.iter(tag)}
+def _pairs(root: etree._Element, tag: str) -> dict[frozenset[str], str]:
+    """Return the pairs of links that elements of one name speak of, and their reasons."""
+    return {
+        frozenset((element.get("link1", ""), element.get("link2", ""))): element.get("reason", "")
+        for element in root.iter(tag)
+    }
+
+
+def _rigid_groups(robot: etree._Element) -> dict[str, str]:
+    """Return for each link the topmost link to which fixed joints join it."""
+    above: dict[str, str] = {}
+    for joint in robot.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if joint.get("type") == "fixed" and parent is not None and child is not None:
+            above[child.get("link", "")] = parent.get("link", "")
+    groups: dict[str, str] = {}
+    for link in robot.findall("link"):
+        name, seen = str(link.get("name")), set[str]()
+        top = name
+        while top in above and top not in seen:  # a cycle of joints is a fault that is told elsewhere
+            seen.add(top)
+            top = above[top]
+        groups[name] = top
+    return groups
+
+
+def _notes(
+    root: etree._Element, source: str, left_out: Mapping[tuple[str, str], str], links: set[str] | None
+) -> list[str]:
+    notes: list[str] = []
+    for reason, count in Counter(left_out.values()).items():
+        pairs = [f"{a} and {b}" for (a, b), why in left_out.items() if why == reason]
+        notes.append(f"{source} leaves out {count} {_plural('pair', count)} of links ({reason}): {_listed(pairs)}")
+    states = [str(state.get("name")) for state in root.iter("group_state")]
+    if states:
+        notes.append(f"{source} has {len(states)} {_plural('group state', len(states))}, ignored: {_listed(states)}")
+    if links is not None:
+        named = {
+            link for tag in ("disable_collisions", "enable_collisions") for pair in _pairs(root, tag) for link in pair
+        }
+        named |= {element.get("link", "") for element in root.iter("disable_default_collisions")}
+        unknown = sorted(named - links)
+        if unknown:
+            notes.append(
+                f"{source} names links that the robot does not have: {_listed([repr(one) for one in unknown])}"
+            )
+    return notes
+
+
+def _plural(word: str, count: int) -> str:
+    return word if count == 1 else f"{word}s"
+
+
+def _listed(words: list[str]) -> str:
+    more = f" and {len(words) - _NAMED} more" if len(words) > _NAMED else ""
+    return ", ".join(words[:_NAMED]) + more

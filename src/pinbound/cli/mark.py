@@ -16,6 +16,7 @@ from pinbound.cli.shared import (
     RobotName,
     XacroArgs,
     console,
+    degrees,
     emit_json,
     load_robot,
     millimetres,
@@ -24,6 +25,7 @@ from pinbound.cli.shared import (
 from pinbound.covers import By, Cover
 from pinbound.exceptions import InputError, Problem
 from pinbound.marking import SHAPES, Proposal, propose_marks
+from pinbound.robot import Robot
 
 __all__ = ["mark"]
 
@@ -39,7 +41,10 @@ def mark(
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Propose marks over the collision bodies and all pairs worth checking, with reasons for what is left out."""
+    """Propose marks over the bodies of all links and all pairs worth checking, with reasons for what is left out.
+
+    Exits with 1 if a body is not covered: no boundary then speaks of it.
+    """
     if out is not None and out.exists():
         raise InputError([Problem("exists already", "Remove it, or give another name", str(out))])
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
@@ -49,7 +54,13 @@ def mark(
         proposal.annotations.save(out)
     if as_json:
         emit_json(_record(proposal))
-        return
+    else:
+        _print(loaded, proposal, out)
+    if proposal.uncovered:
+        raise typer.Exit(1)
+
+
+def _print(robot: Robot, proposal: Proposal, out: Path | None) -> None:
     rows = [
         (one.link, ", ".join(body.shape for body in one.bodies), _said(one), millimetres(one.excess, 2))
         for one in proposal.covers
@@ -58,13 +69,37 @@ def mark(
     reasons = [(a, b, reason, count) for (a, b, reason), count in sorted(proposal.left_out.items())]
     print_table("Pairs left out", ("link", "link", "reason", "pairs []"), reasons)
     said = console()
-    for link, count in Counter(body.link for body in proposal.uncovered).items():
-        said.print(
-            f"Not covered: {count} bodies of {link} (meshes, or shapes not asked for); no boundary speaks of them."
-        )
-    said.print(f"{len(proposal.annotations.marks)} marks, {len(proposal.annotations.boundaries)} boundaries.")
+
+    def say(text: str) -> None:
+        said.print(text, markup=False, soft_wrap=True)
+
+    for note in proposal.notes:
+        say(f"Note: {note}.")
+    if proposal.home_note:
+        say(proposal.home_note)
+    if proposal.annotations.home:
+        home = [_value(robot, name, value) for name, value in proposal.annotations.home.items()]
+        say(f"home: {', '.join(home)}")
+    say(f"{len(proposal.annotations.marks)} marks, {len(proposal.annotations.boundaries)} boundaries.")
     if out is not None:
-        said.print(f"Wrote {out}.", markup=False, soft_wrap=True)
+        say(f"Wrote {out}.")
+    missing: dict[str, Counter[str]] = {}
+    for body in proposal.uncovered:
+        missing.setdefault(body.link, Counter())[body.shape] += 1
+    for link, shapes in missing.items():
+        listed = ", ".join(f"{count} {shape}" for shape, count in shapes.items())
+        count, it = (f"{sum(shapes.values())} bodies", "them") if sum(shapes.values()) > 1 else ("1 body", "it")
+        say(f"Not covered: {count} of {link} ({listed}); no boundary speaks of {it}.")
+    if missing:
+        few, all_of = len(proposal.uncovered), sum(len(one.bodies) for one in proposal.covers)
+        say(
+            f"{few} of {few + all_of} bodies {'carry' if few > 1 else 'carries'} no mark: what is certified says "
+            "nothing of contact with them. Mark them by hand (meshes, other shapes), or ask for their shapes."
+        )
+
+
+def _value(robot: Robot, joint: str, value: float) -> str:
+    return f"{joint} = {degrees(value)} deg" if robot.turns(joint) else f"{joint} = {millimetres(value)} mm"
 
 
 def _said(cover: Cover) -> str:
@@ -86,7 +121,14 @@ def _record(proposal: Proposal) -> dict[str, object]:
             }
             for c in proposal.covers
         ],
-        "uncovered": [{"link": body.link, "shape": body.shape} for body in proposal.uncovered],
+        "uncovered": [
+            {"link": body.link, "name": body.name, "shape": body.shape, "source": body.source, "line": body.line}
+            for body in proposal.uncovered
+        ],
+        "home": dict(proposal.annotations.home),
+        "home_note": proposal.home_note,
+        "touching": [{"marks": [a, b], "gap": gap} for (a, b), gap in proposal.touching.items()],
+        "notes": list(proposal.notes),
         "left_out": [
             {"links": [a, b], "reason": reason, "pairs": count} for (a, b, reason), count in proposal.left_out.items()
         ],

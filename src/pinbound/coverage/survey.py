@@ -236,11 +236,12 @@ class _Survey:
         return self.bases[a, b]
 
     def _proof(self, a: str, b: str) -> tuple[Basis, str] | None:
-        if all(joint.type == "fixed" for joint in self.tree.path_between(a, b)):
+        degrees = self.tree.degrees_between(a, b, self.coupling)
+        if degrees == 0:
             return Basis.PROOF, "never move against each other"
         if self._is_free(a, b):
             return None
-        if self.tree.are_adjacent(a, b):
+        if degrees == 1:
             return Basis.NEIGHBOURS, "neighbours: one degree of freedom between"
         pin = next((c.name for c in self.annotations.closures if {c.link_a, c.link_b} == {a, b}), None)
         if pin is not None:
@@ -312,7 +313,7 @@ def _body_coverage(body: Body, marks: Sequence[Mark]) -> BodyCoverage:
     reason = ""
     if not held:
         reason = "no mark on its link" if not marks else "not proven to lie in the marks of its link"
-        reason = "a mesh, which is not read" if body.shape == "mesh" else reason
+        reason = reason if is_known(body) else f"a {body.shape}, which is not read"
     return BodyCoverage(body.link, body.index, body.shape, held, reason)
 
 

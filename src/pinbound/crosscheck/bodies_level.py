@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.bodies import Body, collision_bodies
+from pinbound.bodies import SHAPES, Body, collision_bodies
 from pinbound.boundary import Boundary
 from pinbound.crosscheck.engine import Engine, blocks, body_shapes, sample
 from pinbound.crosscheck.sweep import sweep
@@ -119,11 +119,12 @@ def check_bodies(robot: Robot, samples: int, rng: np.random.Generator) -> BodyLe
     bodies: dict[str, list[Body]] = {name: [] for links in groups for name in links}
     left_out: dict[str, str] = {}
     for body in collision_bodies(robot):
-        if body.link in bodies and body.shape == "mesh":
-            left_out[body.link] = "has meshes, which are not compared"
+        if body.link in bodies and body.shape not in SHAPES:
+            kind = "meshes" if body.shape == "mesh" else f"a {body.shape}"
+            left_out[body.link] = f"has {kind}, which are not compared"
         elif body.link in bodies:
             bodies[body.link].append(body)
-    left_out |= {name: "has no collision bodies" for name in bodies if not bodies[name] and name not in left_out}
+    left_out |= {name: "has no bodies" for name in bodies if not bodies[name] and name not in left_out}
     kept = [links for links in groups if all(bodies[name] for name in links)]
     if not kept:
         return "no boundary has simple collision bodies on both its links"
