@@ -1,6 +1,6 @@
 """Coverage of ten robots of example-robot-data, and coal on their raw bodies, meshes included.
 
-    python benchmarks/coverage.py --samples 300 --seed 0 --out docs/coverage-robots.md
+    python benchmarks/coverage_robots.py --samples 300 --seed 0 --out docs/coverage-robots.md
 
 Each robot gets the marks that `pinbound mark` proposes. At random configurations within the limits, where every
 boundary is clear (some of them certified as well), coal looks for contact between the bodies as the URDF has them. Of
