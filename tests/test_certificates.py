@@ -299,22 +299,23 @@ def test_limits_of_followers_bind(tmp_path: Path) -> None:
         '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>',
     )
     robot = pb.load(write(tmp_path, follower))
-    assert pb.certify(robot, [[-0.45], [0.55]]).verdict is pb.Verdict.CERTIFIED
+    assert pb.certify(robot, [[-0.45], [0.55]], limits_only=True).verdict is pb.Verdict.CERTIFIED
     found = pb.certify(robot, [[0.0], [0.56]])
     assert found.verdict is pb.Verdict.VIOLATED
     assert found.violations[0].name == "b lower"
     assert found.first_contact.after == pytest.approx(0.55 / 0.56, abs=1e-8)
     assert found.first_contact.clearance < 0.0
-    assert pb.certify(robot, [[0.0], [0.56]], limits=False).verdict is pb.Verdict.CERTIFIED
+    assert pb.certify(robot, [[0.0], [0.56]], limits=False).verdict is pb.Verdict.NOTHING_TO_CHECK
 
 
 def test_a_motion_may_end_at_a_limit(tmp_path: Path) -> None:
     robot = arm(tmp_path, 0.01)
     for value, verdict in ((20.0, "certified"), (20.0 + 1e-9, "violated")):
-        found = pb.certify(robot, [[0.0, -1.0], [0.0, value]], boundaries=[])
+        found = pb.certify(robot, [[0.0, -1.0], [0.0, value]], limits_only=True)
         assert found.verdict.value == verdict
     spline = interpolate.CubicSpline([0, 1, 2], [[0, 0], [0, 10], [0, 20]], bc_type="natural")
-    assert pb.certify(robot, spline, boundaries=[]).verdict is pb.Verdict.CERTIFIED
+    assert pb.certify(robot, spline, limits_only=True).verdict is pb.Verdict.CERTIFIED
+    assert pb.certify(robot, spline, boundaries=[]).verdict is pb.Verdict.NOTHING_TO_CHECK
 
 
 def test_budget_ends_in_undecided_with_what_is_left(tmp_path: Path) -> None:
@@ -360,7 +361,37 @@ def test_what_the_budget_never_reached_is_not_certified(tmp_path: Path) -> None:
 def test_no_boundaries(tmp_path: Path) -> None:
     robot = pb.load(write(tmp_path, ARM))
     found = pb.certify(robot, [START, END])
-    assert (found.verdict, found.tightest, found.lower) == (pb.Verdict.CERTIFIED, None, np.inf)
+    assert (found.verdict, found.tightest, found.lower) == (pb.Verdict.NOTHING_TO_CHECK, None, np.inf)
+    assert "nothing to check" in repr(found)
+    assert pb.certify(arm(tmp_path, 0.01), [START, END], boundaries=[]).verdict is pb.Verdict.NOTHING_TO_CHECK
+    alone = pb.certify(robot, [START, END], limits_only=True)
+    assert alone.verdict is pb.Verdict.CERTIFIED
+    assert "joint limits alone" in alone.notes[-1]
+    beyond = [[0.0, 0.0], [0.0, 21.0]]
+    assert pb.certify(robot, beyond).verdict is pb.Verdict.VIOLATED
+    assert pb.certify(robot, beyond, limits_only=True).verdict is pb.Verdict.VIOLATED
+    assert pb.certify(robot, beyond, limits=False).verdict is pb.Verdict.NOTHING_TO_CHECK
+
+
+def test_no_boundaries_in_a_box(tmp_path: Path) -> None:
+    robot = pb.load(write(tmp_path, ARM))
+    low, high = [-1.0, -1.0], [1.0, 1.0]
+    assert pb.certify_box(robot, low, high).verdict is pb.Verdict.NOTHING_TO_CHECK
+    assert pb.certify_box(robot, low, high, limits_only=True).verdict is pb.Verdict.CERTIFIED
+    assert pb.certify_box(robot, low, [1.0, 21.0]).verdict is pb.Verdict.VIOLATED
+    assert pb.certified_box(robot, [0.0, 0.0]).verdict is pb.Verdict.NOTHING_TO_CHECK
+    box = pb.certified_box(robot, [0.0, 0.0], limits_only=True, reach=30.0)
+    assert box.verdict is pb.Verdict.CERTIFIED
+    assert np.all(box.upper_corner > 19.0)
+
+
+def test_limits_alone_and_boundaries_contradict_each_other(tmp_path: Path) -> None:
+    robot = arm(tmp_path, 0.01)
+    for options in ({"boundaries": list(robot.boundaries.names)}, {"limits": False}):
+        with pytest.raises(pb.DimensionError, match="limits_only"):
+            pb.certify(robot, [START, END], limits_only=True, **options)
+        with pytest.raises(pb.DimensionError, match="limits_only"):
+            pb.certify_box(robot, START, START, limits_only=True, **options)
 
 
 def test_a_certificate_is_no_bool(tmp_path: Path) -> None:

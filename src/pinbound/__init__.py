@@ -8,6 +8,7 @@ from pinbound.annotations import (
     BoundaryMark,
     ClosureMark,
     FollowerMark,
+    LeftOutMark,
     LimitMark,
     Line,
     Plane,
@@ -17,6 +18,7 @@ from pinbound.annotations import (
 )
 from pinbound.boundary import Boundary, ContactAngle
 from pinbound.boundary_set import BoundarySet, CoordinateLimits, Smallest
+from pinbound.coverage import Coverage, CoverageRecord
 from pinbound.document import packaged_robots
 from pinbound.exceptions import (
     DimensionError,
@@ -80,6 +82,8 @@ __all__ = [
     "ContactAngle",
     "CoordinateLimits",
     "Corner",
+    "Coverage",
+    "CoverageRecord",
     "CrossCheck",
     "DimensionError",
     "Edge",
@@ -88,6 +92,7 @@ __all__ = [
     "InverseKinematics",
     "Kind",
     "LeavesRegionError",
+    "LeftOutMark",
     "LimitMark",
     "Line",
     "MachineError",

@@ -15,17 +15,18 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.annotations import KINDS, Annotations, BoundaryMark, Mark, RawItem, read_inline
+from pinbound.annotations import KINDS, Annotations, BoundaryMark, LeftOutMark, Mark, RawItem, read_inline
 from pinbound.bodies import SHAPES, Body, LinkBodies, read_bodies
+from pinbound.coverage.reach import least_separation
 from pinbound.covers import By, Cover, covers
 from pinbound.exceptions import Problems, UnknownNameError, UnsupportedError
 from pinbound.homes import can_be_home, configuration_text, draw, home_entries, within_limits
 from pinbound.interpreters import separation, univariate
-from pinbound.path import RelativePath, relative_path
+from pinbound.path import relative_path
 from pinbound.robot import Robot
 from pinbound.tolerances import FOLDING, UNIT_ROUNDOFF
 
-__all__ = ["SHAPES", "Proposal", "propose_marks"]
+__all__ = ["SHAPES", "Proposal", "left_out_marks", "propose_marks"]
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,7 @@ RIGID = "never move against each other"
 FREE_JOINT = "a free joint lies between"
 NEVER = "can never meet"
 AT_HOME = "in contact at home"
+_ALWAYS = "in contact in all of"
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ def _proposal(judge: _Judge, found: Sequence[Cover], read: LinkBodies) -> tuple[
             if frozenset((a.name, b.name)) not in watched:
                 boundaries.append(BoundaryMark(_unused(f"{a.name}-{b.name}", named), a.name, b.name))
         else:
-            reason = f"in contact in all of {len(judge.Q)} sampled configurations" if by_design else AT_HOME
+            reason = f"{_ALWAYS} {len(judge.Q)} sampled configurations" if by_design else AT_HOME
             left_out[a.link, b.link, reason] += 1
         if (touches[home.chosen] or touches[0]) and excess[a.name] + excess[b.name] > 0.0:
             touching |= {a.link, b.link}
@@ -170,7 +172,8 @@ def _proposal(judge: _Judge, found: Sequence[Cover], read: LinkBodies) -> tuple[
         touching={(pair.a.name, pair.b.name): pair.gap for pair in at_home},
         notes=read.notes,
     )
-    return proposal, touching
+    stated = dict.fromkeys((*annotations.left_out, *left_out_marks(proposal)))
+    return replace(proposal, annotations=replace(annotations, left_out=tuple(stated))), touching
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +216,7 @@ class _Judge:
             distance = univariate.contact_distance(path, radii, robot.annotations.contact_tolerance)
             joints = len(robot.tree.path_between(a.link, b.link))
             rounding = FOLDING * UNIT_ROUNDOFF * (joints + 2) ** 2 * path.minimal.scale
-            if _least(path) > distance + rounding:  # false where a number is not finite: that proves nothing
+            if least_separation(path) > distance + rounding:  # false where a number is not finite: that proves nothing
                 return None
             found = separation.separations(path, self.Q)
         if not np.all(np.isfinite(found)):
@@ -369,6 +372,9 @@ def _kept(robot: Robot) -> Annotations:
         closures=rest("closure", own.closures),
         followers=rest("follower", own.followers, "joint"),
         limits=rest("limit", own.limits, "joint"),
+        left_out=tuple(
+            LeftOutMark(one.a, one.b, one.reason) for one in own.left_out if one.source != robot.document.label
+        ),
         assumptions=tuple(text for text in own.assumptions if ("assumption", text) not in said),
     )
 
@@ -381,17 +387,19 @@ def _key(item: RawItem) -> str:
     return str(item.fields.get(keys.get(item.kind, "name"), ""))
 
 
-def _least(path: RelativePath) -> float:
-    """Return a lower bound of a path's norm over all q: exact for one angle, else by the triangle inequality."""
-    chain = path.minimal
-    if np.any(chain.slides):
-        return 0.0
-    single = univariate.one_angle_smallest(path)
-    if single is not None:
-        return single
-    if path.across is not None:
-        return -np.inf  # of lines and planes, which no cover holds, a part of r counts: its length bounds nothing
-    ways = np.array(path.swept.directions).reshape(-1, *chain.offsets.shape)
-    middle = np.linalg.norm(chain.offsets + 0.5 * ways.sum(axis=0), axis=1)
-    around = 0.5 * np.linalg.norm(ways, axis=2).sum(axis=0)
-    return float(np.max(2.0 * middle) - np.sum(middle) - np.sum(around))
+def left_out_marks(proposal: Proposal) -> tuple[LeftOutMark, ...]:
+    """Return what the sidecar of a proposal states about pairs of links that it leaves out.
+
+    Stated are pairs that can never meet, and pairs that overlap in every sample: by design. Not stated are neighbours
+    and links that never move, which `robot.coverage` knows; nor pairs that touch at home only, or that are not covered:
+    they stay open, for nobody looks at them and nothing says why nobody needs to.
+    """
+    annotations = proposal.annotations
+    marks = annotations.marks
+    watched = {frozenset((marks[one.a].link, marks[one.b].link)) for one in annotations.boundaries}
+    stated: list[LeftOutMark] = []
+    for (a, b, reason), count in sorted(proposal.left_out.items()):
+        if reason == NEVER or reason.startswith(_ALWAYS):
+            some = f"{count} pairs of marks: " if frozenset((a, b)) in watched else ""
+            stated.append(LeftOutMark(a, b, some + reason))
+    return tuple(stated)

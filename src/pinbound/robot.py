@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinbound.annotations import Annotations, Line, Plane, RawItem, raw_items, read_inline, validate
+from pinbound.bodies import collision_bodies
 from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
 from pinbound.closures import Closure, joint_errors, place_error
 from pinbound.coupling import Coupling, LinearLimit, as_configurations, couple, linear_limits
+from pinbound.coverage import Coverage
 from pinbound.document import Document, read_document
 from pinbound.exceptions import (
     DimensionError,
@@ -118,6 +120,17 @@ class Robot:
         if tuple(model.names)[1:] != self.coupling.joints:
             raise PinboundError(f"Pinocchio orders the joints as {tuple(model.names)[1:]}, not {self.coupling.joints}")
         return model
+
+    @cached_property
+    def coverage(self) -> Coverage:
+        """Which bodies are held by marks, which pairs of links are watched, left out and why, or not watched.
+
+        Example:
+            >>> coverage = load("minervabot_v3").coverage
+            >>> len(coverage.watched), len(coverage.in_part), coverage.is_complete
+            (0, 7, False)
+        """
+        return Coverage(self.tree, self.coupling, self.annotations, collision_bodies(self), self.boundaries)
 
     def closure_residuals(self, Q: ArrayLike) -> Array:
         """Return the gap of every closure, (n_closures,) or (N, n_closures) [m].

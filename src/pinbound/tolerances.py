@@ -24,6 +24,7 @@ __all__ = [
     "FLAT",
     "FOLDING",
     "FOLLOWS",
+    "HELD",
     "HOME",
     "IMPLIED",
     "INFLATION",
@@ -31,6 +32,7 @@ __all__ = [
     "LARGEST_BODY",
     "LIMIT",
     "MESH_CHORD",
+    "NEVER_MEETS",
     "ON_CONTOUR",
     "OVERLAP",
     "PRECISION",
@@ -200,3 +202,11 @@ manufacture, far above rounding."""
 
 OVERLAP: Final = 1e-14
 """Relative to the length of a path: boxes or prisms that are nearer than this overlap, as far as rounding can tell."""
+
+HELD: Final = 1e-12
+"""Metres. A mark holds a body if no point of the body is further than this outside it: what rounding adds to a hundred
+operations on lengths of a few metres, and no more."""
+
+NEVER_MEETS: Final = 1e-9
+"""Metres. Two bodies are proven never to meet if the bound of their distance is larger than this: far above what
+folding and reducing a path can have changed (1e-12), so that rounding cannot prove anything."""

@@ -19,6 +19,7 @@ __all__ = [
     "BoundaryMark",
     "ClosureMark",
     "FollowerMark",
+    "LeftOutMark",
     "LimitMark",
     "RawItem",
     "raw_items",
@@ -36,6 +37,7 @@ FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "closure": (("name", "link_a", "xyz_a", "link_b", "xyz_b"), ("passive", "tolerance")),
     "follower": (("joint", "primary"), ("multiplier", "offset")),
     "limit": (("joint", "lower", "upper"), ()),
+    "left_out": (("a", "b", "reason"), ()),
     "settings": ((), ("contact_tolerance",)),
     "assumption": (("text",), ()),
 }
@@ -102,6 +104,20 @@ class LimitMark:
 
 
 @dataclass(frozen=True, slots=True)
+class LeftOutMark:
+    """Two links, by name, that no boundary watches, and the reason; `source` is the file that says so.
+
+    It is a statement, not a proof: `robot.coverage` lists it with its source, unless it can prove the pair itself.
+    """
+
+    a: str
+    b: str
+    reason: str
+    source: str = "annotations"
+    line: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class RawItem:
     """One element or YAML entry before validation: its kind, its fields as written, its place.
 
@@ -126,6 +142,7 @@ class Annotations:
         closures: Closures in the order of the file.
         followers: Followers that replace the URDF's own `<mimic>`.
         limits: Limits that replace the URDF's own.
+        left_out: Pairs of links that are left out, with reasons.
         assumptions: Sentences that every report of this robot must show.
         home_line: Line of the home element.
     """
@@ -137,6 +154,7 @@ class Annotations:
     closures: tuple[ClosureMark, ...] = ()
     followers: tuple[FollowerMark, ...] = ()
     limits: tuple[LimitMark, ...] = ()
+    left_out: tuple[LeftOutMark, ...] = ()
     assumptions: tuple[str, ...] = ()
     home_line: int | None = None
 
@@ -226,6 +244,7 @@ def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
     items += [item("closure", closure) for closure in annotations.closures]
     items += [item("follower", follower) for follower in annotations.followers]
     items += [item("limit", limit) for limit in annotations.limits]
+    items += [item("left_out", pair) for pair in annotations.left_out]
     return items + [RawItem("assumption", {"text": text}, source, None) for text in annotations.assumptions]
 
 

@@ -23,6 +23,7 @@ _LISTS = {
     "closures": "closure",
     "followers": "follower",
     "limits": "limit",
+    "left_out": "left_out",
     "assumptions": "assumption",
 }
 

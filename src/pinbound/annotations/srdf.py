@@ -1,4 +1,4 @@
-"""An SRDF in: spheres of `link_sphere_approximation` as marked points, `disable_collisions` respected."""
+"""An SRDF in: spheres of `link_sphere_approximation` as marked points, `disable_collisions` as pairs left out."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ __all__ = ["RIGID", "Srdf", "read_srdf"]
 RIGID = "never move against each other"
 """Reason for leaving out two links that fixed joints join."""
 
+_BY_DEFAULT = "disable_default_collisions"
 _NAMED = 5  # how many pairs or links a note names
 
 
@@ -27,7 +28,7 @@ class Srdf:
     """What an SRDF says about spheres and pairs.
 
     Attributes:
-        items: Points and boundaries.
+        items: Points, boundaries, and pairs of links that the file leaves out.
         left_out: Why two links with spheres have no boundary, by pair of links in the order of the file.
         notes: What was left out or ignored, a sentence each.
     """
@@ -38,11 +39,11 @@ class Srdf:
 
 
 def read_srdf(path: Path, problems: Problems, robot: etree._Element | None = None) -> Srdf:
-    """Read a point for every sphere, and a boundary for every pair on two links that may collide.
+    """Read a point for every sphere, a boundary for every pair on two links that may collide, and what is left out.
 
     A sphere of radius 0 says, as elsewhere, that the link has no body. Pairs of links under `disable_collisions`, and
     links under `disable_default_collisions` unless `enable_collisions` names the pair, are left out; so are links that
-    fixed joints join, for they never move against each other.
+    fixed joints join, for they never move against each other. A file without spheres says what is left out only.
 
     Args:
         path: The SRDF.
@@ -62,13 +63,15 @@ def read_srdf(path: Path, problems: Problems, robot: etree._Element | None = Non
             fields = {"name": f"{link}.{len(known)}", "link": link, "xyz": center, "radius": radius}
             items.append(RawItem("point", fields, source, sphere.sourceline))
             known.append(fields["name"])
-    if not names:
-        problems.add("holds no <link_sphere_approximation> with a sphere", "Give an SRDF with spheres", 1, source)
+    if not names and root.find(".//disable_collisions") is None:
+        said = "holds no <link_sphere_approximation> with a sphere, and no <disable_collisions>"
+        problems.add(said, "Give an SRDF that holds one of them", 1, source)
     left_out = _left_out(root, list(names), {} if robot is None else _rigid_groups(robot))
     for link_a, link_b in combinations(names, 2):
         if (link_a, link_b) not in left_out:
             pairs = [(a, b) for a in names[link_a] for b in names[link_b]]
             items += [RawItem("boundary", {"name": f"{a}-{b}", "a": a, "b": b}, source, None) for a, b in pairs]
+    items += _stated(root, source, left_out)
     known = None if robot is None else {str(link.get("name")) for link in robot.findall("link")}
     return Srdf(tuple(items), left_out, tuple(_notes(root, source, left_out, known)))
 
@@ -83,10 +86,24 @@ def _left_out(root: etree._Element, links: list[str], rigid: Mapping[str, str]) 
         if pair in off:
             found[a, b] = f"disable_collisions: {off[pair] or 'no reason given'}"
         elif pair & closed and pair not in on:
-            found[a, b] = "disable_default_collisions"
+            found[a, b] = _BY_DEFAULT
         elif a in rigid and rigid[a] == rigid.get(b):
             found[a, b] = RIGID
     return found
+
+
+def _stated(root: etree._Element, source: str, left_out: Mapping[tuple[str, str], str]) -> list[RawItem]:
+    """Return what the file itself leaves out, each pair with its reason; links without spheres, too."""
+    items: list[RawItem] = []
+    for element in root.iter("disable_collisions"):
+        a, b, reason = (element.get(key, "").strip() for key in ("link1", "link2", "reason"))
+        if a and b and a != b:
+            fields = {"a": a, "b": b, "reason": reason or "disable_collisions"}
+            items.append(RawItem("left_out", fields, source, element.sourceline))
+    for (a, b), reason in left_out.items():
+        if reason == _BY_DEFAULT:
+            items.append(RawItem("left_out", {"a": a, "b": b, "reason": reason}, source, None))
+    return items
 
 
 def _pairs(root: etree._Element, tag: str) -> dict[frozenset[str], str]:

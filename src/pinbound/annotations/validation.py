@@ -12,6 +12,7 @@ from pinbound.annotations.records import (
     BoundaryMark,
     ClosureMark,
     FollowerMark,
+    LeftOutMark,
     LimitMark,
     RawItem,
 )
@@ -64,6 +65,7 @@ class _Validator:
         closures = [self._closure(item) for item in self._unique(by_kind.get("closure", []))]
         followers = [self._follower(item) for item in self._unique(by_kind.get("follower", []))]
         limits = [self._limit(item) for item in self._unique(by_kind.get("limit", []))]
+        left_out = [self._left_out(item) for item in by_kind.get("left_out", []) if self._complete(item)]
         return Annotations(
             contact_tolerance=settings,
             home=self._home(homes[0]) if homes else {},
@@ -72,6 +74,7 @@ class _Validator:
             closures=tuple(closure for closure in closures if closure),
             followers=tuple(follower for follower in followers if follower),
             limits=tuple(limit for limit in limits if limit),
+            left_out=tuple(pair for pair in left_out if pair),
             assumptions=tuple(
                 str(item.fields["text"]) for item in by_kind.get("assumption", []) if self._complete(item)
             ),
@@ -149,7 +152,9 @@ class _Validator:
 
     @staticmethod
     def _name(item: RawItem) -> str:
-        """Return what an item is known by: its name, or the joint that it is about."""
+        """Return what an item is known by: its name, the joint that it is about, or its two links."""
+        if item.kind == "left_out":
+            return "-".join(str(item.fields[key]) for key in ("a", "b") if item.fields.get(key))
         return str(item.fields.get("name") or item.fields.get("joint") or "")
 
     def _known(self, thing: str, name: str) -> str | None:
@@ -271,6 +276,17 @@ class _Validator:
             self._fault(f"limit of {joint!r} has lower {lower[0]:g} above upper {upper[0]:g}", "Swap them")
             return None
         return LimitMark(joint, lower[0], upper[0], item.line)
+
+    def _left_out(self, item: RawItem) -> LeftOutMark | None:
+        self.item = item
+        a, b, reason = (str(item.fields[key]).strip() for key in ("a", "b", "reason"))
+        if a == b:
+            self._fault(f"left_out {self._name(item)!r} names one link twice", "Name two links")
+            return None
+        # An SRDF may speak of links of a larger robot; `robot.coverage.notes` lists those.
+        if not item.source.endswith(".srdf") and None in [self._link(key) for key in ("a", "b")]:
+            return None
+        return LeftOutMark(a, b, reason, item.source, item.line)
 
     def _home(self, item: RawItem) -> dict[str, float]:
         self.item = item

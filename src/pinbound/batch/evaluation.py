@@ -11,6 +11,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.boundary_set import BoundarySet
+from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.interpreters.kernel import Kernel, MixedKernel
 from pinbound.region import Region, feasible_region
@@ -71,6 +73,8 @@ class Evaluation:
         summary: Whether statistics of every boundary are kept.
         backend: ``"compiled"`` or ``"numpy"``; fixed for a job, so that all chunks have the same bits.
         margins: (m,) [m], what each clearance must exceed, where loops' sides differ.
+        coverage: Which links the boundaries watch, and which nobody looks at.
+        limits_only: Whether joint limits alone are checked.
     """
 
     robot: str
@@ -84,6 +88,8 @@ class Evaluation:
     summary: bool
     backend: Literal["compiled", "numpy"]
     margins: Array
+    coverage: CoverageRecord
+    limits_only: bool = False
 
     @property
     def spans(self) -> Array:
@@ -208,32 +214,41 @@ def evaluation_of(
     columns: Sequence[str] = ("coordinates", "smallest", "verdict"),
     summary: bool = False,
     backend: str = "auto",
+    *,
+    limits_only: bool = False,
 ) -> Evaluation:
     """Return what is asked of every chunk.
 
     Raises:
         UnknownNameError: If a group of columns is not one of `COLUMNS`.
-        UnsupportedError: If the region is asked for and this robot has none in a plane.
+        UnsupportedError: If the region is asked for and this robot has none in a plane; or if there is no boundary, and
+            joint limits alone are not asked for.
     """
     for name in columns:
         if name not in COLUMNS:
             raise UnknownNameError("group of columns", name, COLUMNS)
-    region, note = None, ""
-    if "region" in columns or "verdict" in columns:
+    if not len(robot.boundaries) and not limits_only:
+        raise UnsupportedError(f"{robot.name} has no boundary to check; mark it, or ask for limits_only=True")
+    region, note = None, "joint limits alone are checked" if limits_only else ""
+    if limits_only and "region" in columns:
+        raise UnsupportedError("limits_only=True knows no region; leave the column 'region' out")
+    if not limits_only and ("region" in columns or "verdict" in columns):
         try:
             region = feasible_region(robot)
         except (DimensionError, UnsupportedError) as error:
             if "region" in columns:
                 raise
             note = str(error)
-    kernel = robot.boundaries.kernel
+    none = BoundarySet((), robot.coordinates, robot.linear_limits, robot.home)
+    boundaries = none if limits_only else robot.boundaries
+    kernel = boundaries.kernel
     chosen = kernel.prepare("least" if "smallest" not in columns else "smallest") if backend == "auto" else backend
     limits = robot.linear_limits
     n = len(robot.coordinates)
     return Evaluation(
         robot=robot.name,
         coordinates=robot.coordinates,
-        boundaries=robot.boundaries.names,
+        boundaries=boundaries.names,
         kernel=kernel,
         limits=(
             np.array([limit.coefficients for limit in limits]).reshape(-1, n),
@@ -247,4 +262,6 @@ def evaluation_of(
         summary=summary,
         backend="compiled" if chosen == "compiled" else "numpy",
         margins=np.array([boundary.place_margin for boundary in robot.boundaries]),
+        coverage=robot.coverage.of(boundaries.names).record,
+        limits_only=limits_only,
     )

@@ -282,6 +282,8 @@ def _manifest(evaluation: Evaluation, source: Source, chunk_rows: int) -> dict[s
             "versions": versions,
         },
         "region_note": evaluation.region_note,
+        "coverage": dataclasses.asdict(evaluation.coverage),
+        "limits_only": evaluation.limits_only,
         "python": platform.python_version(),
         "machine": platform.machine(),
     }

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinbound.boundary import Boundary, one_configuration
-from pinbound.certificates.constraints import families, needs_limits, select, unplaced
+from pinbound.certificates.constraints import families, needs_limits, unplaced
 from pinbound.certificates.degrees import look_like_degrees
 from pinbound.certificates.enclosures import Family
 from pinbound.certificates.records import BoxCertificate, Budget, OpenBox, Reason, Verdict
+from pinbound.certificates.scope import covered, scope, settled
 from pinbound.certificates.search import Meter
 from pinbound.certificates.trajectory import refuse_far
 from pinbound.exceptions import DimensionError
@@ -50,6 +51,7 @@ def certify_box(
     budget: Budget | None = None,
     *,
     limits: bool = True,
+    limits_only: bool = False,
 ) -> BoxCertificate:
     """Prove that every configuration of a box is clear and within limits, or find one that is not.
 
@@ -64,12 +66,14 @@ def certify_box(
         boundaries: Names of the boundaries to check; None: all.
         budget: How much work is allowed; None: `Budget()`.
         limits: Whether joint limits are checked too.
+        limits_only: Check joint limits and nothing else. Without it, no boundary at all is NOTHING_TO_CHECK.
 
     Returns:
         The certificate.
 
     Raises:
-        DimensionError: If a corner is not one finite configuration, or the corners are not in order.
+        DimensionError: If a corner is not one finite configuration, the corners are not in order, or `limits_only` is
+            asked for together with boundaries or without limits.
         UnknownNameError: If the robot has no boundary of that name.
 
     Example:
@@ -86,8 +90,9 @@ def certify_box(
         name, ends = robot.coordinates[index], f"{low[index]:.9g} above {high[index]:.9g}"
         raise DimensionError(f"the box's lower corner is above its upper one in {name!r}: {ends}; swap them")
     refuse_far(low, high, robot.coordinates)
+    chosen = scope(robot, boundaries, limits, limits_only)
+    coverage = covered(robot, chosen)
     meter, state = Meter(budget or Budget()), _State()
-    chosen = select(robot, boundaries)
     limit_family, *others = families(robot, chosen, low, high)
     if limits or needs_limits(chosen):
         kept = state if limits else _State()
@@ -104,7 +109,8 @@ def certify_box(
         verdict = Verdict.VIOLATED
         notes = look_like_degrees(robot, np.stack([low, high])) if state.violated in limit_family.names else ()
     return BoxCertificate(
-        verdict=verdict,
+        verdict=settled(verdict, chosen, limits_only),
+        coverage=coverage,
         lower_corner=low,
         upper_corner=high,
         lower=-np.inf if state.witness is not None else state.lower,
@@ -198,6 +204,7 @@ def certified_box(
     budget: Budget | None = None,
     *,
     limits: bool = True,
+    limits_only: bool = False,
 ) -> BoxCertificate:
     """Return a box around q that is certified, and that cannot grow much on any face.
 
@@ -213,13 +220,15 @@ def certified_box(
         budget: Of all certificates together, some 12 (2 n + 1) of them. Half of it is for growing alike; what is left
             is shared out evenly among the certificates still to come. None: 400,000 boxes, 30 seconds.
         limits: Whether joint limits count too.
+        limits_only: Joint limits count and nothing else.
 
     Returns:
         The certificate of the box, with the boxes and seconds of the whole search; a note says if the budget ended it
         before every face was tried. If q itself is not certified, the certificate of q alone.
 
     Raises:
-        DimensionError: If q is not one finite configuration, or reach is no positive number.
+        DimensionError: If q is not one finite configuration, reach is no positive number, or `limits_only` is asked
+            for together with boundaries or without limits.
         UnknownNameError: If the robot has no boundary of that name.
 
     Example:
@@ -232,7 +241,7 @@ def certified_box(
     start = one_configuration(q, robot.coordinates).copy()
     if not (np.ndim(reach) == 0 and 0.0 < reach <= FARTHEST):
         raise DimensionError(f"the reach is {reach}; give one positive number [rad or m]")
-    chosen = select(robot, boundaries)
+    chosen = scope(robot, boundaries, limits, limits_only)
     names = [boundary.name for boundary in chosen]
     moving = _moving(robot, chosen, limits)
     low, high = 0.0 * moving, 0.0 * moving
@@ -247,7 +256,8 @@ def certified_box(
         boxes = max(meter.budget.boxes - meter.boxes, 0)
         seconds = max(meter.budget.seconds - meter.seconds, 0.0)
         allowed = Budget(-(-boxes // share), seconds / share)
-        found = certify_box(robot, start - low * reach, start + high * reach, names, allowed, limits=limits)
+        corners = start - low * reach, start + high * reach
+        found = certify_box(robot, *corners, names, allowed, limits=limits, limits_only=limits_only)
         meter.boxes += found.boxes
         return found
 

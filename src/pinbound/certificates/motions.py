@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pinbound.certificates.constraints import families, far_sides, needs_limits, select, unplaced
+from pinbound.certificates.constraints import families, far_sides, needs_limits, unplaced
 from pinbound.certificates.degrees import look_like_degrees
 from pinbound.certificates.records import Budget, Certificate, Finding, OpenPart, Verdict
+from pinbound.certificates.scope import ONLY_LIMITS, covered, scope, settled
 from pinbound.certificates.search import Meter, Search
 from pinbound.certificates.trajectory import Trajectory, as_trajectory
 from pinbound.exceptions import DimensionError
@@ -34,6 +35,7 @@ def certify(
     budget: Budget | None = None,
     *,
     limits: bool = True,
+    limits_only: bool = False,
     each: bool = False,
     precision: float = PRECISION,
 ) -> Certificate:
@@ -51,16 +53,19 @@ def certify(
         boundaries: Names of the boundaries to check; None: all.
         budget: How much work is allowed; None: `Budget()`.
         limits: Whether joint limits are checked too.
+        limits_only: Check joint limits and nothing else. Without it, no boundary at all is NOTHING_TO_CHECK.
         each: Tight bounds of the smallest clearance for every boundary. Otherwise only for the smallest of all; the
             others' bounds are true, but may be wide.
         precision: Width of the bounds of the smallest clearance [m], if the budget allows.
 
     Returns:
-        The certificate: CERTIFIED, VIOLATED with first contact and witness, or UNDECIDED with what is left.
+        The certificate: CERTIFIED, VIOLATED with first contact and witness, UNDECIDED with what is left, or
+        NOTHING_TO_CHECK. Its `coverage` says which links the boundaries watch, and which nobody looks at.
 
     Raises:
         DimensionError: If shapes do not fit, something is not finite, times do not increase, a spline jumps at a
-            breakpoint, or the values of a `BoundedMotion` contradict its bounds.
+            breakpoint, the values of a `BoundedMotion` contradict its bounds, or `limits_only` is asked for together
+            with boundaries or without limits.
         UnknownNameError: If the robot has no boundary of that name.
         UnsupportedError: If the motion is of a kind that says nothing about what lies between two times.
 
@@ -78,8 +83,9 @@ def certify(
     """
     if not precision >= 0.0:
         raise DimensionError(f"the precision is {precision}; give a length in metres, zero or more")
+    chosen = scope(robot, boundaries, limits, limits_only)
+    coverage = covered(robot, chosen)
     meter = Meter(budget or Budget())
-    chosen = select(robot, boundaries)
     trajectory = as_trajectory(waypoints, robot.coordinates, times)
     limit_family, *boundary_families = families(robot, chosen, *trajectory.extent, trajectory.degree)
     found: dict[str, Finding] = {}
@@ -109,7 +115,8 @@ def certify(
     start, end = float(trajectory.starts[0]), float(trajectory.starts[-1] + trajectory.durations[-1])
     first_q = trajectory.at(np.zeros(1, dtype=np.intp), np.zeros(1))[0]
     return Certificate(
-        verdict=_verdict([*ordered, *bounds]),
+        verdict=settled(_verdict([*ordered, *bounds]), chosen, limits_only),
+        coverage=coverage,
         start=start,
         end=end,
         boundaries=ordered,
@@ -120,6 +127,7 @@ def certify(
             *_notes(robot, chosen, found, first_q),
             *([] if placed else [_NOT_PLACED]),
             *_degrees(robot, trajectory, bounds),
+            *((ONLY_LIMITS,) if limits_only else ()),
         ),
         boxes=meter.boxes,
         seconds=meter.seconds,

@@ -8,6 +8,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError
 
 __all__ = [
@@ -30,11 +31,13 @@ class Verdict(Enum):
 
     `CERTIFIED`: every clearance is positive and every limit kept, at every moment, rounding included. `VIOLATED`:
     there is a q, given, at which one is not. `UNDECIDED`: neither was shown; what is left is listed.
+    `NOTHING_TO_CHECK`: there is no boundary, and limits alone were not asked for, so that nothing is known of contact.
     """
 
     CERTIFIED = "certified"
     VIOLATED = "violated"
     UNDECIDED = "undecided"
+    NOTHING_TO_CHECK = "nothing to check"
 
 
 class Reason(Enum):
@@ -146,7 +149,8 @@ class Certificate(_NoTruth):
     """What was proven about a motion.
 
     Attributes:
-        verdict: CERTIFIED, VIOLATED or UNDECIDED.
+        verdict: CERTIFIED, VIOLATED, UNDECIDED or NOTHING_TO_CHECK.
+        coverage: What the boundaries that were checked watch of the robot, and what they do not.
         start: First time of the motion.
         end: Last time.
         boundaries: One finding a boundary.
@@ -158,6 +162,7 @@ class Certificate(_NoTruth):
     """
 
     verdict: Verdict
+    coverage: CoverageRecord
     start: float
     end: float
     boundaries: tuple[Finding, ...]
@@ -168,12 +173,15 @@ class Certificate(_NoTruth):
     seconds: float
 
     def __repr__(self) -> str:
-        """Return verdict and tightest boundary."""
+        """Return verdict, tightest boundary and coverage."""
         found = self.tightest
         if found is None:
-            return f"<Certificate {self.verdict.value}: no boundary>"
+            return (
+                f"<Certificate {self.verdict.value}: no boundary, {len(self.limits)} ends of limits; {self.coverage}>"
+            )
         span = f"[{1e3 * found.lower:.6g}, {1e3 * found.upper:.6g}] mm"
-        return f"<Certificate {self.verdict.value}: smallest clearance in {span}, {found.name} at t = {found.time:.6g}>"
+        smallest = f"smallest clearance in {span}, {found.name} at t = {found.time:.6g}"
+        return f"<Certificate {self.verdict.value}: {smallest}; {self.coverage}>"
 
     @property
     def tightest(self) -> Finding | None:
@@ -227,7 +235,8 @@ class BoxCertificate(_NoTruth):
     """What was proven about a box of configurations.
 
     Attributes:
-        verdict: CERTIFIED, VIOLATED or UNDECIDED.
+        verdict: CERTIFIED, VIOLATED, UNDECIDED or NOTHING_TO_CHECK.
+        coverage: What the boundaries that were checked watch of the robot, and what they do not.
         lower_corner: (n,).
         upper_corner: (n,).
         lower: Proven lower bound of the smallest clearance over the box [m].
@@ -241,6 +250,7 @@ class BoxCertificate(_NoTruth):
     """
 
     verdict: Verdict
+    coverage: CoverageRecord
     lower_corner: Array
     upper_corner: Array
     lower: float
@@ -251,3 +261,9 @@ class BoxCertificate(_NoTruth):
     boxes: int
     seconds: float
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return verdict, bounds and coverage."""
+        span = f"[{1e3 * self.lower:.6g}, {1e3 * self.upper:.6g}] mm"
+        violated = "" if self.violated is None else f", {self.violated} violated"
+        return f"<BoxCertificate {self.verdict.value}: smallest clearance in {span}{violated}; {self.coverage}>"

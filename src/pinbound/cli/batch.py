@@ -23,6 +23,14 @@ from pinbound.batch import (
     open_source,
     run,
 )
+from pinbound.cli.coverage import (
+    LimitsOnly,
+    RequireCoverage,
+    coverage_record,
+    nothing_to_check,
+    require_coverage,
+    say_coverage,
+)
 from pinbound.cli.shared import (
     Annotations,
     AsJson,
@@ -67,16 +75,25 @@ def batch(
     summary: Annotated[
         bool, typer.Option("--summary", help="Print each boundary's minimum, quantiles, contacts.")
     ] = False,
+    limits_only: LimitsOnly = False,
+    require_coverage_: RequireCoverage = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Evaluate clearances, region and verdict of many configurations into Parquet files; resumes after a stop."""
+    """Evaluate clearances, region and verdict of many configurations into Parquet files; resumes after a stop.
+
+    Exit code 0: the files are written, whatever the verdicts. 1: coverage is required and partial. 2: bad input, or no
+    boundary to check.
+    """
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    if not len(loaded.boundaries) and not limits_only:
+        nothing_to_check(loaded.name)
+    require_coverage(loaded.coverage.of(()) if limits_only else loaded.coverage, require_coverage_)
     source = _source(loaded, file, grid, random, sobol, seed, within, deg)
     names = tuple(name.strip() for name in columns.split(",") if name.strip())
-    evaluation = evaluation_of(loaded, names, summary)
+    evaluation = evaluation_of(loaded, names, summary, limits_only=limits_only)
     fields = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -182,6 +199,8 @@ def _record(evaluation: Evaluation, outcome: Outcome) -> dict[str, Any]:
         "bytes": outcome.bytes,
         "backend": evaluation.backend,
         "region_note": evaluation.region_note,
+        "coverage": coverage_record(evaluation.coverage),
+        "limits_only": evaluation.limits_only,
         "verdicts": dict(zip(VERDICTS, statistics.verdicts, strict=True)) if statistics.verdicts else None,
     }
     if statistics.minima:
@@ -210,6 +229,7 @@ def _print(evaluation: Evaluation, outcome: Outcome) -> None:
         ("size", f"{outcome.bytes / 1e6:,.1f} MB"),
     ]
     print_table(f"{evaluation.robot} in {outcome.folder}", ("what", "count"), rows, evaluation.region_note)
+    say_coverage(evaluation.coverage)
     if not statistics.minima:
         return
     quantiles = outcome.quantiles(evaluation, QUANTILES)

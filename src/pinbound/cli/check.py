@@ -9,6 +9,14 @@ from typing import Annotated, Any
 import typer
 
 from pinbound.certificates import Budget, Certificate, Finding, Verdict, certify
+from pinbound.cli.coverage import (
+    LimitsOnly,
+    RequireCoverage,
+    coverage_record,
+    nothing_to_check,
+    require_coverage,
+    say_coverage,
+)
 from pinbound.cli.shared import (
     Annotations,
     AsJson,
@@ -46,6 +54,8 @@ def check(
     deg: Degrees = False,
     boundary: Only = None,
     no_limits: NoLimits = False,
+    limits_only: LimitsOnly = False,
+    require_coverage_: RequireCoverage = False,
     each: Each = False,
     max_boxes: Boxes = _DEFAULT.boxes,
     max_seconds: Seconds = _DEFAULT.seconds,
@@ -57,12 +67,14 @@ def check(
 ) -> None:
     """Prove a motion clear at every moment, straight in q between its rows, or show where it is not.
 
-    Exit code 0: certified. 1: violated, or undecided within the budget. 2: bad input.
+    Exit code 0: certified. 1: violated, undecided within the budget, or coverage is required and partial. 2: bad input,
+    or no boundary to check.
     """
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     read = read_motion(loaded, motion, deg)
     budget = Budget(max_boxes, max_seconds)
-    found = certify(loaded, read.waypoints, read.times, boundary, budget, limits=not no_limits, each=each)
+    options = {"limits": not no_limits, "limits_only": limits_only, "each": each}
+    found = certify(loaded, read.waypoints, read.times, boundary, budget, **options)
     if plot is not None:
         _draw(loaded, read, found, plot)
     if as_json:
@@ -71,6 +83,9 @@ def check(
         _report(loaded, read, found)
         if plot is not None:
             console().print(f"figure: {plot}", markup=False)
+    if found.verdict is Verdict.NOTHING_TO_CHECK:
+        nothing_to_check(loaded.name)
+    require_coverage(loaded.coverage.of(one.name for one in found.boundaries), require_coverage_)
     if found.verdict is not Verdict.CERTIFIED:
         raise typer.Exit(1)
 
@@ -105,6 +120,7 @@ def _report(robot: Robot, motion: Motion, found: Certificate) -> None:
         f"{unit} {found.start:.9g} to {found.end:.9g}; {len(found.boundaries)} boundaries, "
         f"{len(found.limits)} ends of joint limits; {spent}"
     )
+    say_coverage(found.coverage)
     if found.boundaries:
         title = "Boundaries, the tightest first"
         columns = ("boundary", "verdict", "smallest clearance [mm]", "proven at least [mm]", f"at {unit}", "q")
@@ -163,6 +179,7 @@ def _record(robot: Robot, motion: Motion, found: Certificate) -> dict[str, Any]:
     first = found.first_contact
     return {
         "verdict": found.verdict.value,
+        "coverage": coverage_record(found.coverage),
         "waypoints": len(motion.waypoints),
         "start": found.start,
         "end": found.end,

@@ -8,6 +8,7 @@ from typing import Annotated, cast
 import numpy as np
 import typer
 
+from pinbound.cli.coverage import RequireCoverage, nothing_to_check, require_coverage, say_coverage
 from pinbound.cli.shared import (
     Annotations,
     AsJson,
@@ -43,12 +44,17 @@ def crosscheck(
     seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
     levels: Annotated[str, typer.Option(help="Levels, separated by commas.")] = ",".join(LEVELS),
     out: Annotated[Path | None, typer.Option(help="Figure of the region level, .png and .svg.")] = None,
+    require_coverage_: RequireCoverage = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare points, contacts, bodies and the region with coal; exit with 1 if a level disagrees."""
+    """Compare points, contacts, bodies and the region with coal.
+
+    Exit code 0: every level that was checked holds. 1: a level disagrees, or coverage is required and partial. 2: bad
+    input, or nothing to check.
+    """
     chosen = cast("tuple[Level, ...]", tuple(word.strip() for word in levels.split(",") if word.strip()))
     if out is not None and out.suffix not in (".png", ".svg"):
         raise InputError([Problem("is no name of a figure", "Let it end in .png or .svg", str(out))])
@@ -62,6 +68,11 @@ def crosscheck(
         _print(loaded, found)
     if out is not None:
         _draw(loaded, found, out)
+    if not len(loaded.boundaries):
+        nothing_to_check(loaded.name)
+    if not found.levels:
+        raise typer.Exit(2)
+    require_coverage(loaded.coverage, require_coverage_)
     if not found.holds:
         raise typer.Exit(1)
 
@@ -81,6 +92,7 @@ def _print(robot: Robot, found: CrossCheck) -> None:
         said.print(f"Not checked: {name}: {reason}.", markup=False)
     verdicts = ", ".join(f"{name} {'holds' if level.holds else 'DISAGREES'}" for name, level in found.levels.items())
     said.print(verdicts or "Nothing was checked.", markup=False)
+    say_coverage(found.coverage)
 
 
 def _print_points(level: PointLevel) -> None:

@@ -10,6 +10,7 @@ import typer
 from pinbound.annotations import FIELDS, KINDS, Line, Mark, Plane, Point, Segment, Sweep
 from pinbound.boundary import Boundary, ContactAngle
 from pinbound.boundary_set import CoordinateLimits
+from pinbound.cli.coverage import RequireCoverage, coverage_record, print_coverage, require_coverage, say_coverage
 from pinbound.cli.shared import (
     Annotations,
     AsJson,
@@ -25,6 +26,7 @@ from pinbound.cli.shared import (
     print_table,
 )
 from pinbound.closures import Closure
+from pinbound.coverage import Coverage
 from pinbound.interpreters import symbolic
 from pinbound.region import Region, feasible_region
 from pinbound.robot import Robot
@@ -36,14 +38,20 @@ Degrees = Annotated[bool, typer.Option("--deg", help="Angles of --at are in degr
 InPlane = Annotated[str | None, typer.Option("--coordinates", help="The two coordinates, e.g. q2,q3.")]
 
 
+Pairs = Annotated[
+    bool, typer.Option("--pairs", help="List every pair of links with bodies: watched, left out, or not.")
+]
+
+
 def info(
     robot: RobotName,
+    pairs: Pairs = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show the tree, the coupling, the closures with their residuals, notes and assumptions."""
+    """Show the tree, the coupling, the closures with their residuals, coverage, notes and assumptions."""
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     if as_json:
         emit_json(_info_record(loaded))
@@ -67,6 +75,7 @@ def info(
         headings = ("mark", "kind", "link", "from [mm]", "to, or ways [mm]; or direction []", "radius [mm]")
         print_table("Segments, sweeps, lines and planes", headings, rows)
     out.print(f"{len(loaded.boundaries)} boundaries: {', '.join(loaded.boundaries.names) or 'none'}")
+    print_coverage(loaded.coverage, pairs)
     for heading, lines in (("Notes", loaded.notes), ("Assumptions", loaded.annotations.assumptions)):
         if lines:
             out.print(f"[bold]{heading}[/bold]")
@@ -123,8 +132,31 @@ def _info_record(robot: Robot) -> dict[str, Any]:
         "marks": [_mark_record(mark) for mark in robot.annotations.marks.values()],
         "boundaries": robot.boundaries.names,
         "contact_tolerance": robot.annotations.contact_tolerance,
+        "coverage": _coverage_record(robot.coverage),
         "notes": robot.notes,
         "assumptions": robot.annotations.assumptions,
+    }
+
+
+def _coverage_record(coverage: Coverage) -> dict[str, Any]:
+    return coverage_record(coverage.record) | {
+        "bodies_by_link": {
+            link.name: [
+                {"index": b.index, "shape": b.shape, "held_by": b.held_by, "reason": b.reason} for b in link.bodies
+            ]
+            for link in coverage.links.values()
+        },
+        "pairs_of_links": [
+            {
+                "links": pair.links,
+                "status": pair.status.value,
+                "reason": pair.reason,
+                "basis": pair.basis and pair.basis.value,
+                "boundaries": pair.boundaries,
+            }
+            for pair in coverage.pairs
+        ],
+        "notes": coverage.notes,
     }
 
 
@@ -269,6 +301,7 @@ def region(
     coordinates: InPlane = None,
     at: At = None,
     deg: Degrees = False,
+    require_coverage_: RequireCoverage = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
@@ -279,7 +312,8 @@ def region(
     plane = None if coordinates is None else tuple(name.strip() for name in coordinates.split(","))
     found = feasible_region(loaded, plane, parse_configuration(loaded, at, deg))
     if as_json:
-        emit_json(_region_record(found))
+        emit_json(_region_record(found) | {"coverage": coverage_record(loaded.coverage.record)})
+        require_coverage(loaded.coverage, require_coverage_)
         return
     x, y = found.coordinates
     rows = [(edge.name, *(degrees(float(value), 9) for value in (*edge.start, *edge.end))) for edge in found.edges]
@@ -294,6 +328,10 @@ def region(
     implied = [(name, ", ".join(s.by), degrees(s.slack)) for name, s in found.supports().items() if s.by]
     if implied:
         print_table("Implied", ("boundary or limit", "implied by", "slack [deg]"), implied)
+    if not len(loaded.boundaries):
+        console().print("no boundary: the region is what the joint limits alone allow", markup=False)
+    say_coverage(loaded.coverage.record)
+    require_coverage(loaded.coverage, require_coverage_)
 
 
 def _region_record(region: Region) -> dict[str, Any]:

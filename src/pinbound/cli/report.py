@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from pinbound.cli.coverage import RequireCoverage, require_coverage, say_coverage
 from pinbound.cli.shared import (
     Annotations,
     PackageDirs,
@@ -27,6 +28,7 @@ def report(
     frame: Annotated[
         str | None, typer.Option(help="Link whose origin is the tool point; the deepest by default.")
     ] = None,
+    require_coverage_: RequireCoverage = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
@@ -39,7 +41,9 @@ def report(
         for row in rows
     ]
     print_table(loaded.name, ("boundary", "kind", "ancestor", "contact", "in the region"), table)
+    say_coverage(loaded.coverage.record)
     console().print(f"Wrote {page} and its figures.", markup=False, soft_wrap=True)
+    require_coverage(loaded.coverage, require_coverage_)
 
 
 def _status(status: str, by: tuple[str, ...]) -> str:

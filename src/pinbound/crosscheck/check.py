@@ -8,6 +8,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
+from pinbound.coverage import CoverageRecord
 from pinbound.crosscheck.bodies_level import BodyLevel, check_bodies
 from pinbound.crosscheck.contacts import BoundaryLevel, check_contacts
 from pinbound.crosscheck.points import PointLevel, check_points
@@ -38,6 +39,7 @@ class CrossCheck:
         bodies: Verdicts against coal on the collision bodies.
         region: Membership against a flood fill.
         not_checked: Why a level that was asked for does not apply.
+        coverage: Which bodies the boundaries watch, and which nobody looks at.
     """
 
     robot: str
@@ -49,6 +51,7 @@ class CrossCheck:
     bodies: BodyLevel | None
     region: RegionLevel | None
     not_checked: dict[str, str]
+    coverage: CoverageRecord
 
     @property
     def levels(self) -> dict[str, PointLevel | BoundaryLevel | BodyLevel | RegionLevel]:
@@ -127,7 +130,7 @@ def cross_check(
             raise DimensionError(f"{name} must be positive, not {count}")
     if not len(robot.boundaries):
         reasons = dict.fromkeys((level for level in LEVELS if level in levels), "the robot has no boundaries")
-        return CrossCheck(robot.name, samples, rays, seed, None, None, None, None, reasons)
+        return CrossCheck(robot.name, samples, rays, seed, None, None, None, None, reasons, robot.coverage.record)
     # Every level has its own stream, so that leaving one out does not change another.
     streams = np.random.default_rng(seed).spawn(3)
     questions: dict[Level, Callable[[], Any]] = {
@@ -139,4 +142,5 @@ def cross_check(
     answers = {level: questions[level]() if level in levels else None for level in LEVELS}
     reasons = {level: answer for level, answer in answers.items() if isinstance(answer, str)}
     checked = {level: None if level in reasons else answer for level, answer in answers.items()}
-    return CrossCheck(robot.name, samples, rays, seed, **cast(Any, checked), not_checked=cast(Any, reasons))
+    said = {"not_checked": reasons, "coverage": robot.coverage.record}
+    return CrossCheck(robot.name, samples, rays, seed, **cast(Any, checked), **cast(Any, said))

@@ -1,0 +1,57 @@
+"""Where links are at a few configurations: what is seen to come near there needs no proof that it never meets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.annotations import Mark
+from pinbound.chain import rotation_matrix
+from pinbound.coupling import Coupling
+from pinbound.tree import Tree
+
+__all__ = ["Poses"]
+
+Array = NDArray[np.float64]
+
+_COUNT = 64
+
+
+class Poses:
+    """Placements of all links at random configurations; free joints stand still."""
+
+    def __init__(self, tree: Tree, coupling: Coupling) -> None:
+        """Place every link; the configurations are the same each time."""
+        Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (_COUNT, len(coupling.coordinates)))
+        theta = dict(zip(coupling.joints, coupling.expand(Q).T, strict=True))
+        self._placed: dict[str, tuple[Array, Array]] = {}
+        for link, joint, _ in tree.walk():
+            if joint is None:
+                self._placed[link.name] = np.tile(np.eye(3), (_COUNT, 1, 1)), np.zeros((_COUNT, 3))
+                continue
+            rotation, translation = self._placed[joint.parent]
+            translation = translation + rotation @ joint.translation
+            rotation = rotation @ joint.rotation
+            if joint.type == "prismatic":
+                translation = translation + (rotation @ joint.axis) * theta[joint.name][:, None]
+            elif joint.moves:
+                rotation = rotation @ np.array([rotation_matrix(joint.axis, angle) for angle in theta[joint.name]])
+            self._placed[link.name] = rotation, translation
+        self._balls: dict[str, tuple[Array, Array]] = {}
+
+    def come_near(self, link_a: str, marks_a: Sequence[Mark], link_b: str, marks_b: Sequence[Mark]) -> bool:
+        """Return whether somewhere the balls about two marks, as wide as their half edges end to end, overlap."""
+        (x, thick), (y, wide) = self._around(link_a, marks_a), self._around(link_b, marks_b)
+        limit = thick[:, None] + wide
+        return any(bool(np.any(np.linalg.norm(a[:, None] - b, axis=2) <= limit)) for a, b in zip(x, y, strict=True))
+
+    def _around(self, link: str, marks: Sequence[Mark]) -> tuple[Array, Array]:
+        if link not in self._balls:
+            ways = [np.array(mark.ways).reshape(-1, 3) for mark in marks]
+            centres = np.array([np.array(m.xyz) + 0.5 * w.sum(axis=0) for m, w in zip(marks, ways, strict=True)])
+            radii = [m.radius + 0.5 * np.linalg.norm(w, axis=1).sum() for m, w in zip(marks, ways, strict=True)]
+            rotation, translation = self._placed[link]
+            self._balls[link] = np.einsum("nij,mj->nmi", rotation, centres) + translation[:, None], np.array(radii)
+        return self._balls[link]

@@ -1,0 +1,156 @@
+"""How near two marks, or two groups of marks on two links, can come over all q: lower bounds.
+
+In a reduced chain `r = b_0 + R_1(b_1 + R_2(...))`, whatever the rotations, `|r| >= 2 max |b_i| - sum |b_i|`: the
+longest offset less all others. Where a mark is a body, b_i moves with its parameters t in [0, 1] about a middle, and
+each of its edge vectors takes at most half its length from the bound, once an offset. With one rotation about u, the
+least distance of two points is `sqrt((u . (b_0 + b_1))^2 + (|b_0| - |b_1|)^2)`, lengths taken across u; bodies are then
+cut into cells, each in a ball.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.annotations import FlatMark, Mark, Sweep
+from pinbound.chain import Swept
+from pinbound.coupling import Coupling
+from pinbound.interpreters import univariate
+from pinbound.path import RelativePath, minimal_chain
+from pinbound.tolerances import NEVER_MEETS
+from pinbound.tree import Tree
+
+__all__ = ["Reach", "least_separation"]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+_MOST_PATHS = 20
+"""Pairs of marks of one pair of links that are looked at one by one, a millisecond each."""
+_MOST_BALLS = 64
+"""Balls that stand for a mark."""
+
+
+def least_separation(path: RelativePath) -> float:
+    """Return a lower bound of a path's norm over all q [m]: exact for one angle, else by the triangle inequality."""
+    if np.any(path.minimal.slides):
+        return 0.0
+    single = univariate.one_angle_smallest(path)
+    if single is not None:
+        return single
+    # Of lines and planes a part of r counts only, so that its length bounds nothing.
+    return -np.inf if path.across is not None else _triangle(path.swept)
+
+
+def _triangle(swept: Swept) -> float:
+    """Return the longest offset less all others, for the worst of all t [m]; 0 if the chain slides."""
+    chain = swept.chain
+    if np.any(chain.slides):
+        return 0.0
+    ways = np.array(swept.directions).reshape(-1, *chain.offsets.shape)
+    middle = np.linalg.norm(chain.offsets + 0.5 * ways.sum(axis=0), axis=1)
+    around = 0.5 * np.linalg.norm(ways, axis=2).sum(axis=0)
+    return float(np.max(2.0 * middle) - np.sum(middle) - np.sum(around))
+
+
+class Reach:
+    """Two links: which marks on the one can never meet which marks on the other.
+
+    The chain between the links is reduced once, with both ends left open: its offsets are linear in where the ends are.
+    """
+
+    def __init__(self, tree: Tree, coupling: Coupling, link_a: str, link_b: str) -> None:
+        """Take the two links; no free joint may lie between them."""
+        self._tree, self._coupling, self._links = tree, coupling, (link_a, link_b)
+
+    @cached_property
+    def _chain(self) -> Swept | None:
+        """The chain with both ends at their links' origins, its directions being how they move; None if links slide."""
+        x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+        ends = [Sweep("", link, (0.0, 0.0, 0.0), (x, y, z)) for link in self._links]
+        swept = minimal_chain(self._tree, self._coupling, ends[0], ends[1])
+        return None if np.any(swept.chain.slides) else swept
+
+    def never_meet(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark], needed: Flags | None = None) -> bool:
+        """Return whether every needed pair of marks is proven to stay apart over all q.
+
+        Args:
+            marks_a: Marks on the first link; lines and planes are never proven to stay apart.
+            marks_b: Marks on the second link.
+            needed: (len(marks_a), len(marks_b)) which pairs; None: all.
+        """
+        if self._chain is None or any(isinstance(mark, FlatMark) for mark in (*marks_a, *marks_b)):
+            return False
+        open_pairs = ~self._apart(marks_a, marks_b)
+        if needed is not None:
+            open_pairs &= needed
+        left = np.argwhere(open_pairs)
+        return len(left) <= _MOST_PATHS and all(self._stays_apart(marks_a[i], marks_b[j]) for i, j in left.tolist())
+
+    def _apart(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Flags:
+        """Return which pairs the open chain proves apart, (len(marks_a), len(marks_b))."""
+        assert self._chain is not None
+        offsets, directions = self._chain.chain.offsets, np.array(self._chain.directions)
+        apart = np.empty((len(marks_a), len(marks_b)), dtype=np.bool_)
+        if self._chain.chain.rotations == 1:
+            axis, balls_b = self._chain.chain.axes[0], [_balls(mark) for mark in marks_b]
+            for (row, a), (column, (to, thick)) in product(enumerate(map(_balls, marks_a)), enumerate(balls_b)):
+                moved = offsets + np.tensordot(a[0], directions[:3], axes=1)[:, None]
+                moved = moved + np.tensordot(to, directions[3:], axes=1)
+                least = _over_a_turn(axis, moved[..., 0, :], moved[..., 1, :])
+                apart[row, column] = np.all(least > a[1][:, None] + thick + NEVER_MEETS)
+            return apart
+        middle_a, around_a = _spread(marks_a, directions[:3])
+        middle_b, around_b = _spread(marks_b, directions[3:])
+        radii = np.array([m.radius for m in marks_a])[:, None] + np.array([m.radius for m in marks_b])
+        for row in range(len(marks_a)):
+            lengths = np.linalg.norm(offsets + middle_a[row] + middle_b, axis=2)
+            least = 2.0 * np.max(lengths, axis=1) - np.sum(lengths, axis=1) - around_a[row] - around_b
+            apart[row] = least > radii[row] + NEVER_MEETS
+        return apart
+
+    def _stays_apart(self, a: Mark, b: Mark) -> bool:
+        """Return whether two marks are proven to stay apart by their own chain, which may be shorter."""
+        threshold = a.radius + b.radius + NEVER_MEETS
+        swept = minimal_chain(self._tree, self._coupling, a, b)
+        if _triangle(swept) > threshold:
+            return True
+        chain = swept.chain
+        if chain.rotations != 1 or swept.directions or np.any(chain.slides):
+            return False
+        return float(_over_a_turn(chain.axes[0], chain.offsets[0], chain.offsets[1])) > threshold
+
+
+def _over_a_turn(axis: Array, p: Array, s: Array) -> Array:
+    """Return the least of `|p + R(u, phi) s|` over phi, row by row [m]."""
+    along = (p + s) @ axis
+    across = [np.linalg.norm(one - (one @ axis)[..., None] * axis, axis=-1) for one in (p, s)]
+    return np.hypot(along, across[0] - across[1])
+
+
+def _balls(mark: Mark) -> tuple[Array, Array]:
+    """Return balls (m, 3), (m,) that hold a mark together: one a cell, the cells about as long as they are wide."""
+    if not mark.ways:
+        return np.array([mark.xyz]), np.array([mark.radius])
+    ways = np.array(mark.ways)
+    counts, lengths = np.ones(len(ways), dtype=int), np.linalg.norm(ways, axis=1)
+    while np.prod(counts) * 2 <= _MOST_BALLS:
+        counts[int(np.argmax(lengths / counts))] *= 2
+    cells = np.indices(tuple(counts.tolist())).reshape(len(ways), -1).T
+    centres = np.array(mark.xyz) + ((cells + 0.5) / counts) @ ways
+    around = 0.5 * float(np.sum(lengths / counts))  # the half edges of a cell, end to end
+    return centres, np.full(len(centres), mark.radius + around)
+
+
+def _spread(marks: Sequence[Mark], directions: Array) -> tuple[Array, Array]:
+    """Return how much each mark's middle moves the offsets (m, k, 3), and by how much its body widens them (m,)."""
+    middles, around = np.empty((len(marks), *directions.shape[1:])), np.empty(len(marks))
+    for row, mark in enumerate(marks):
+        ways = np.array(mark.ways).reshape(-1, 3)
+        middles[row] = np.tensordot(np.array(mark.xyz) + 0.5 * ways.sum(axis=0), directions, axes=1)
+        around[row] = 0.5 * np.linalg.norm(np.tensordot(ways, directions, axes=1), axis=2).sum()
+    return middles, around

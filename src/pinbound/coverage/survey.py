@@ -1,0 +1,322 @@
+"""Coverage of a robot: its bodies, its marks, its boundaries and what files say, put together pair by pair."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from itertools import combinations, product
+
+import numpy as np
+
+from pinbound.annotations import Annotations, LeftOutMark, Mark
+from pinbound.bodies import Body
+from pinbound.boundary import Boundary
+from pinbound.coupling import Coupling
+from pinbound.coverage.holding import holders, is_known
+from pinbound.coverage.poses import Poses
+from pinbound.coverage.reach import Reach
+from pinbound.coverage.records import (
+    Basis,
+    BodyCoverage,
+    CoverageRecord,
+    LinkCoverage,
+    PairCoverage,
+    Status,
+    record_of,
+)
+from pinbound.covers import covers
+from pinbound.exceptions import UnknownNameError
+from pinbound.tolerances import SAME_BODY
+from pinbound.tree import Tree
+
+__all__ = ["Coverage"]
+
+_FINE = 0.05
+"""Of a body's smallest measure: how far the prism may stick out that stands for a cylinder in a proof."""
+_FEW = 2
+"""Coordinates between two links that may reduce to one angle, for which balls prove more than spheres seen near."""
+
+
+class Coverage:
+    """What the boundaries of a robot watch, and what they do not.
+
+    All is worked out when it is first asked for. What is proven: that a mark holds a body, that a pair of links never
+    moves, that it has one degree of freedom between, and that two bodies can never meet. A reason that a file states
+    is not proven, and is listed with the file's name.
+
+    Example:
+        >>> import pinbound as pb
+        >>> coverage = pb.load("minervabot_v3").coverage
+        >>> coverage.is_complete, len(coverage.watched), len(coverage.links["link_27"].bodies)
+        (False, 0, 2)
+    """
+
+    def __init__(
+        self,
+        tree: Tree,
+        coupling: Coupling,
+        annotations: Annotations,
+        bodies: Sequence[Body],
+        boundaries: Iterable[Boundary],
+    ) -> None:
+        """Take a robot's parts; `bodies` are those of all links."""
+        self._survey = _Survey(tree, coupling, annotations, bodies)
+        self._boundaries = tuple(boundaries)
+        self._parts: dict[frozenset[str], Coverage] = {}
+
+    def __repr__(self) -> str:
+        """Return the line."""
+        return f"<Coverage: {self.summary}>"
+
+    def of(self, names: Iterable[str]) -> Coverage:
+        """Return the coverage by some of the boundaries only.
+
+        Raises:
+            UnknownNameError: If there is no boundary of that name.
+        """
+        wanted = frozenset(names)
+        known = [boundary.name for boundary in self._boundaries]
+        for name in wanted:
+            if name not in known:
+                raise UnknownNameError("boundary", name, known)
+        if len(wanted) == len(known):
+            return self
+        if wanted not in self._parts:
+            part = object.__new__(Coverage)
+            part._survey, part._parts = self._survey, {}
+            part._boundaries = tuple(boundary for boundary in self._boundaries if boundary.name in wanted)
+            self._parts[wanted] = part
+        return self._parts[wanted]
+
+    @cached_property
+    def links(self) -> dict[str, LinkCoverage]:
+        """All links by name, with their bodies, the marks that hold these, and which are not held and why."""
+        return dict(self._survey.links)
+
+    @property
+    def bodies(self) -> tuple[BodyCoverage, ...]:
+        """All bodies, link by link."""
+        return tuple(body for link in self._survey.links.values() for body in link.bodies)
+
+    @cached_property
+    def pairs(self) -> tuple[PairCoverage, ...]:
+        """Every pair of links that both have bodies."""
+        between: dict[frozenset[str], list[Boundary]] = {}
+        for boundary in self._boundaries:
+            between.setdefault(frozenset((boundary.point_a.link, boundary.point_b.link)), []).append(boundary)
+        with_bodies = [link.name for link in self._survey.links.values() if link.bodies]
+        return tuple(
+            self._survey.pair(a, b, between.get(frozenset((a, b)), [])) for a, b in combinations(with_bodies, 2)
+        )
+
+    @property
+    def watched(self) -> tuple[PairCoverage, ...]:
+        """Pairs of links of which every pair of bodies is watched."""
+        return self._of_status(Status.WATCHED)
+
+    @property
+    def in_part(self) -> tuple[PairCoverage, ...]:
+        """Pairs of links between which there are boundaries that do not watch all bodies."""
+        return self._of_status(Status.IN_PART)
+
+    @property
+    def left_out(self) -> tuple[PairCoverage, ...]:
+        """Pairs of links that are left out for a reason, proven or said."""
+        return self._of_status(Status.LEFT_OUT)
+
+    @property
+    def unwatched(self) -> tuple[PairCoverage, ...]:
+        """Pairs of links that nobody looks at, and of which nobody said why."""
+        return self._of_status(Status.UNWATCHED)
+
+    def _of_status(self, status: Status) -> tuple[PairCoverage, ...]:
+        return tuple(pair for pair in self.pairs if pair.status is status)
+
+    @property
+    def open(self) -> tuple[PairCoverage, ...]:
+        """Pairs that are not watched, or in part, and of which nobody said why: bodies of them may touch unseen."""
+        return tuple(pair for pair in self.pairs if pair.is_open)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What files say about links that the robot does not have."""
+        return self._survey.notes
+
+    @cached_property
+    def record(self) -> CoverageRecord:
+        """The numbers, and the line, as certificates record them."""
+        return record_of(tuple(self._survey.links.values()), self.pairs, len(self._boundaries))
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether there are bodies, and every pair of links is watched or left out for a reason."""
+        return self.record.is_complete
+
+    @property
+    def summary(self) -> str:
+        """The one line that is said with every verdict."""
+        return self.record.summary
+
+
+class _Survey:
+    """What does not depend on which boundaries are asked: bodies, what holds them, which links can meet."""
+
+    def __init__(self, tree: Tree, coupling: Coupling, annotations: Annotations, bodies: Sequence[Body]) -> None:
+        self.tree, self.coupling, self.annotations, self.all_bodies = tree, coupling, annotations, tuple(bodies)
+        self.reaches: dict[tuple[str, str], Reach] = {}
+        self.bases: dict[tuple[str, str], tuple[Basis | None, str]] = {}
+        self.apart: dict[tuple[str, str], bool] = {}
+
+    @cached_property
+    def bodies(self) -> dict[str, list[Body]]:
+        found: dict[str, list[Body]] = {name: [] for name in self.tree.links}
+        for body in self.all_bodies:
+            found[body.link].append(body)
+        return found
+
+    @cached_property
+    def marks(self) -> dict[str, list[Mark]]:
+        found: dict[str, list[Mark]] = {name: [] for name in self.tree.links}
+        for mark in self.annotations.marks.values():
+            found[mark.link].append(mark)
+        return found
+
+    @cached_property
+    def links(self) -> dict[str, LinkCoverage]:
+        return {
+            name: LinkCoverage(
+                name,
+                tuple(_body_coverage(body, self.marks[name]) for body in self.bodies[name]),
+                tuple(mark.name for mark in self.marks[name]),
+            )
+            for name in self.tree.links
+        }
+
+    @cached_property
+    def said(self) -> dict[frozenset[str], list[LeftOutMark]]:
+        found: dict[frozenset[str], list[LeftOutMark]] = {}
+        for mark in self.annotations.left_out:
+            found.setdefault(frozenset((mark.a, mark.b)), []).append(mark)
+        return found
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        absent = {
+            (mark.source, name)
+            for mark in self.annotations.left_out
+            for name in (mark.a, mark.b)
+            if name not in self.tree.links
+        }
+        return tuple(f"{source} leaves out pairs of {name!r}, which is no link" for source, name in sorted(absent))
+
+    def pair(self, a: str, b: str, boundaries: Sequence[Boundary]) -> PairCoverage:
+        """Return how two links with bodies are looked after by the boundaries between them."""
+        names = tuple(boundary.name for boundary in boundaries)
+        watched = self._watched(a, b, boundaries) if boundaries else 0
+        count = len(self.bodies[a]) * len(self.bodies[b])
+        if watched == count:
+            return PairCoverage((a, b), Status.WATCHED, "", None, names)
+        basis, why = self._basis(a, b)
+        if basis is Basis.PROOF or (basis is not None and not boundaries):
+            return PairCoverage((a, b), Status.LEFT_OUT, why, basis, names)
+        if boundaries:
+            reason = self._missing(a, b, watched, count) + (f"; the rest: {why}" if why else "")
+            return PairCoverage((a, b), Status.IN_PART, reason, basis, names)
+        free = "a free joint lies between, so that no boundary is possible" if self._is_free(a, b) else ""
+        return PairCoverage((a, b), Status.UNWATCHED, free or "no boundary between them", None, names)
+
+    def _basis(self, a: str, b: str) -> tuple[Basis | None, str]:
+        """Return why two links need no boundary, or who says so."""
+        if (a, b) not in self.bases:
+            said = self.said.get(frozenset((a, b)), [])
+            found = self._proof(a, b)
+            if found is None and said:
+                found = Basis.SAID, "; ".join(dict.fromkeys(f"said by {one.source}: {one.reason}" for one in said))
+            self.bases[a, b] = found or (None, "")
+        return self.bases[a, b]
+
+    def _proof(self, a: str, b: str) -> tuple[Basis, str] | None:
+        degrees = self.tree.degrees_between(a, b, self.coupling)
+        if degrees == 0:
+            return Basis.PROOF, "never move against each other"
+        if self._is_free(a, b):
+            return None
+        if degrees == 1:
+            return Basis.NEIGHBOURS, "neighbours: one degree of freedom between"
+        pin = next((c.name for c in self.annotations.closures if {c.link_a, c.link_b} == {a, b}), None)
+        if pin is not None:
+            return Basis.NEIGHBOURS, f"neighbours: joined by the pin of closure {pin}"
+        one, two = self.shapes[a], self.shapes[b]
+        if not one or not two:
+            return None
+        rows = [self.coupling.row(joint.name)[0] for joint in self.tree.path_between(a, b) if joint.moves]
+        used = int(np.count_nonzero(np.any(np.array(rows), axis=0)))
+        if used > _FEW and self.poses.come_near(a, one, b, two):
+            return None  # no bound of `reach` can prove apart what comes this near
+        return (Basis.PROOF, "can never meet") if self._reach(a, b).never_meet(one, two) else None
+
+    def _is_free(self, a: str, b: str) -> bool:
+        return any(joint.type in ("floating", "planar") for joint in self.tree.path_between(a, b))
+
+    @cached_property
+    def poses(self) -> Poses:
+        return Poses(self.tree, self.coupling)
+
+    @cached_property
+    def shapes(self) -> dict[str, list[Mark]]:
+        """Marks that hold each link's bodies, to prove with; none if one of them is not read."""
+        found: dict[str, list[Mark]] = {}
+        for link, bodies in self.bodies.items():
+            known = all(is_known(body) for body in bodies)
+            found[link] = [mark for one in covers(bodies, _fine(bodies)) for mark in one.marks] if known else []
+        return found
+
+    def _reach(self, a: str, b: str) -> Reach:
+        if (a, b) not in self.reaches:
+            self.reaches[a, b] = Reach(self.tree, self.coupling, a, b)
+        return self.reaches[a, b]
+
+    def _watched(self, a: str, b: str, boundaries: Sequence[Boundary]) -> int:
+        """Return how many pairs of bodies are watched."""
+        meeting = {frozenset((boundary.point_a.name, boundary.point_b.name)) for boundary in boundaries}
+        return sum(
+            any(self._is_watched(a, b, one, two, meeting) for one, two in product(body_a.held_by, body_b.held_by))
+            for body_a, body_b in product(self.links[a].bodies, self.links[b].bodies)
+        )
+
+    def _is_watched(
+        self, a: str, b: str, marks_a: Sequence[str], marks_b: Sequence[str], meeting: set[frozenset[str]]
+    ) -> bool:
+        """Return whether every pair of marks of two bodies is a boundary, or proven never to meet."""
+        left = [pair for pair in product(marks_a, marks_b) if frozenset(pair) not in meeting]
+        return all(self._marks_apart(a, b, one, two) for one, two in left)
+
+    def _marks_apart(self, a: str, b: str, mark_a: str, mark_b: str) -> bool:
+        key = (mark_a, mark_b)
+        if key not in self.apart:
+            marks = self.annotations.marks
+            self.apart[key] = self._reach(a, b).never_meet([marks[mark_a]], [marks[mark_b]])
+        return self.apart[key]
+
+    def _missing(self, a: str, b: str, watched: int, count: int) -> str:
+        words = [
+            f"{len(link.bodies) - len(link.held)} of {len(link.bodies)} bodies of {name} are not held "
+            f"({', '.join(dict.fromkeys(body.reason for body in link.bodies if not body.is_held))})"
+            for name, link in ((name, self.links[name]) for name in (a, b))
+            if len(link.held) < len(link.bodies)
+        ]
+        return "; ".join([f"{watched} of {count} pairs of bodies are watched", *words])
+
+
+def _body_coverage(body: Body, marks: Sequence[Mark]) -> BodyCoverage:
+    held = holders(body, marks)
+    reason = ""
+    if not held:
+        reason = "no mark on its link" if not marks else "not proven to lie in the marks of its link"
+        reason = reason if is_known(body) else f"a {body.shape}, which is not read"
+    return BodyCoverage(body.link, body.index, body.shape, held, reason)
+
+
+def _fine(bodies: Sequence[Body]) -> float:
+    """Return how far the stand-ins of bodies may stick out [m]."""
+    return max([_FINE * min(min(body.size) for body in bodies), SAME_BODY]) if bodies else SAME_BODY
