@@ -24,6 +24,7 @@ __all__ = [
     "KERNEL_CONSTANT",
     "LIMIT",
     "MESH_CHORD",
+    "NEAR_STOP",
     "ON_CONTOUR",
     "OVERLAP",
     "PRECISION",
@@ -35,6 +36,7 @@ __all__ = [
     "ROOT",
     "SAME_BODY",
     "SOLVES",
+    "STOP_MISS",
     "SYMBOLIC_DIGITS",
     "UNIT_ROUNDOFF",
     "VERTEX",
@@ -43,6 +45,15 @@ __all__ = [
 CONTACT: Final = 2e-5
 """Metres. Default `contact_tolerance`: two arms that should have equal lengths may differ by the rounding of
 data given to 0.01 mm, two points of two coordinates each: 2 * sqrt(2) * 0.005 mm = 0.014 mm."""
+
+NEAR_STOP: Final = 5e-3
+"""Metres. Two points of zero threshold and one effective angle that miss each other by no more may have been meant as
+a stop, which is said: data of another source or a changed length leave a few millimetres, bodies that are meant to
+pass each other leave more."""
+
+STOP_MISS: Final = 0.1
+"""Relative to the shorter arm. The arms of a declared stop may miss each other by this where they align: more is no
+difference of lengths but another point."""
 
 CLOSURE: Final = 1e-6
 """Metres. A loop closes if its proven residual is below this: far above rounding (1e-16), far below any
