@@ -145,9 +145,7 @@ class Boundary:
             return None
         coefficients, strips = found
         text = linear_text(coefficients, self.robot_coordinates)
-        return tuple(
-            ContactAngle(coefficients, text, s.angle, s.half_width, s.smallest, self.is_stop) for s in strips
-        )
+        return tuple(ContactAngle(coefficients, text, s.angle, s.half_width, s.smallest, self.is_stop) for s in strips)
 
     @property
     def contact(self) -> ContactAngle | None:

@@ -17,7 +17,7 @@ from pinbound.contact import SignedKernel
 from pinbound.coupling import LinearLimit, as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import separation
-from pinbound.interpreters.univariate import AllowedArcsTable
+from pinbound.spans import CoordinateLimits, linear_span, linear_spans, tighten
 
 if TYPE_CHECKING:
     from pinbound.interpreters.kernel import Backend, CommonMark, Kernel, MixedKernel
@@ -25,31 +25,6 @@ if TYPE_CHECKING:
 __all__ = ["BoundarySet", "CoordinateLimits", "Smallest"]
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class CoordinateLimits:
-    """How far one coordinate can move from a configuration, and what stops it.
-
-    Attributes:
-        coordinate: Its name.
-        value: Its value [rad or m].
-        lower: Lower end of the allowed interval around the value, may be -inf; NaN if the value is not allowed.
-        upper: Upper end, may be inf; NaN if the value is not allowed.
-        lower_stop: Boundary or joint limit at the lower end; None if there is none.
-        upper_stop: Boundary or joint limit at the upper end; None if there is none.
-        blocked_by: Boundaries whose signed clearance is not positive there, and limits that it passes.
-        beyond: Boundaries whose contact lies between home and this configuration, which makes it unreachable.
-    """
-
-    coordinate: str
-    value: float
-    lower: float
-    upper: float
-    lower_stop: str | None
-    upper_stop: str | None
-    blocked_by: tuple[str, ...] = ()
-    beyond: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -388,7 +363,7 @@ class BoundarySet(Sequence[Boundary]):
         point = one_configuration(q, self._coordinates)
         index = self._coordinates.index(coordinate)
         value = float(point[index])
-        spans = [(limit.joint, _linear_span(limit, index, point)) for limit in self._limits]
+        spans = [(limit.joint, linear_span(limit, index, point)) for limit in self._limits]
         if window is None:
             held = [span for _, span in spans if span]
             window = max((s[0] for s in held), default=-math.inf), min((s[1] for s in held), default=math.inf)
@@ -447,36 +422,8 @@ class BoundarySet(Sequence[Boundary]):
         ends = np.tile([-math.inf, math.inf], (len(rows), 1))
         stops = np.full((len(rows), 2), "", dtype=object)
         for limit in self._limits:
-            _tighten(ends, stops, limit.joint, _linear_spans(limit, index, rows))
+            tighten(ends, stops, limit.joint, linear_spans(limit, index, rows))
         held = float(np.fmin.reduce(ends[:, 0], initial=math.inf)), float(np.fmax.reduce(ends[:, 1], initial=-math.inf))
         for boundary in self:
-            _tighten(ends, stops, boundary.name, boundary.spans(coordinate, rows, held))
+            tighten(ends, stops, boundary.name, boundary.spans(coordinate, rows, held))
         return ends, stops.astype(np.str_)
-
-
-def _tighten(ends: Array, stops: NDArray[np.object_], name: str, spans: Array) -> None:
-    """Intersect intervals (N, 2) with others, in place; NaN, which is no interval, stays."""
-    lower, upper = spans[:, 0] > ends[:, 0], spans[:, 1] < ends[:, 1]
-    ends[lower, 0], ends[upper, 1] = spans[lower, 0], spans[upper, 1]
-    stops[lower, 0], stops[upper, 1] = name, name
-    nothing = np.any(np.isnan(spans), axis=1)
-    ends[nothing] = np.nan
-    stops[np.any(np.isnan(ends), axis=1)] = ""
-
-
-def _linear_spans(limit: LinearLimit, index: int, Q: Array) -> Array:
-    """Return the intervals (N, 2) of coordinate `index` that one joint limit allows; NaN where Q is outside it."""
-    c = float(limit.coefficients[index])
-    spans = np.tile([-math.inf, math.inf], (len(Q), 1))
-    if c != 0.0:
-        value = Q[:, index, None]
-        ends = np.sort(value + (np.array([limit.lower, limit.upper]) - limit.values(Q)[:, None]) / c, axis=1)
-        spans = np.concatenate((np.minimum(ends[:, :1], value), np.maximum(ends[:, 1:], value)), axis=1)
-    spans[~limit.holds(Q)] = np.nan
-    return spans
-
-
-def _linear_span(limit: LinearLimit, index: int, q: Array) -> tuple[float, float] | None:
-    """Return the interval of coordinate `index` that one joint limit allows, the others as in q."""
-    low, high = _linear_spans(limit, index, q[None])[0].tolist()
-    return None if math.isnan(low) else (low, high)

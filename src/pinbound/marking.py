@@ -16,8 +16,11 @@ from numpy.typing import NDArray
 
 from pinbound.annotations import Annotations, BoundaryMark, Mark
 from pinbound.bodies import Body, collision_bodies
+from pinbound.contact import contact_distance
+from pinbound.coupling import Intervals
 from pinbound.covers import By, Cover, covers
 from pinbound.exceptions import UnknownNameError
+from pinbound.home import coordinate_ends
 from pinbound.interpreters import separation, univariate
 from pinbound.path import RelativePath, relative_path
 from pinbound.robot import Robot
@@ -129,10 +132,12 @@ def _proposal(robot: Robot, found: Sequence[Cover], uncovered: tuple[Body, ...])
 
 
 def _samples(robot: Robot) -> Array:
-    """Return home, and random configurations within the limits: candidates for a home without contact."""
-    lower, upper = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
-    drawn = np.random.default_rng(0).uniform(lower, upper, (_SAMPLES - 1, len(robot.coordinates)))
-    return np.vstack((robot.home, drawn))
+    """Return home, and random configurations within all limits, mimic joints' too: candidates for a home."""
+    n = len(robot.coordinates)
+    lower, upper = coordinate_ends(robot.linear_limits, n).T
+    lower, upper = np.maximum(lower, np.minimum(-np.pi, upper)), np.minimum(upper, np.maximum(np.pi, lower))
+    drawn = np.random.default_rng(0).uniform(lower, np.maximum(lower, upper), (_SAMPLES - 1, n))
+    return np.vstack((robot.home, drawn[Intervals.of(robot.linear_limits, n).hold(drawn)]))
 
 
 def _moving_pairs(
@@ -170,7 +175,7 @@ def _links_reason(robot: Robot, link_a: str, link_b: str) -> str | None:
 
 def _contact(a: Mark, b: Mark, path: RelativePath) -> float:
     """Return up to which separation a boundary between two marks is in contact, as `load` will say."""
-    return univariate.contact_distance(path, a.radius + b.radius, CONTACT)
+    return contact_distance(path, a.radius + b.radius, CONTACT)
 
 
 def _least(path: RelativePath) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -15,6 +16,7 @@ from pinbound.annotations import Annotations, Line, Plane, RawItem, raw_items, r
 from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
 from pinbound.closures import Closure
+from pinbound.contact import stop_fault
 from pinbound.coupling import Coupling, LinearLimit, as_configurations, couple, linear_limits
 from pinbound.document import Document, read_document
 from pinbound.exceptions import (
@@ -25,10 +27,11 @@ from pinbound.exceptions import (
     UnsupportedError,
     name_hint,
 )
+from pinbound.home import feasible_start
 from pinbound.interpreters import numeric
 from pinbound.parallelograms import settle
 from pinbound.path import absolute_chain, relative_path
-from pinbound.tolerances import HOME
+from pinbound.tolerances import HOME, NEAR_STOP
 from pinbound.tree import Tree
 from pinbound.urdf import Mimic, build_model, read_kinematics
 
@@ -252,7 +255,7 @@ def load(
     coupling, closures, coupled = settle(tree, couple(tree.moving_joints), marks, problems)
     limits = linear_limits(tree.moving_joints, coupling)
     home, notes = _home(tree, coupling, marks, limits, problems)
-    boundaries = _boundaries(tree, coupling, marks, home, problems)
+    boundaries, stops = _boundaries(tree, coupling, marks, home, problems)
     problems.raise_if_any()
     return Robot(
         document=document,
@@ -265,7 +268,7 @@ def load(
             boundaries, coupling.coordinates, limits, home, partial(_common_marks, tree, coupling, boundaries)
         ),
         home=home,
-        notes=(*kinematics.notes, *coupled, *notes),
+        notes=(*kinematics.notes, *coupled, *notes, *stops),
         package_dirs=tuple(map(str, package_dirs)),
     )
 
@@ -286,20 +289,30 @@ def _given_items(document: Document, given: str | Path | Annotations | None, pro
 def _home(
     tree: Tree, coupling: Coupling, marks: Annotations, limits: Sequence[LinearLimit], problems: Problems
 ) -> tuple[Array, list[str]]:
-    """Return home: what is marked, else zero, else (zero being out of limits) the middle of the limits."""
+    """Return home within all limits: what is marked, and of the other coordinates what `feasible_start` says."""
     names, joints = coupling.coordinates, {joint.name: joint for joint in tree.moving_joints}
-    home, notes = np.zeros(len(names)), list[str]()
     for name in marks.home:
         if name not in names and (name not in joints or joints[name].mimic is not None):
             what = "follows another joint" if name in joints else "does not exist"
             problems.add(f"home names {name!r}, which {what}", name_hint(name, names), marks.home_line)
-    for index, name in enumerate(names):
-        lower, upper = joints[name].lower, joints[name].upper
-        if name in marks.home:
-            home[index] = marks.home[name]
-        elif not lower <= 0.0 <= upper:
-            home[index] = (lower + upper) / 2
-            notes.append(f"home of {name!r} is the middle of its limits, {home[index]:.6g}: zero is outside them")
+    fixed = np.array([marks.home.get(name, math.nan) for name in names], dtype=np.float64)
+    home, reasons = feasible_start(limits, fixed, names)
+    notes: list[str] = []
+    if home is None:
+        home, where = np.nan_to_num(fixed), marks.home_line if marks.home else None
+        for limit in limits:
+            if not limit.holds(home[None])[0]:
+                message = f"home is outside the limits of {limit.joint!r}: {float(limit.values(home[None])[0]):.6g}"
+                message += f" is not in [{limit.lower:.6g}, {limit.upper:.6g}]"
+                remedy = (
+                    "Choose a home inside all limits" if marks.home else "No configuration is in all limits: mend them"
+                )
+                problems.add(message, remedy, where)
+    else:
+        notes += [
+            f"home of {name!r} is {home[names.index(name)]:.6g}, {reason}: zero is outside them"
+            for name, reason in reasons.items()
+        ]
     for name, value in marks.home.items():
         if name in names or name not in joints or joints[name].mimic is not None:
             continue
@@ -308,19 +321,16 @@ def _home(
         if abs(value - expected) > HOME:
             message = f"home has {name!r} at {value:.9g}, but the closed loops put it at {expected:.9g}"
             problems.add(message, "Leave it out, or give the assembled pose exactly", marks.home_line)
-    for limit in limits:
-        theta = float(limit.coefficients @ home) + limit.offset
-        if marks.home and not limit.lower <= theta <= limit.upper:
-            message = f"home is outside the limits of {limit.joint!r}: {theta:.6g} is not in"
-            message += f" [{limit.lower:.6g}, {limit.upper:.6g}]"
-            problems.add(message, "Choose a home inside all limits", marks.home_line)
     home.flags.writeable = False
     return home, notes
 
 
-def _boundaries(tree: Tree, coupling: Coupling, marks: Annotations, home: Array, problems: Problems) -> list[Boundary]:
-    """Return the boundaries; those that are in contact at home are faults."""
+def _boundaries(
+    tree: Tree, coupling: Coupling, marks: Annotations, home: Array, problems: Problems
+) -> tuple[list[Boundary], list[str]]:
+    """Return the boundaries and what is to be said of their stops; those that are in contact at home are faults."""
     boundaries: list[Boundary] = []
+    notes: list[str] = []
     for mark in marks.boundaries:
         a, b = marks.marks[mark.a], marks.marks[mark.b]
         try:
@@ -328,14 +338,32 @@ def _boundaries(tree: Tree, coupling: Coupling, marks: Annotations, home: Array,
         except UnsupportedError as error:
             problems.add(f"boundary {mark.name!r}: {error}", "Choose other points", mark.line)
             continue
-        boundary = Boundary(mark.name, a, b, mark.min_distance, path, coupling.coordinates, marks.contact_tolerance)
+        boundary = Boundary(
+            mark.name, a, b, mark.min_distance, path, coupling.coordinates, marks.contact_tolerance, home, mark.stop
+        )
         boundaries.append(boundary)
-        clearance = float(boundary.clearance(home))
-        if clearance <= max(0.0, marks.contact_tolerance - boundary.threshold):
-            message = f"home is outside the feasible region: {mark.name!r} has a clearance of {1e3 * clearance:.6g} mm"
+        fault = stop_fault(boundary.rule) if mark.stop else None
+        if fault is not None:
+            problems.add(f"boundary {mark.name!r} is declared as a stop, but {fault[0]}", fault[1], mark.line)
+            continue
+        notes += _stop_notes(boundary)
+        refusal = boundary.rule.refusal_at_home()
+        if refusal is not None:
+            message = f"home is outside the feasible region: {mark.name!r} {refusal}"
             remedy = "Choose a free home, or mend the points and distances of this boundary"
             problems.add(message, remedy, marks.home_line or mark.line)
-    return boundaries
+    return boundaries, notes
+
+
+def _stop_notes(boundary: Boundary) -> list[str]:
+    """Return by how much the arms of a stop miss each other, or that a boundary misses to be a stop by a little."""
+    miss, names = boundary.rule.miss, f"{boundary.point_a.name} and {boundary.point_b.name} ({boundary.name})"
+    if miss is None or miss <= boundary.contact_tolerance:
+        return []
+    said = f"{names} miss each other by {1e3 * miss:.3g} mm"
+    if boundary.is_stop:
+        return [f"{said} where their arms align: contact is there all the same, they are declared as a stop"]
+    return [f'{said}; if this is a stop, declare it: stop="true"'] if miss <= NEAR_STOP else []
 
 
 def _common_marks(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]) -> dict[str, CommonMark] | None:

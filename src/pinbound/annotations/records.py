@@ -32,7 +32,7 @@ FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "sweep": (("name", "link", "xyz", "ways"), ("radius",)),
     "line": (("name", "link", "xyz", "direction"), ("radius",)),
     "plane": (("name", "link", "xyz", "normal"), ()),
-    "boundary": (("name", "a", "b"), ("min_distance",)),
+    "boundary": (("name", "a", "b"), ("min_distance", "stop")),
     "closure": (("name", "link_a", "xyz_a", "link_b", "xyz_b"), ("passive",)),
     "follower": (("joint", "primary"), ("multiplier", "offset")),
     "limit": (("joint", "lower", "upper"), ()),
@@ -53,12 +53,17 @@ KINDS: Mapping[type[Mark], str] = {
 
 @dataclass(frozen=True, slots=True)
 class BoundaryMark:
-    """Two marks, by name, that must stay `min_distance` [m] apart, surface to surface."""
+    """Two marks, by name, that must stay `min_distance` [m] apart, surface to surface.
+
+    `stop` declares two points of zero threshold and one effective angle as a stop: contact is the angle at which their
+    two arms align, whatever small difference their lengths have.
+    """
 
     name: str
     a: str
     b: str
     min_distance: float = 0.0
+    stop: bool = False
     line: int | None = None
 
 
@@ -208,7 +213,11 @@ def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
     def item(kind: str, record: Any) -> RawItem:
         required, optional = FIELDS[kind]
         values = {key: getattr(record, key) for key in (*required, *optional)}
-        kept = {key: value for key, value in values.items() if key in required or value not in ((), "")}
+        kept = {
+            key: value
+            for key, value in values.items()
+            if key in required or (value not in ((), "") and value is not False)
+        }
         return RawItem(kind, {key: _text(value) for key, value in kept.items()}, source, record.line)
 
     items = [RawItem("settings", {"contact_tolerance": _text(annotations.contact_tolerance)}, source, None)]
@@ -225,6 +234,8 @@ def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
 
 def _text(value: Any) -> str:
     """Return a field as a file says it; `repr` gives every float64 back exactly."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
     if isinstance(value, tuple):
         return " ".join(_text(part) for part in cast(tuple[Any, ...], value))
     return value if isinstance(value, str) else repr(float(value))

@@ -133,6 +133,8 @@ def _value(key: str, text: str) -> Any:
         return [numbers[start : start + 3] for start in range(0, len(numbers), 3)]
     if key == "passive":
         return text.split()
+    if key == "stop":
+        return text == "true"
     return float(text) if key in _NUMBERS else text
 
 

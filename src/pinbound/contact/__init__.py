@@ -5,6 +5,6 @@ boundaries at once. `docs/contacts.md` gives the arguments.
 """
 
 from pinbound.contact.batch import SignedKernel
-from pinbound.contact.rule import ContactRule, Stop, contact_distance, stop_fault
+from pinbound.contact.rule import ContactRule, Stop, contact_distance, signed_share, stop_fault
 
-__all__ = ["ContactRule", "SignedKernel", "Stop", "contact_distance", "stop_fault"]
+__all__ = ["ContactRule", "SignedKernel", "Stop", "contact_distance", "signed_share", "stop_fault"]

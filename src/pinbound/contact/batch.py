@@ -8,14 +8,14 @@ of two equal arms (`ContactRule.size_path`), which the kernel evaluates; the sid
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.contact.rule import ContactRule, share_slope, signed_share
+from pinbound.contact.rule import ContactRule, signed_share
 from pinbound.coupling import Intervals, LinearLimit, combination
 from pinbound.interpreters import separation
 
@@ -26,7 +26,7 @@ __all__ = ["SignedKernel"]
 
 Array = NDArray[Any]
 
-_BLOCK = 1 << 12
+_BLOCK, _LARGE_BLOCK = 1 << 12, 1 << 15
 
 
 class SignedKernel:
@@ -56,7 +56,9 @@ class SignedKernel:
         self.kernel: Kernel | MixedKernel = kernel_of([self.pairs[k] for k in self.areas], n, reference, common)
         chosen = self._chosen = [stop for rule in rules if (stop := rule.stop) is not None]
         angles: dict[tuple[float, ...], int] = {}
-        self._angle = np.array([angles.setdefault(tuple(s.coefficients.tolist()), len(angles)) for s in chosen], np.intp)
+        self._angle = np.array(
+            [angles.setdefault(tuple(s.coefficients.tolist()), len(angles)) for s in chosen], np.intp
+        )
         self._angles = np.array(list(angles)).reshape(-1, n)
         self._gaps = np.array([stop.gap for stop in chosen]).reshape(-1, 2)
         self._amplitudes = np.array([stop.amplitude for stop in chosen])
@@ -146,13 +148,9 @@ class SignedKernel:
             return result
         if len(self.areas):
             result[:, self.areas] = self.kernel.rows(Q, "clearances", None, threads, backend, dtype)
-        sizes = result if not len(self.areas) else None
-        sizes = self._sizes.rows(Q, "norms", sizes, threads, backend, dtype)
-        for start in range(0, len(Q), _BLOCK):
-            part = slice(start, start + _BLOCK)
-            self._sign(sizes[part], self._depths(Q[part])[0])
-        if len(self.areas):
-            result[:, self.stops] = sizes
+            result[:, self.stops] = self._signed(Q, None, threads, backend, dtype)
+        else:
+            self._signed(Q, result, threads, backend, dtype)
         return result
 
     def smallest(
@@ -170,44 +168,43 @@ class SignedKernel:
             index = np.where(index < 0, -1, np.append(self.areas, -1)[index])
         if not len(self.stops):
             return least, index
-        sizes, which = self._sizes.smallest(Q, with_index, None, threads, backend, dtype)
-        beyond = ~(self._open.hold(Q) & (sizes > 0.0))  # a side, a number that is not finite, or a size of zero
-        smaller = ~(sizes >= least) & ~beyond
-        np.copyto(least, sizes, where=smaller, casting="same_kind")
-        if with_index:
-            np.copyto(index, np.append(self.stops, -1)[which], where=smaller)
-        rows = np.flatnonzero(beyond)
-        for start in range(0, len(rows), _BLOCK):
-            part = rows[start : start + _BLOCK]
-            values = self.rows(Q[part], "clearances", None, threads, backend, dtype)
-            least[part] = np.min(values, axis=1)
-            if with_index:
-                index[part] = np.argmin(values, axis=1)
+        for start in range(0, len(Q), _LARGE_BLOCK):
+            part = slice(start, start + _LARGE_BLOCK)
+            best, where = least[part], index[part]
+            signed = self._signed(Q[part], None, threads, backend, dtype)
+            for place, column in zip(self.stops.tolist(), signed.T, strict=True):
+                if with_index:
+                    where += (place - where) * ~(column >= best)
+                np.minimum(best, column, out=best)  # a NaN is taken, and stays
         if with_index:
             index[np.isnan(least)] = -1
         return least, index
 
-    def _depths(self, Q: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return how deep each stop's angle is in home's gap (k, N) [rad], and whether its lower end is the nearer."""
-        with np.errstate(invalid="ignore"):
-            phi = np.array([combination(c, Q) for c in self._angles])[self._angle]
-            above, below = phi - self._gaps[:, :1], self._gaps[:, 1:] - phi
-        return np.minimum(above, below), above <= below
+    def _signed(self, Q: NDArray[np.float64], out: Array | None, threads: int, backend: Backend, dtype: Any) -> Array:
+        """Return the signed clearances of the stops (N, k): sizes by the kernel, with the sign of the side."""
+        found = self._sizes.rows(Q, "norms", out, threads, backend, dtype)
+        for start in range(0, len(Q), _BLOCK):
+            part = slice(start, start + _BLOCK)
+            for column, depth in enumerate(self._depths(Q[part])):
+                values = found[part, column]
+                np.copysign(values, depth, out=values, casting="same_kind")
+                if not (depth.all() and values.all()):  # at contact nothing is positive, just before it something is
+                    odd = np.flatnonzero((values == 0.0) | (depth == 0.0))
+                    values[odd] = self._amplitudes[column] * signed_share(depth[odd])
+        return found
 
-    def _sign(self, sizes: Array, depths: NDArray[np.float64]) -> None:
-        """Give sizes (N, k) the sign of the side on which each stop is, in place."""
-        for column, depth in enumerate(depths):
-            values = sizes[:, column]
-            np.negative(values, out=values, where=depth <= 0.0)
-            vanished = np.flatnonzero((values == 0.0) & (depth > 0.0))  # a free q has a positive clearance
-            values[vanished] = self._amplitudes[column] * signed_share(depth[vanished])
+    def _depths(self, Q: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+        """Yield how deep each stop's angle is in home's gap (N,) [rad]."""
+        block = Q.T.copy().T
+        with np.errstate(invalid="ignore"):
+            angles = [combination(c, block) for c in self._angles]
+            for angle, (low, high) in zip(self._angle, self._gaps, strict=True):
+                yield np.minimum(angles[angle] - low, high - angles[angle])
 
     def _slopes(self, Q: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the gradients of the stops' signed clearances (N, k, n)."""
         with np.errstate(invalid="ignore"):
-            depth, rises = self._depths(Q)
-            slope = 0.5 * self._amplitudes[:, None] * np.where(rises, 1.0, -1.0) * share_slope(depth)
-        return slope.T[:, :, None] * self._angles[self._angle]
+            return np.stack([stop.gradients(Q) for stop in self._chosen], axis=1)
 
 
 def _no_common() -> None:

@@ -213,9 +213,7 @@ class ContactRule:
         """Return the separation up to which there is contact, of a boundary that is no stop, a margin added [m]."""
         return contact_distance(self.path, self.threshold + margin, self.tolerance)
 
-    def arcs(
-        self, index: int, name: str, Q: Array, window: tuple[float, float] | None = None
-    ) -> AllowedArcsTable:
+    def arcs(self, index: int, name: str, Q: Array, window: tuple[float, float] | None = None) -> AllowedArcsTable:
         """Return the values of one coordinate that are out of contact, the others as in Q (N, n).
 
         Of a stop these are the arcs between its contact lines, beyond home's gap too: `signed` tells the side.
@@ -242,7 +240,9 @@ class ContactRule:
         measured = f"has a {'height' if self.path.is_signed else 'distance'} of {_millimetres(value)}"
         if self.distance > self.threshold:
             return f"{measured}, which is not above contact_tolerance, {_millimetres(self.tolerance)}"
-        return f"{measured}, which is not above its threshold of {_millimetres(self.threshold)} (radii and min_distance)"
+        return (
+            f"{measured}, which is not above its threshold of {_millimetres(self.threshold)} (radii and min_distance)"
+        )
 
 
 def stop_fault(rule: ContactRule) -> tuple[str, str] | None:
