@@ -418,7 +418,6 @@ class BoundarySet(Sequence[Boundary]):
         if not np.all(np.isfinite(rows)):
             raise DimensionError("Q holds a number that is not finite")
         index = self._coordinates.index(coordinate)
-        value = rows[:, index]
         ends = np.tile([-math.inf, math.inf], (len(rows), 1))
         stops = np.full((len(rows), 2), "", dtype=object)
         for limit in self._limits:

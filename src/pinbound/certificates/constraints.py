@@ -3,8 +3,8 @@
 Four families, one question: over a part of a motion, or over a box, what is the clearance in the middle, what is it
 at least, and is that beyond every rounding error? `docs/certificates.md` and `docs/segments.md` give the arguments.
 
-The *signed clearance* that is certified is that of the contact rule (`pinbound.contact`), which home, `free`, limits and
-regions follow too: the separation less the contact distance, and of stops the sine of half the depth in home's gap.
+The *signed clearance* that is certified is that of the contact rule (`pinbound.contact`), which home, `free`, limits
+and regions follow too: the separation less the contact distance, and of stops the sine of half the depth in home's gap.
 """
 
 from __future__ import annotations

@@ -56,9 +56,8 @@ class SignedKernel:
         self.kernel: Kernel | MixedKernel = kernel_of([self.pairs[k] for k in self.areas], n, reference, common)
         chosen = self._chosen = [stop for rule in rules if (stop := rule.stop) is not None]
         angles: dict[tuple[float, ...], int] = {}
-        self._angle = np.array(
-            [angles.setdefault(tuple(s.coefficients.tolist()), len(angles)) for s in chosen], np.intp
-        )
+        places = [angles.setdefault(tuple(stop.coefficients.tolist()), len(angles)) for stop in chosen]
+        self._angle = np.array(places, dtype=np.intp)
         self._angles = np.array(list(angles)).reshape(-1, n)
         self._gaps = np.array([stop.gap for stop in chosen]).reshape(-1, 2)
         self._amplitudes = np.array([stop.amplitude for stop in chosen])

@@ -161,7 +161,7 @@ class ContactRule:
 
     @property
     def size_path(self) -> RelativePath:
-        """Of a stop, the path whose norm is the size of the signed clearance: both arms `sqrt(|p| |s|)` long, no miss."""
+        """Of a stop, the path whose norm is the size of the signed clearance: arms of `sqrt(|p| |s|)`, no miss."""
         chain = self.path.minimal
         axis = chain.axes[0]
         across = np.array([offset - axis * (axis @ offset) for offset in chain.offsets])
@@ -233,16 +233,16 @@ class ContactRule:
             away = abs(float(stop.signed(self.home[None])[0])) if math.isfinite(stop.gap[0]) else 0.0
             if away > self.tolerance:
                 return None
-            return f"is a stop, and home is {_millimetres(away)} from it; contact_tolerance is {_millimetres(self.tolerance)}"
+            least = _millimetres(self.tolerance)
+            return f"is a stop, and home is {_millimetres(away)} from it, not more than contact_tolerance, {least}"
         value = float(separation.separations(self.path, self.home[None])[0])
         if value > self.distance:
             return None
         measured = f"has a {'height' if self.path.is_signed else 'distance'} of {_millimetres(value)}"
+        least = _millimetres(self.distance)
         if self.distance > self.threshold:
-            return f"{measured}, which is not above contact_tolerance, {_millimetres(self.tolerance)}"
-        return (
-            f"{measured}, which is not above its threshold of {_millimetres(self.threshold)} (radii and min_distance)"
-        )
+            return f"{measured}, which is below contact_tolerance, {least}"
+        return f"{measured}, which is not above its threshold of {least} (radii and min_distance)"
 
 
 def stop_fault(rule: ContactRule) -> tuple[str, str] | None:

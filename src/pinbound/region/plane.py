@@ -7,8 +7,8 @@ again (`interpreters/restriction`):
     strip:      one effective angle; contact is `c . x in [phi* - w, phi* + w]`, every turn: straight lines, exact;
     curve:      anything else; contact is `|r(x)| <= T`, T being the contact rule's distance (`pinbound.contact`).
 
-A strip of zero width, of a stop, is a line that cuts. A curve's T is never below the contact tolerance: two points that could meet
-at zero threshold meet in isolated points of the plane, data are rounded, and so a disc is kept around each.
+A strip of zero width, of a stop, is a line that cuts. A curve's T is never below the contact tolerance: two points that
+could meet at zero threshold meet in isolated points of the plane, data are rounded, and so a disc is kept around each.
 """
 
 from __future__ import annotations
