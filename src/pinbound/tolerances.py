@@ -3,6 +3,7 @@
 from typing import Final
 
 __all__ = [
+    "AS_PRINTED",
     "CHORD",
     "CLOSURE",
     "CONTACT",
@@ -118,6 +119,9 @@ QUADRATURE: Final = 1e-13
 
 REACHED: Final = 1e-10
 """Metres. Inverse kinematics has converged when the frame is this near to its target."""
+
+AS_PRINTED: Final = 1e-6
+"""Millimetres. A marked point is where the paper prints it if it is this near: the print has two decimals."""
 
 SOLVES: Final = 1e-12
 """Metres. A printed limit solves its component equation if it leaves less: rounding in arms of 0.1 m leaves 1e-16, a
