@@ -368,7 +368,12 @@ class BoundarySet(Sequence[Boundary]):
             held = [span for _, span in spans if span]
             window = max((s[0] for s in held), default=-math.inf), min((s[1] for s in held), default=math.inf)
         low, high = window
+        outside = any(span is None for _, span in spans)
         for boundary in self:
+            if outside:  # no way is asked for: only whether this boundary forbids the value, too
+                clear = boundary.signed_clearance(point) > 0.0
+                spans.append((boundary.name, (-math.inf, math.inf) if clear else None))
+                continue
             span = boundary.span(coordinate, point, (low, high) if low < value < high else window)
             if span is not None:  # what lies beyond a stop that is known stops nothing
                 low, high = max(low, span[0]), min(high, span[1])
@@ -422,7 +427,12 @@ class BoundarySet(Sequence[Boundary]):
         stops = np.full((len(rows), 2), "", dtype=object)
         for limit in self._limits:
             tighten(ends, stops, limit.joint, linear_spans(limit, index, rows))
-        held = float(np.fmin.reduce(ends[:, 0], initial=math.inf)), float(np.fmax.reduce(ends[:, 1], initial=-math.inf))
+        inside = ~np.isnan(ends[:, 0])
+        rows, some, named = rows[inside], ends[inside], stops[inside]
+        if not len(rows):
+            return ends, stops.astype(np.str_)
+        held = float(some[:, 0].min()), float(some[:, 1].max())
         for boundary in self:
-            tighten(ends, stops, boundary.name, boundary.spans(coordinate, rows, held))
+            tighten(some, named, boundary.name, boundary.spans(coordinate, rows, held))
+        ends[inside], stops[inside] = some, named
         return ends, stops.astype(np.str_)

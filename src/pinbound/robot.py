@@ -302,11 +302,12 @@ def _home(
         home, where = np.nan_to_num(fixed), marks.home_line if marks.home else None
         for limit in limits:
             if not limit.holds(home[None])[0]:
-                message = f"home is outside the limits of {limit.joint!r}: {float(limit.values(home[None])[0]):.6g}"
-                message += f" is not in [{limit.lower:.6g}, {limit.upper:.6g}]"
-                remedy = (
-                    "Choose a home inside all limits" if marks.home else "No configuration is in all limits: mend them"
-                )
+                value, ends = float(limit.values(home[None])[0]), f"[{limit.lower:.6g}, {limit.upper:.6g}]"
+                message = f"home is outside the limits of {limit.joint!r}: {value:.6g} is not in {ends}"
+                remedy = "Choose a home inside all limits"
+                if not marks.home:
+                    message = f"no configuration keeps all joint limits: at zero {limit.joint!r} is {value:.6g}, not in {ends}"
+                    remedy = "Mend the limits, or the multipliers and offsets of mimic joints"
                 problems.add(message, remedy, where)
     else:
         notes += [
