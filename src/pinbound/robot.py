@@ -306,7 +306,8 @@ def _home(
                 message = f"home is outside the limits of {limit.joint!r}: {value:.6g} is not in {ends}"
                 remedy = "Choose a home inside all limits"
                 if not marks.home:
-                    message = f"no configuration keeps all joint limits: at zero {limit.joint!r} is {value:.6g}, not in {ends}"
+                    message = f"no configuration keeps all joint limits: at zero {limit.joint!r} is {value:.6g}"
+                    message += f", which is not in {ends}"
                     remedy = "Mend the limits, or the multipliers and offsets of mimic joints"
                 problems.add(message, remedy, where)
     else:
