@@ -273,7 +273,7 @@ class BoundarySet(Sequence[Boundary]):
             >>> B = pb.load("minervabot_v3").boundaries
             >>> found = B.smallest([0.0, 0.0, 0.0])
             >>> B.names[found.index], round(1e3 * found.clearance, 6)
-            ('beta_9', 5.799997)
+            ('beta_9', 5.800032)
         """
         array = as_configurations(Q, self._coordinates)
         if array.ndim == 1:

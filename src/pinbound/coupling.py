@@ -165,7 +165,7 @@ class Intervals:
             inside = math.nextafter(low, math.inf), math.nextafter(high, -math.inf)
             row[0], row[1] = max(inside[0], row[0]), min(inside[1], row[1])  # NaN, home on a contact line, stays
         table = np.array(list(rows.values())).reshape(-1, 3)
-        C = np.array(list(rows)).reshape(-1, n)
+        C = np.array(list(rows)).reshape(len(rows), n)
         return cls(C, table[:, 0].copy(), table[:, 1].copy(), table[:, 2] > 0.0)
 
     def holds_at(self, q: Sequence[float]) -> bool:

@@ -345,7 +345,7 @@ def _one_angle(
 def _with_stops(closed: OneAngle, is_stop: Flags, stops: Sequence[Stop]) -> OneAngle:
     """Return the closed forms with the angles of the stops counted as the contact rule counts them."""
     coefficients, angle = closed.coefficients.copy(), closed.angle.copy()
-    coefficients[is_stop] = np.array([stop.coefficients for stop in stops]).reshape(-1, coefficients.shape[1])
+    coefficients[is_stop] = np.array([stop.coefficients for stop in stops]).reshape(len(stops), coefficients.shape[1])
     angle[is_stop] = [stop.angle for stop in stops]
     return OneAngle(coefficients, angle, closed.smallest, closed.reach, closed.arm)
 

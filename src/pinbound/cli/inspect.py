@@ -187,8 +187,8 @@ def _contact_text(boundary: Boundary) -> str:
         return f"never in contact: the norm stays above {millimetres(contact.smallest)} mm"
     if contact.is_stop:
         said = "declared" if boundary.stop else "by its equal arms"
-        text = f"stop ({said}) at {contact.text} = {degrees(contact.angle, 9)} deg, every turn"
-        return f"{text}; its arms miss each other there by {millimetres(contact.smallest, 6)} mm"
+        text = f"contact at {contact.text} = {degrees(contact.angle, 9)} deg, every turn; a stop, {said}"
+        return f"{text}: its arms miss each other by {millimetres(contact.smallest, 6)} mm"
     width = f" +- {degrees(contact.half_width)}" if contact.half_width else ""
     text = f"contact at {contact.text} = {degrees(contact.angle, 9)}{width} deg, every turn"
     return (

@@ -50,19 +50,21 @@ class SignedKernel:
         from pinbound.interpreters.kernel import Kernel, Pair, Reference, kernel_of
 
         self.rules, self.marks, self.n, self.limits = tuple(rules), tuple(marks), n, tuple(limits)
-        self.areas = np.flatnonzero([rule.stop is None for rule in rules])
-        self.stops = np.setdiff1d(np.arange(len(rules)), self.areas)
+        is_stop = np.array([rule.is_stop for rule in rules], dtype=np.bool_)
+        self.areas, self.stops = np.flatnonzero(~is_stop), np.flatnonzero(is_stop)
         reference = Reference(separation.separations, separation.gradients)
-        self.kernel: Kernel | MixedKernel = kernel_of([self.pairs[k] for k in self.areas], n, reference, common)
+        self.kernel: Kernel | MixedKernel = kernel_of(
+            [self.pairs[k] for k in self.areas.tolist()], n, reference, common
+        )
         chosen = self._chosen = [stop for rule in rules if (stop := rule.stop) is not None]
         angles: dict[tuple[float, ...], int] = {}
         places = [angles.setdefault(tuple(stop.coefficients.tolist()), len(angles)) for stop in chosen]
         self._angle = np.array(places, dtype=np.intp)
-        self._angles = np.array(list(angles)).reshape(-1, n)
+        self._angles = np.array(list(angles)).reshape(len(angles), n)
         self._gaps = np.array([stop.gap for stop in chosen]).reshape(-1, 2)
         self._amplitudes = np.array([stop.amplitude for stop in chosen])
         self._between = [(stop.coefficients, stop.gap) for stop in chosen]
-        sizes = [Pair(rules[k].size_path, 0.0, marks[k]) for k in self.stops]
+        sizes = [Pair(rules[k].size_path, 0.0, marks[k]) for k in self.stops.tolist()]
         self._sizes = Kernel(sizes, n, reference, _no_common)
 
     @cached_property
@@ -142,7 +144,7 @@ class SignedKernel:
             for start in range(0, len(Q), _BLOCK):
                 result[start : start + _BLOCK, self.stops] = self._slopes(Q[start : start + _BLOCK])
             bad = np.flatnonzero(~np.all(np.isfinite(Q), axis=1))
-            for k in self.stops if len(bad) else ():
+            for k in self.stops.tolist() if len(bad) else ():
                 result[bad, k] = self.rules[k].gradients(Q[bad])
             return result
         if len(self.areas):
@@ -197,8 +199,8 @@ class SignedKernel:
         block = Q.T.copy().T
         with np.errstate(invalid="ignore"):
             angles = [combination(c, block) for c in self._angles]
-            for angle, (low, high) in zip(self._angle, self._gaps, strict=True):
-                yield np.minimum(angles[angle] - low, high - angles[angle])
+            for place, (low, high) in zip(self._angle.tolist(), self._gaps.tolist(), strict=True):
+                yield np.minimum(angles[place] - low, high - angles[place])
 
     def _slopes(self, Q: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the gradients of the stops' signed clearances (N, k, n)."""

@@ -139,7 +139,8 @@ class ContactRule:
         coefficients, axis = found
         across = [offset - axis * (axis @ offset) for offset in self.path.minimal.offsets]
         lengths = float(np.linalg.norm(across[0])), float(np.linalg.norm(across[1]))
-        return coefficients, univariate.strip(*self.path.minimal.offsets, axis, 0.0, math.inf), lengths
+        p, s = self.path.minimal.offsets
+        return coefficients, univariate.strip(p, s, axis, 0.0, math.inf), lengths
 
     @cached_property
     def miss(self) -> float | None:
