@@ -141,13 +141,16 @@ def test_norms_clearances_and_gradients_equal_the_reference(name: str, backend: 
 def test_smallest_is_the_least_clearance_and_its_boundary(name: str, backend: Any, robots: dict[str, Robot]) -> None:
     robot = robots[name]
     B, Q = robot.boundaries, configurations(robots[name], 2001, seed=1)
-    expected = reference(robot, Q) - [b.threshold for b in B]
+    expected = reference(robot, Q, "signed_clearance")
     found = B.smallest(Q, backend=backend)
+    assert close(B.signed_clearances(Q, backend=backend), expected)
     assert close(found.clearance, expected.min(axis=1))
     assert close(np.take_along_axis(expected, found.index[:, None], 1)[:, 0], expected.min(axis=1))
-    assert np.array_equal(B.free(Q, backend=backend), expected.min(axis=1) > 0.0)
+    assert np.array_equal(B.free(Q, limits=False, backend=backend), expected.min(axis=1) > 0.0)
+    within = np.all([limit.holds(Q) for limit in robot.linear_limits], axis=0)
+    assert np.array_equal(B.free(Q, backend=backend), within & (expected.min(axis=1) > 0.0))
     one = B.smallest(Q[0])
-    assert (one.index, B.free(Q[0])) == (found.index[0], bool(expected[0].min() > 0.0))
+    assert (one.index, B.free(Q[0], limits=False)) == (found.index[0], bool(expected[0].min() > 0.0))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -171,7 +174,7 @@ def test_what_is_not_finite_stays_with_the_boundaries_that_use_it(
     expected = reference(robot, Q)
     assert close(B.norms(Q, backend=backend), expected)
     with np.errstate(invalid="ignore"):
-        expected = np.min(expected - [b.threshold for b in B], axis=1)
+        expected = np.min(reference(robot, Q, "signed_clearance"), axis=1)
     found = B.smallest(Q, backend=backend)
     assert close(found.clearance, expected)
     assert np.array_equal(found.index == -1, np.isnan(expected))
@@ -210,7 +213,10 @@ def test_out_is_filled_and_returned(order: Any, backend: Any, robots: dict[str, 
     assert close(out, reference(robot, Q))
     least = np.empty(300)
     assert B.smallest(Q, least, backend=backend).clearance is least
-    assert close(least, out.min(axis=1))
+    signed = np.empty((300, len(B)), order=order)
+    assert B.signed_clearances(Q, signed, backend=backend) is signed
+    assert close(signed, reference(robot, Q, "signed_clearance"))
+    assert close(least, signed.min(axis=1))
     slopes = np.empty((300, len(B), 3))
     assert np.shares_memory(B.gradients(Q, slopes, backend=backend), slopes)
     assert np.allclose(slopes, reference(robot, Q, "gradient"), rtol=1e-9, atol=1e-12)

@@ -10,9 +10,9 @@ import pytest
 
 import pinbound as pb
 from pinbound.bodies import Body, collision_bodies
+from pinbound.candidates import draw, within_limits
 from pinbound.coupling import LinearLimit
 from pinbound.covers import cover, covers
-from pinbound.homes import draw, within_limits
 from pinbound.interpreters.closest import nearest
 from robots import ARM, joint, robot_xml
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinbound.annotations import Mark
+from pinbound.contact import ContactRule
 from pinbound.coupling import as_configurations, linear_text
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import separation, univariate
 from pinbound.path import Kind, RelativePath
+from pinbound.tolerances import ROOT
 
 __all__ = ["Boundary", "ContactAngle", "one_configuration"]
 
@@ -30,8 +32,9 @@ class ContactAngle:
         coefficients: (n,), over the active coordinates.
         text: The effective angle for people, e.g. ``"q3 - q2"``.
         angle: phi* [rad], in (-pi, pi]; contacts repeat every turn.
-        half_width: w [rad]; contact is `phi* +- w`. 0: the arms align (zero threshold). None: never in contact.
-        smallest: [m], the smallest norm over a turn.
+        half_width: w [rad]; contact is `phi* +- w`. 0: the arms align (a stop). None: never in contact.
+        smallest: [m], the smallest norm over a turn: by how much the arms of a stop miss each other at contact.
+        is_stop: Whether it is a stop, declared or by its equal arms.
     """
 
     coefficients: Array
@@ -39,6 +42,7 @@ class ContactAngle:
     angle: float
     half_width: float | None
     smallest: float
+    is_stop: bool = False
 
     def gap(self, phi: float) -> tuple[float, float]:
         """Return the open interval without contact that holds `phi` [rad]; NaN if phi is in contact.
@@ -54,7 +58,7 @@ class ContactAngle:
 
 @dataclass(frozen=True)
 class Boundary:
-    """Two marks that must keep a distance: `clearance(q) = norm(q) - threshold`.
+    """Two marks that must keep a distance: `signed_clearance(q) > 0`.
 
     The norm is the distance of two points, of a point and a segment, or of two segments; the distance of a point or
     segment across a line; or its signed height above a plane.
@@ -66,9 +70,11 @@ class Boundary:
         min_distance: [m], surface to surface.
         path: The reduced relative path between the marks.
         robot_coordinates: All active coordinates of the robot, in q's order.
-        contact_tolerance: [m]; a smallest norm up to this counts as contact.
+        contact_tolerance: [m]; a smaller separation counts as contact.
         place_error: [m], by how much the true linkage's norm can differ from the coupling's, within all joint limits,
             because the sides of loops on its path differ (`docs/closures.md`); 0 where they are equal.
+        home: (n,) the robot's home, which says on which side of a stop it is; None: zero.
+        stop: Whether it is declared as a stop: contact where the two arms align.
     """
 
     name: str
@@ -79,6 +85,8 @@ class Boundary:
     robot_coordinates: tuple[str, ...]
     contact_tolerance: float
     place_error: float = 0.0
+    home: Array | None = field(default=None, compare=False)
+    stop: bool = False
 
     def __repr__(self) -> str:
         """Return name, kind, points and coordinates."""
@@ -105,6 +113,12 @@ class Boundary:
         """`radius_a + radius_b + min_distance` [m]."""
         return self.point_a.radius + self.point_b.radius + self.min_distance
 
+    @cached_property
+    def rule(self) -> ContactRule:
+        """What contact is for this boundary: the rule that everything that is asked of it follows."""
+        home = np.zeros(len(self.robot_coordinates)) if self.home is None else self.home
+        return ContactRule(self.path, self.threshold, self.contact_tolerance, home, self.stop, self.place_error)
+
     @property
     def place_margin(self) -> float:
         """What a clearance must exceed for the true linkage to be free [m]: `place_error`.
@@ -118,16 +132,21 @@ class Boundary:
 
     @property
     def contact_distance(self) -> float:
-        """Up to which norm there may be contact [m]: the threshold, at least the tolerance where contact is an area.
+        """Up to which separation there is contact [m]: the threshold, of distances at least the contact tolerance.
 
-        What the sides of loops differ by is added: `place_margin`.
+        `place_error` is added. Of a stop it is the separation at contact, by which its arms miss each other.
         """
-        return univariate.contact_distance(self.path, self.threshold + self.place_margin, self.contact_tolerance)
+        return self.rule.distance
 
     @property
     def is_stop(self) -> bool:
-        """Whether it says where bodies first touch: two points of zero threshold."""
-        return self.threshold == 0.0 and self.path.is_plain
+        """Whether contact is the angle at which two arms align: declared as a stop, or by their equal lengths."""
+        return self.rule.is_stop
+
+    @property
+    def has_size(self) -> bool:
+        """Whether it keeps two bodies apart, not two mere points of zero threshold."""
+        return self.threshold > 0.0 or not self.path.is_plain
 
     @cached_property
     def contacts(self) -> tuple[ContactAngle, ...] | None:
@@ -135,12 +154,12 @@ class Boundary:
 
         Two points have one strip, or one without contact (`half_width` None); segments may have several.
         """
-        found = univariate.one_angle_strips(self.path, self.threshold, self.contact_tolerance)
+        found = self.rule.strips()
         if found is None:
             return None
         coefficients, strips = found
         text = linear_text(coefficients, self.robot_coordinates)
-        return tuple(ContactAngle(coefficients, text, s.angle, s.half_width, s.smallest) for s in strips)
+        return tuple(ContactAngle(coefficients, text, s.angle, s.half_width, s.smallest, self.is_stop) for s in strips)
 
     @property
     def contact(self) -> ContactAngle | None:
@@ -175,8 +194,34 @@ class Boundary:
         return self._each(q, lambda Q: separation.parameters(self.path, Q))
 
     def clearance(self, q: ArrayLike) -> Any:
-        """Return `norm - threshold` [m]: positive is free, zero is contact."""
+        """Return `norm - threshold` [m]: the unsigned distance less the threshold.
+
+        It is positive beyond a stop too, and it knows no contact tolerance: `signed_clearance` does.
+        """
         return self.norm(q) - self.threshold
+
+    def signed_clearance(self, q: ArrayLike) -> Any:
+        """Return how free q is: a float, or (N,) [m]; positive is free, zero or less is contact.
+
+        `norm - max(threshold, contact_tolerance)` of a distance, `norm - threshold` of a height above a plane. Of a
+        stop `+-sqrt(norm^2 - m^2)`, m being the smallest norm: positive on home's side of the contact angle, negative
+        beyond it, smooth through it. Region, certificate and `free` all speak of this number.
+
+        Example:
+            >>> import pinbound as pb
+            >>> beta = pb.load("minervabot_v3").boundaries["beta_4"]
+            >>> Q = np.radians([[0.0, 0.0, 30.0], [0.0, 0.0, 35.0]])
+            >>> (1e3 * beta.signed_clearance(Q)).round(3).tolist(), (1e3 * beta.norm(Q)).round(3).tolist()
+            ([1.417, -1.5], [1.417, 1.5])
+        """
+        return self._each(q, self.rule.signed)
+
+    def signed_gradient(self, q: ArrayLike) -> Array:
+        """Return the gradient of the signed clearance, (n,) or (N, n) [m/rad, or 1 for a prismatic joint].
+
+        Of a stop it is defined at contact, too; elsewhere it is NaN where a distance is zero (a kink).
+        """
+        return self._each(q, self.rule.gradients)
 
     def gradient(self, q: ArrayLike) -> Array:
         """Return the gradient of the norm, (n,) or (N, n) [m/rad]; NaN where the norm is zero (a kink)."""
@@ -226,6 +271,9 @@ class Boundary:
     def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> Any:
         """Return the allowed values of one coordinate, the others as in q.
 
+        Allowed is what is out of contact. Of a stop these are all arcs between its contact angles, those beyond home's
+        gap too: what cannot be reached from home is for `signed_clearance` and `BoundarySet.limits` to say.
+
         Used in one rotation, `|r|^2 = a + b cos q_j + c sin q_j` (and the height above a plane likewise), so that the
         allowed set is one arc a turn; used to slide only, it is all but one interval: closed forms. Used otherwise,
         and between segments or across a line: every contact isolated with a proof.
@@ -256,34 +304,46 @@ class Boundary:
         if not np.all(np.isfinite(points)):
             raise DimensionError("q holds a number that is not finite")
         index = self.robot_coordinates.index(coordinate)
-        rows = points.reshape(-1, len(self.robot_coordinates))
-        table = univariate.allowed_arcs_table(
-            self.path, index, coordinate, rows, self.threshold + self.place_margin, self.contact_tolerance, window
-        )
+        table = self.rule.arcs(index, coordinate, points.reshape(-1, len(self.robot_coordinates)), window)
         return table if points.ndim > 1 else table[0]
 
     def span(self, coordinate: str, q: Array, within: tuple[float, float]) -> tuple[float, float] | None:
         """Return how far a coordinate can move from q (n,) within an interval that holds its value; None if in contact.
 
         What `limits(...).around(...)` says, cut to the interval, but no further is looked; infinite where nothing stops
-        it before the interval ends.
+        it before the interval ends. Whether q itself is in contact is what its signed clearance says; where rounding
+        sees the end of an arc on the other side of q, the end is q itself.
         """
+        if not self.signed_clearance(q) > 0.0:
+            return None
         index = self.robot_coordinates.index(coordinate)
-        low, high = within
+        value, (low, high) = float(q[index]), within
         if (
             self.path.is_plain
             or (self.path.is_signed and not self.path.swept.directions)
             or not np.isfinite(high - low)
         ):
             arcs: univariate.AllowedArcs = self.limits(coordinate, q, within)
-            span, (low, high) = arcs.around(float(q[index])), arcs.window
+            span, (low, high) = arcs.around(value) or _touching(arcs, value), arcs.window
         else:
             from pinbound.interpreters.swept_isolation import around
 
-            span = around(self.path, index, coordinate, q, self.contact_distance, within)
-        if span is None:
-            return None
+            span = around(self.path, index, coordinate, q, self.contact_distance, within) or (value, value)
         return -math.inf if span[0] <= low else span[0], math.inf if span[1] >= high else span[1]
+
+    def spans(self, coordinate: str, Q: Array, within: tuple[float, float]) -> Array:
+        """Return what `span` says for each of many q (N, n): (N, 2), NaN where q itself is in contact."""
+        index = self.robot_coordinates.index(coordinate)
+        value = Q[:, index]
+        arcs: univariate.AllowedArcsTable = self.limits(coordinate, Q, within)
+        found = arcs.around(value)
+        for row in np.flatnonzero(np.isnan(found[:, 0])):
+            found[row] = _touching(arcs[int(row)], float(value[row]))
+        low, high = arcs.window
+        found[found[:, 0] <= low, 0] = -math.inf
+        found[found[:, 1] >= high, 1] = math.inf
+        found[~(self.signed_clearance(Q) > 0.0)] = np.nan
+        return found
 
     def limit_expressions(self, coordinate: str) -> Any:
         """Return the two contacts of one coordinate in terms of the others, in SymPy and LaTeX: Eqs. (18)-(20).
@@ -304,6 +364,16 @@ class Boundary:
             raise UnknownNameError("coordinate", coordinate, self.robot_coordinates)
         index = self.robot_coordinates.index(coordinate)
         return symbolic.limit_expressions(self.path, index, self.robot_coordinates, self.threshold)
+
+
+def _touching(arcs: univariate.AllowedArcs, value: float) -> tuple[float, float]:
+    """Return the arc that has a free value at its end, to rounding; only the value itself if there is none."""
+    near = ROOT * max(1.0, abs(value))
+    for nearby in (value + near, value - near):
+        found = arcs.around(nearby)
+        if found is not None:
+            return min(found[0], value), max(found[1], value)
+    return value, value
 
 
 def one_configuration(q: ArrayLike, coordinates: Sequence[str]) -> Array:

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinbound.boundary import Boundary, one_configuration
+from pinbound.contact import SignedKernel
 from pinbound.coupling import LinearLimit, as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import separation
-from pinbound.interpreters.univariate import AllowedArcsTable
+from pinbound.spans import CoordinateLimits, linear_span, linear_spans, tighten
 
 if TYPE_CHECKING:
     from pinbound.interpreters.kernel import Backend, CommonMark, Kernel, MixedKernel
@@ -27,36 +28,11 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class CoordinateLimits:
-    """How far one coordinate can move from a configuration, and what stops it.
-
-    Attributes:
-        coordinate: Its name.
-        value: Its value [rad or m].
-        lower: Lower end of the allowed interval around the value, may be -inf; NaN if the value is not allowed.
-        upper: Upper end, may be inf; NaN if the value is not allowed.
-        lower_stop: Boundary or joint limit at the lower end; None if there is none.
-        upper_stop: Boundary or joint limit at the upper end; None if there is none.
-        blocked_by: Boundaries and limits that forbid the value itself.
-        beyond: Boundaries whose contact lies between home and this configuration, which makes it unreachable.
-    """
-
-    coordinate: str
-    value: float
-    lower: float
-    upper: float
-    lower_stop: str | None
-    upper_stop: str | None
-    blocked_by: tuple[str, ...] = ()
-    beyond: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
 class Smallest:
-    """The smallest clearance of a set, and which boundary has it.
+    """The smallest signed clearance of a set, and which boundary has it.
 
     Attributes:
-        clearance: [m], a float or (N,); inf if there is no boundary, NaN if one of them is NaN.
+        clearance: [m], signed: a float or (N,); inf if there is no boundary, NaN if one of them is NaN.
         index: Position of that boundary in the set, an int or (N,); -1 if there is none, or a NaN. Between
             boundaries whose clearances are equal to rounding it is one of them.
     """
@@ -139,12 +115,18 @@ class BoundarySet(Sequence[Boundary]):
 
     @cached_property
     def kernel(self) -> Kernel | MixedKernel:
-        """The batch kernel behind `norms`, `clearances`, `gradients`, `smallest` and `free`."""
+        """The batch kernel behind `norms`, `clearances` and `gradients`."""
         from pinbound.interpreters.kernel import Pair, Reference, kernel_of
 
         pairs = [Pair(b.path, b.threshold, (b.point_a.name, b.point_b.name)) for b in self._boundaries]
         reference = Reference(separation.separations, separation.gradients)
         return kernel_of(pairs, len(self._coordinates), reference, self._common)
+
+    @cached_property
+    def signed_kernel(self) -> SignedKernel:
+        """The contact rule of all boundaries, and joint limits: behind what is signed, `smallest` and `free`."""
+        rules, marks = [b.rule for b in self], [(b.point_a.name, b.point_b.name) for b in self]
+        return SignedKernel(rules, marks, len(self._coordinates), self._limits, self._common)
 
     def norms(
         self,
@@ -186,11 +168,58 @@ class BoundarySet(Sequence[Boundary]):
         backend: Backend = "auto",
         dtype: Any = np.float64,
     ) -> Array:
-        """Return every `norm - threshold`: (m,) or (N, m) [m]; positive is free, zero is contact.
+        """Return every `norm - threshold`: (m,) or (N, m) [m], the unsigned distance less the threshold.
 
-        Arguments and errors as for `norms`.
+        Positive beyond a stop, too: `signed_clearances` tells the sides apart, and is what `free` goes by. Arguments
+        and errors as for `norms`.
         """
         return self._rows(Q, "clearances", out, threads, backend, dtype)
+
+    def signed_clearances(
+        self,
+        Q: ArrayLike,
+        out: Any = None,
+        *,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> Array:
+        """Return every signed clearance: (m,) or (N, m) [m]; positive is free, as `Boundary.signed_clearance` says.
+
+        Arguments and errors as for `norms`.
+
+        Example:
+            >>> import pinbound as pb
+            >>> B = pb.load("minervabot_v3").boundaries
+            >>> Q = np.radians([[0.0, 0.0, 0.0], [0.0, 0.0, 60.0]])
+            >>> [[B.names[k] for k in np.flatnonzero(row <= 0.0)] for row in B.signed_clearances(Q)]
+            [[], ['beta_1', 'beta_4']]
+        """
+        return self._signed(Q, "clearances", out, threads, backend, dtype)
+
+    def signed_gradients(
+        self,
+        Q: ArrayLike,
+        out: Any = None,
+        *,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> Array:
+        """Return the gradients of the signed clearances: (m, n) or (N, m, n) [m/rad, or 1 for prismatic joints].
+
+        At a stop's contact angle they are defined; NaN where a distance is zero. Arguments and errors as for `norms`.
+        """
+        return self._signed(Q, "gradients", out, threads, backend, dtype)
+
+    def _signed(self, Q: ArrayLike, mode: str, out: Any, threads: int, backend: Backend, dtype: Any) -> Array:
+        array = as_configurations(Q, self._coordinates)
+        if array.ndim == 1:
+            if mode == "clearances" and out is None and backend == "auto" and dtype is np.float64:
+                return self.signed_kernel.one(array)
+            found = self.signed_kernel.rows(array[None], mode, None if out is None else out[None], 1, backend, dtype)
+            return found[0]
+        return self.signed_kernel.rows(array, mode, out, threads, backend, dtype)
 
     def gradients(
         self,
@@ -234,46 +263,55 @@ class BoundarySet(Sequence[Boundary]):
         backend: Backend = "auto",
         dtype: Any = np.float64,
     ) -> Smallest:
-        """Return the smallest clearance and its boundary, without making the others: floats, or (N,).
+        """Return the smallest signed clearance and its boundary, without making the others: floats, or (N,).
 
-        Arguments and errors as for `norms`; `out` is (N,) and takes the clearances.
+        It is positive exactly where no boundary is in contact. Arguments and errors as for `norms`; `out` is (N,) and
+        takes the clearances.
 
         Example:
             >>> import pinbound as pb
             >>> B = pb.load("minervabot_v3").boundaries
             >>> found = B.smallest([0.0, 0.0, 0.0])
             >>> B.names[found.index], round(1e3 * found.clearance, 6)
-            ('beta_9', 5.800034)
+            ('beta_9', 5.800032)
         """
         array = as_configurations(Q, self._coordinates)
         if array.ndim == 1:
-            clearances = self.clearances(array, backend=backend, dtype=dtype)
+            clearances = self.signed_clearances(array, backend=backend, dtype=dtype)
             if not len(clearances):
                 return Smallest(float("inf"), -1)
             index = int(np.argmin(clearances))  # the first NaN, if there is one
             return Smallest(float(clearances[index]), -1 if np.isnan(clearances[index]) else index)
-        least, index = self.kernel.smallest(array, True, out, threads, backend, dtype)
+        least, index = self.signed_kernel.smallest(array, True, out, threads, backend, dtype)
         return Smallest(least, index)
 
-    def free(self, Q: ArrayLike, *, threads: int = 1, backend: Backend = "auto") -> Any:
-        """Return whether every clearance is positive: a bool, or (N,) bools; False for a row that is not finite.
+    def free(self, Q: ArrayLike, *, limits: bool = True, threads: int = 1, backend: Backend = "auto") -> Any:
+        """Return whether q is free: a bool, or (N,) bools; False for a row that is not finite.
 
-        Where the sides of closed loops differ, the clearance must exceed `Boundary.place_margin`.
-        It says nothing of joint limits, or of which side of a contact q is on: that is `Region.contains`.
+        Free is every signed clearance positive, and every joint limit kept, mimic joints' limits too, within
+        `tolerances.LIMIT`. A certificate of q says the same, and a region holds free configurations only. Whether the
+        robot can get there is another question: `Region.contains`, `certify`.
+
+        Args:
+            Q: (n,) or (N, n).
+            limits: Whether joint limits count.
+            threads: As in `norms`.
+            backend: As in `norms`.
+
+        Raises:
+            DimensionError: If Q or threads do not fit.
+            UnsupportedError: If ``"compiled"`` is asked for and Numba is not installed.
 
         Example:
             >>> import pinbound as pb
-            >>> pb.load("minervabot_v3").boundaries.free([0.0, 0.0, 0.0])
-            True
+            >>> B = pb.load("minervabot_v3").boundaries
+            >>> B.free([0.0, 0.0, 0.0]), B.free([3.0, 0.0, 0.0]), B.free([3.0, 0.0, 0.0], limits=False)
+            (True, False, True)
         """
         array = as_configurations(Q, self._coordinates)
-        margins = np.array([boundary.place_margin for boundary in self._boundaries])
-        if array.ndim == 1:
-            return bool(np.all(self.clearances(array, backend=backend) > margins))
-        if np.any(margins):
-            return np.all(self.clearances(array, threads=threads, backend=backend) > margins, axis=1)
-        least, _ = self.kernel.smallest(array, False, None, threads, backend)
-        return least > 0.0
+        if array.ndim > 1:
+            return self.signed_kernel.free(array, limits, threads, backend)
+        return self.signed_kernel.one_is_free(array, limits)
 
     def hessians(self, Q: ArrayLike) -> Array:
         """Return the Hessians of the norms: (m, n, n) or (N, m, n, n); NaN where a norm is zero."""
@@ -325,12 +363,17 @@ class BoundarySet(Sequence[Boundary]):
         point = one_configuration(q, self._coordinates)
         index = self._coordinates.index(coordinate)
         value = float(point[index])
-        spans = [(limit.joint, _linear_span(limit, index, point)) for limit in self._limits]
+        spans = [(limit.joint, linear_span(limit, index, point)) for limit in self._limits]
         if window is None:
             held = [span for _, span in spans if span]
             window = max((s[0] for s in held), default=-math.inf), min((s[1] for s in held), default=math.inf)
         low, high = window
+        outside = any(span is None for _, span in spans)
         for boundary in self:
+            if outside:  # no way is asked for: only whether this boundary forbids the value, too
+                clear = boundary.signed_clearance(point) > 0.0
+                spans.append((boundary.name, (-math.inf, math.inf) if clear else None))
+                continue
             span = boundary.span(coordinate, point, (low, high) if low < value < high else window)
             if span is not None:  # what lies beyond a stop that is known stops nothing
                 low, high = max(low, span[0]), min(high, span[1])
@@ -380,50 +423,16 @@ class BoundarySet(Sequence[Boundary]):
         if not np.all(np.isfinite(rows)):
             raise DimensionError("Q holds a number that is not finite")
         index = self._coordinates.index(coordinate)
-        value = rows[:, index]
         ends = np.tile([-math.inf, math.inf], (len(rows), 1))
         stops = np.full((len(rows), 2), "", dtype=object)
         for limit in self._limits:
-            _tighten(ends, stops, limit.joint, _linear_spans(limit, index, rows))
-        held = float(np.fmin.reduce(ends[:, 0], initial=math.inf)), float(np.fmax.reduce(ends[:, 1], initial=-math.inf))
+            tighten(ends, stops, limit.joint, linear_spans(limit, index, rows))
+        inside = ~np.isnan(ends[:, 0])
+        rows, some, named = rows[inside], ends[inside], stops[inside]
+        if not len(rows):
+            return ends, stops.astype(np.str_)
+        held = float(some[:, 0].min()), float(some[:, 1].max())
         for boundary in self:
-            arcs: AllowedArcsTable = boundary.limits(coordinate, rows, held)
-            spans = arcs.around(value)
-            low, high = arcs.window
-            spans[spans[:, 0] <= low, 0] = -math.inf
-            spans[spans[:, 1] >= high, 1] = math.inf
-            _tighten(ends, stops, boundary.name, spans)
+            tighten(some, named, boundary.name, boundary.spans(coordinate, rows, held))
+        ends[inside], stops[inside] = some, named
         return ends, stops.astype(np.str_)
-
-
-def _tighten(ends: Array, stops: NDArray[np.object_], name: str, spans: Array) -> None:
-    """Intersect intervals (N, 2) with others, in place; NaN, which is no interval, stays."""
-    lower, upper = spans[:, 0] > ends[:, 0], spans[:, 1] < ends[:, 1]
-    ends[lower, 0], ends[upper, 1] = spans[lower, 0], spans[upper, 1]
-    stops[lower, 0], stops[upper, 1] = name, name
-    nothing = np.any(np.isnan(spans), axis=1)
-    ends[nothing] = np.nan
-    stops[np.any(np.isnan(ends), axis=1)] = ""
-
-
-def _linear_spans(limit: LinearLimit, index: int, Q: Array) -> Array:
-    """Return the intervals (N, 2) of coordinate `index` that one joint limit allows; NaN where Q is outside it."""
-    theta = Q @ limit.coefficients + limit.offset
-    c = float(limit.coefficients[index])
-    spans = np.tile([-math.inf, math.inf], (len(Q), 1))
-    if c != 0.0:
-        spans = np.sort(Q[:, index, None] + (np.array([limit.lower, limit.upper]) - theta[:, None]) / c, axis=1)
-    spans[(theta < limit.lower) | (theta > limit.upper)] = np.nan
-    return spans
-
-
-def _linear_span(limit: LinearLimit, index: int, q: Array) -> tuple[float, float] | None:
-    """Return the interval of coordinate `index` that one joint limit allows, the others as in q."""
-    theta = float(limit.coefficients @ q) + limit.offset
-    if not limit.lower <= theta <= limit.upper:
-        return None
-    c = float(limit.coefficients[index])
-    if c == 0.0:
-        return -math.inf, math.inf
-    ends = sorted(float(q[index]) + (end - theta) / c for end in (limit.lower, limit.upper))
-    return ends[0], ends[1]

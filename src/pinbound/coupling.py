@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
@@ -15,6 +16,21 @@ from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.urdf import Joint, Mimic
 
 __all__ = ["Coupling", "LinearLimit", "as_configurations", "couple", "linear_limits", "linear_text", "real_array"]
+from pinbound.tolerances import LIMIT, UNIT_ROUNDOFF
+
+__all__ = [
+    "Coupling",
+    "Intervals",
+    "LinearLimit",
+    "as_configurations",
+    "combination",
+    "couple",
+    "linear_limits",
+    "linear_text",
+]
+
+_LARGEST = float(np.finfo(np.float64).max)
+_BLOCK = 1 << 13  # rows at a time: they stay in the cache
 
 
 @dataclass(frozen=True)
@@ -95,6 +111,109 @@ class LinearLimit:
     offset: float
     lower: float
     upper: float
+
+    def values(self, Q: ArrayLike) -> NDArray[np.float64]:
+        """Return the joint's values `c . q + o` (N,) for Q (N, n) [rad or m]."""
+        return combination(self.coefficients, np.asarray(Q, dtype=np.float64)) + self.offset
+
+    def holds(self, Q: ArrayLike) -> NDArray[np.bool_]:
+        """Return which rows (N,) of Q (N, n) keep the limit; see `Intervals` for what that means at its ends.
+
+        Example:
+            >>> LinearLimit("f", np.array([3.0]), 0.0, -0.3, 0.3).holds([[0.1], [0.1 + 1e-12]])  # 3 * 0.1 > 0.3
+            array([ True, False])
+        """
+        return Intervals.of([self], len(self.coefficients)).hold(np.asarray(Q, dtype=np.float64))
+
+
+@dataclass(frozen=True, eq=False)
+class Intervals:
+    """Closed intervals of linear combinations of q, all of which must hold; and q must be finite.
+
+    The one rule for what "within a limit" means: a joint's value `c . q + o` may pass an end of its limits by
+    `tolerances.LIMIT`, and by the rounding of that sum.
+
+    Attributes:
+        coefficients: (k, n); the first n rows are the coordinates themselves.
+        low: (k,) [rad or m].
+        high: (k,).
+        is_sum: (k,) whether the combination has several terms, whose rounding is granted on top.
+    """
+
+    coefficients: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    is_sum: NDArray[np.bool_]
+
+    @classmethod
+    def of(
+        cls,
+        limits: Sequence[LinearLimit],
+        n: int,
+        between: Sequence[tuple[NDArray[np.float64], tuple[float, float]]] = (),
+    ) -> Intervals:
+        """Return what joint limits allow, and open intervals `low < c . q < high`; rows of one c are intersected."""
+        rows = {tuple(row): [-_LARGEST, _LARGEST, 0.0] for row in np.eye(n).tolist()}
+        for limit in limits:
+            c = limit.coefficients
+            scale = float(c[np.flatnonzero(c)[0]]) if np.count_nonzero(c) == 1 else 1.0
+            ends: list[float] = []
+            for end, side in ((limit.lower, -1.0), (limit.upper, 1.0)):
+                granted = LIMIT + 4.0 * UNIT_ROUNDOFF * (abs(end) + abs(limit.offset))
+                ends.append((end - limit.offset + side * granted) / scale)
+            row = rows.setdefault(tuple((c / scale + 0.0).tolist()), [-_LARGEST, _LARGEST, 0.0])
+            row[0], row[1] = max(row[0], min(ends)), min(row[1], max(ends))
+            row[2] = max(row[2], float(np.count_nonzero(c) > 1))
+        for c, (low, high) in between:
+            row = rows.setdefault(tuple((c + 0.0).tolist()), [-_LARGEST, _LARGEST, 0.0])
+            inside = math.nextafter(low, math.inf), math.nextafter(high, -math.inf)
+            row[0], row[1] = max(inside[0], row[0]), min(inside[1], row[1])  # NaN, home on a contact line, stays
+        table = np.array(list(rows.values())).reshape(-1, 3)
+        C = np.array(list(rows)).reshape(len(rows), n)
+        return cls(C, table[:, 0].copy(), table[:, 1].copy(), table[:, 2] > 0.0)
+
+    def holds_at(self, q: Sequence[float]) -> bool:
+        """Return what `hold` does for one q, by plain Python."""
+        for terms, low, high, is_sum in self._rows:
+            value, size = 0.0, 0.0
+            for index, c in terms:
+                value += c * q[index]
+                size += abs(c) * abs(q[index])
+            rounding = UNIT_ROUNDOFF * (len(q) + 2.0) * size if is_sum else 0.0
+            if not low - rounding <= value <= high + rounding:
+                return False
+        return True
+
+    @cached_property
+    def _rows(self) -> list[tuple[list[tuple[int, float]], float, float, bool]]:
+        terms = [[(int(i), float(c[i])) for i in np.flatnonzero(c)] for c in self.coefficients]
+        return list(zip(terms, self.low.tolist(), self.high.tolist(), self.is_sum.tolist(), strict=True))
+
+    def hold(self, Q: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which rows (N,) of Q (N, n) are in all intervals; False for a row that is not finite."""
+        found = np.ones(len(Q), dtype=np.bool_)
+        for start in range(0, len(Q), _BLOCK):
+            block, ok = Q[start : start + _BLOCK].T.copy().T, found[start : start + _BLOCK]
+            with np.errstate(invalid="ignore", over="ignore"):
+                for c, low, high, is_sum in zip(self.coefficients, self.low, self.high, self.is_sum, strict=True):
+                    value = combination(c, block)
+                    if is_sum:
+                        rounding = UNIT_ROUNDOFF * (len(c) + 2.0) * combination(np.abs(c), np.abs(block))
+                        ok &= (value >= low - rounding) & (value <= high + rounding)
+                        continue
+                    ok &= value >= low
+                    ok &= value <= high
+        return found
+
+
+def combination(c: NDArray[np.float64], Q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return `c . q` (N,) for the rows of Q (N, n), term by term: a row's bits do not depend on the other rows."""
+    total: NDArray[np.float64] | None = None
+    for index in np.flatnonzero(c).tolist():
+        factor, column = float(c[index]), Q[:, index]
+        term = column if factor == 1.0 else factor * column
+        total = term if total is None else total + term
+    return np.zeros(len(Q)) if total is None else total
 
 
 def real_array(values: Any, what: str) -> NDArray[np.float64]:

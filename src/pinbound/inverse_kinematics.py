@@ -24,13 +24,12 @@ from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import numeric
 from pinbound.path import absolute_chain
 from pinbound.robot import Robot
-from pinbound.tolerances import REACHED
+from pinbound.tolerances import LIMIT, REACHED
 
 __all__ = ["Ending", "InverseKinematics", "solve_ik"]
 
 Array = NDArray[np.float64]
 
-_SLACK = 1e-12  # rad or m: a limit this near is met
 _CALM = 1e-13  # rad or m: steps below this no longer change anything
 
 
@@ -129,7 +128,7 @@ def solve_ik(
     chain = absolute_chain(robot.tree, robot.coupling, link, (x, y, z))
     solver = _Solver(chain, *_limit_rows(robot), max_iterations, tolerance)
     q = np.array(robot.home if start is None else as_configurations(start, robot.coordinates))
-    if q.ndim != 1 or not np.all(solver.A @ q <= solver.b + _SLACK):
+    if q.ndim != 1 or not np.all(solver.A @ q <= solver.b + LIMIT):
         raise DimensionError(f"the start {q.tolist()} is not one configuration within all joint limits")
     starts = [q, *_random_starts(robot, q, max(restarts - 1, 0), seed)][:restarts]
     answers, tried = list[_Answer](), list[int]()
@@ -239,7 +238,7 @@ class _Solver:
             step = free @ np.linalg.lstsq(stacked, wanted, rcond=None)[0]  # least norm: no column needs to matter
             rate = self.A @ step
             rate[held] = 0.0
-            broken = [k for k in np.flatnonzero((slack <= _SLACK) & (rate > 1e-15)) if k not in held]
+            broken = [k for k in np.flatnonzero((slack <= LIMIT) & (rate > 1e-15)) if k not in held]
             if not broken:
                 break
             held.append(int(max(broken, key=lambda k: rate[k])))

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from pinbound.annotations import KINDS, Annotations, BoundaryMark, LeftOutMark, Mark, RawItem, read_inline
 from pinbound.bodies import SHAPES, Body, LinkBodies, read_bodies
+from pinbound.candidates import can_be_home, configuration_text, draw, home_entries, within_limits
+from pinbound.contact import contact_distance
 from pinbound.coverage.reach import least_separation
 from pinbound.covers import By, Cover, covers
 from pinbound.exceptions import Problems, UnknownNameError, UnsupportedError
-from pinbound.homes import can_be_home, configuration_text, draw, home_entries, within_limits
-from pinbound.interpreters import separation, univariate
+from pinbound.interpreters import separation
 from pinbound.path import relative_path
 from pinbound.robot import Robot
 from pinbound.tolerances import FOLDING, UNIT_ROUNDOFF
@@ -213,7 +214,7 @@ class _Judge:
         with np.errstate(over="ignore", invalid="ignore"):
             path = relative_path(robot.tree, robot.coupling, a, b)
             radii = a.radius + b.radius
-            distance = univariate.contact_distance(path, radii, robot.annotations.contact_tolerance)
+            distance = contact_distance(path, radii, robot.annotations.contact_tolerance)
             joints = len(robot.tree.path_between(a.link, b.link))
             rounding = FOLDING * UNIT_ROUNDOFF * (joints + 2) ** 2 * path.minimal.scale
             if least_separation(path) > distance + rounding:  # false where a number is not finite: that proves nothing

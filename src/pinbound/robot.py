@@ -17,6 +17,7 @@ from pinbound.bodies import collision_bodies
 from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
 from pinbound.closures import Closure, joint_errors, place_error
+from pinbound.contact import stop_fault
 from pinbound.coupling import Coupling, LinearLimit, as_configurations, couple, linear_limits
 from pinbound.coverage import Coverage
 from pinbound.document import Document, read_document
@@ -28,11 +29,12 @@ from pinbound.exceptions import (
     UnsupportedError,
     name_hint,
 )
+from pinbound.home import feasible_start
 from pinbound.interpreters import numeric
 from pinbound.loop_errors import carry, narrowed
 from pinbound.parallelograms import settle
 from pinbound.path import absolute_chain, relative_path
-from pinbound.tolerances import HOME
+from pinbound.tolerances import HOME, NEAR_STOP
 from pinbound.tree import Tree
 from pinbound.urdf import Mimic, build_model, read_kinematics
 
@@ -271,7 +273,7 @@ def load(
     closures, errors = carry(tree, settled, marks, limits, problems)
     limits = narrowed(limits, coupling, joint_errors(coupling, closures))
     home, notes = _home(tree, coupling, marks, limits, problems)
-    boundaries = _boundaries(tree, coupling, marks, home, problems, limits, closures)
+    boundaries, stops = _boundaries(tree, coupling, marks, home, problems, limits, closures)
     problems.raise_if_any()
     return Robot(
         document=document,
@@ -284,7 +286,7 @@ def load(
             boundaries, coupling.coordinates, limits, home, partial(_common_marks, tree, coupling, boundaries)
         ),
         home=home,
-        notes=(*kinematics.notes, *said, *settled.notes, *errors, *notes),
+        notes=(*kinematics.notes, *said, *settled.notes, *errors, *notes, *stops),
         package_dirs=tuple(map(str, package_dirs)),
     )
 
@@ -311,20 +313,32 @@ def _given_items(
 def _home(
     tree: Tree, coupling: Coupling, marks: Annotations, limits: Sequence[LinearLimit], problems: Problems
 ) -> tuple[Array, list[str]]:
-    """Return home: what is marked, else zero, else (zero being out of limits) the middle of the limits."""
+    """Return home within all limits: what is marked, and of the other coordinates what `feasible_start` says."""
     names, joints = coupling.coordinates, {joint.name: joint for joint in tree.moving_joints}
-    home, notes = np.zeros(len(names)), list[str]()
     for name in marks.home:
         if name not in names and (name not in joints or joints[name].mimic is not None):
             what = "follows another joint" if name in joints else "does not exist"
             problems.add(f"home names {name!r}, which {what}", name_hint(name, names), marks.home_line)
-    for index, name in enumerate(names):
-        lower, upper = joints[name].lower, joints[name].upper
-        if name in marks.home:
-            home[index] = marks.home[name]
-        elif not lower <= 0.0 <= upper:
-            home[index] = (lower + upper) / 2
-            notes.append(f"home of {name!r} is the middle of its limits, {home[index]:.6g}: zero is outside them")
+    fixed = np.array([marks.home.get(name, math.nan) for name in names], dtype=np.float64)
+    home, reasons = feasible_start(limits, fixed, names)
+    notes: list[str] = []
+    if home is None:
+        home, where = np.nan_to_num(fixed), marks.home_line if marks.home else None
+        for limit in limits:
+            if not limit.holds(home[None])[0]:
+                value, ends = float(limit.values(home[None])[0]), f"[{limit.lower:.6g}, {limit.upper:.6g}]"
+                message = f"home is outside the limits of {limit.joint!r}: {value:.6g} is not in {ends}"
+                remedy = "Choose a home inside all limits"
+                if not marks.home:
+                    message = f"no configuration keeps all joint limits: at zero {limit.joint!r} is {value:.6g}"
+                    message += f", which is not in {ends}"
+                    remedy = "Mend the limits, or the multipliers and offsets of mimic joints"
+                problems.add(message, remedy, where)
+    else:
+        notes += [
+            f"home of {name!r} is {home[names.index(name)]:.6g}, {reason}: zero is outside them"
+            for name, reason in reasons.items()
+        ]
     for name, value in marks.home.items():
         if name in names or name not in joints or joints[name].mimic is not None:
             continue
@@ -333,12 +347,6 @@ def _home(
         if abs(value - expected) > HOME:
             message = f"home has {name!r} at {value:.9g}, but the closed loops put it at {expected:.9g}"
             problems.add(message, "Leave it out, or give the assembled pose exactly", marks.home_line)
-    for limit in limits:
-        theta = float(limit.coefficients @ home) + limit.offset
-        if marks.home and not limit.lower <= theta <= limit.upper:
-            message = f"home is outside the limits of {limit.joint!r}: {theta:.6g} is not in"
-            message += f" [{limit.lower:.6g}, {limit.upper:.6g}]"
-            problems.add(message, "Choose a home inside all limits", marks.home_line)
     home.flags.writeable = False
     return home, notes
 
@@ -351,33 +359,57 @@ def _boundaries(
     problems: Problems,
     limits: Sequence[LinearLimit],
     closures: Sequence[Closure],
-) -> list[Boundary]:
-    """Return the boundaries; those that are in contact at home are faults."""
+) -> tuple[list[Boundary], list[str]]:
+    """Return the boundaries and what is to be said of their stops; those that are in contact at home are faults."""
     boundaries: list[Boundary] = []
+    notes: list[str] = []
     for mark in marks.boundaries:
         a, b = marks.marks[mark.a], marks.marks[mark.b]
         try:
             path = relative_path(tree, coupling, a, b)
             error = place_error(tree, coupling, limits, closures, a, b)
-        except UnsupportedError as error:
-            problems.add(f"boundary {mark.name!r}: {error}", "Choose other points", mark.line)
+        except UnsupportedError as refused:
+            problems.add(f"boundary {mark.name!r}: {refused}", "Choose other points", mark.line)
             continue
         if not math.isfinite(error):
             message = f"boundary {mark.name!r} lies across a slide without limits and a loop whose sides differ"
             problems.add(f"{message}: how far its marks may be off has no bound", "Give the slide limits", mark.line)
             continue
         boundary = Boundary(
-            mark.name, a, b, mark.min_distance, path, coupling.coordinates, marks.contact_tolerance, error
+            name=mark.name,
+            point_a=a,
+            point_b=b,
+            min_distance=mark.min_distance,
+            path=path,
+            robot_coordinates=coupling.coordinates,
+            contact_tolerance=marks.contact_tolerance,
+            place_error=error,
+            home=home,
+            stop=mark.stop,
         )
         boundaries.append(boundary)
-        clearance = float(boundary.clearance(home))
-        if clearance <= max(boundary.place_margin, marks.contact_tolerance - boundary.threshold):
-            message = f"home is outside the feasible region: {mark.name!r} has a clearance of {1e3 * clearance:.6g} mm"
-            if boundary.place_margin:
-                message += f", and its loops' sides differ so that {1e3 * boundary.place_margin:.3g} mm are needed"
+        fault = stop_fault(boundary.rule) if mark.stop else None
+        if fault is not None:
+            problems.add(f"boundary {mark.name!r} is declared as a stop, but {fault[0]}", fault[1], mark.line)
+            continue
+        notes += _stop_notes(boundary)
+        refusal = boundary.rule.refusal_at_home()
+        if refusal is not None:
+            message = f"home is outside the feasible region: {mark.name!r} {refusal}"
             remedy = "Choose a free home, or mend the points and distances of this boundary"
             problems.add(message, remedy, marks.home_line or mark.line)
-    return boundaries
+    return boundaries, notes
+
+
+def _stop_notes(boundary: Boundary) -> list[str]:
+    """Return by how much the arms of a stop miss each other, or that a boundary misses to be a stop by a little."""
+    miss, names = boundary.rule.miss, f"{boundary.point_a.name} and {boundary.point_b.name} ({boundary.name})"
+    if miss is None or miss <= boundary.contact_tolerance:
+        return []
+    said = f"{names} miss each other by {1e3 * miss:.3g} mm"
+    if boundary.is_stop:
+        return [f"{said} where their arms align: contact is there all the same, they are declared as a stop"]
+    return [f'{said}; if this is a stop, declare it: stop="true"'] if miss <= NEAR_STOP else []
 
 
 def _common_marks(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]) -> dict[str, CommonMark] | None:

@@ -3,6 +3,7 @@
 from typing import Final
 
 __all__ = [
+    "AS_PRINTED",
     "CHORD",
     "CLOSURE",
     "CLOSURE_SHARE",
@@ -32,6 +33,7 @@ __all__ = [
     "LARGEST_BODY",
     "LIMIT",
     "MESH_CHORD",
+    "NEAR_STOP",
     "NEVER_MEETS",
     "ON_CONTOUR",
     "OVERLAP",
@@ -46,6 +48,7 @@ __all__ = [
     "SAME_BODY",
     "SAMPLE_ROUNDOFFS",
     "SOLVES",
+    "STOP_MISS",
     "SYMBOLIC_DIGITS",
     "UNIT_ROUNDOFF",
     "VERTEX",
@@ -54,6 +57,15 @@ __all__ = [
 CONTACT: Final = 2e-5
 """Metres. Default `contact_tolerance`: two arms that should have equal lengths may differ by the rounding of
 data given to 0.01 mm, two points of two coordinates each: 2 * sqrt(2) * 0.005 mm = 0.014 mm."""
+
+NEAR_STOP: Final = 5e-3
+"""Metres. Two points of zero threshold and one effective angle that miss each other by no more may have been meant as
+a stop, which is said: data of another source or a changed length leave a few millimetres, bodies that are meant to
+pass each other leave more."""
+
+STOP_MISS: Final = 0.1
+"""Relative to the shorter arm. The arms of a declared stop may miss each other by this where they align: more is no
+difference of lengths but another point."""
 
 CLOSURE: Final = 1e-6
 """Metres. Default tolerance of a closure, what the sides of its loop may differ by in all: far above rounding
@@ -154,6 +166,9 @@ QUADRATURE: Final = 1e-13
 
 REACHED: Final = 1e-10
 """Metres. Inverse kinematics has converged when the frame is this near to its target."""
+
+AS_PRINTED: Final = 1e-6
+"""Millimetres. A marked point is where the paper prints it if it is this near: the print has two decimals."""
 
 SOLVES: Final = 1e-12
 """Metres. A printed limit solves its component equation if it leaves less: rounding in arms of 0.1 m leaves 1e-16, a

@@ -55,12 +55,17 @@ KINDS: Mapping[type[Mark], str] = {
 
 @dataclass(frozen=True, slots=True)
 class BoundaryMark:
-    """Two marks, by name, that must stay `min_distance` [m] apart, surface to surface."""
+    """Two marks, by name, that must stay `min_distance` [m] apart, surface to surface.
+
+    `stop` declares two points of zero threshold and one effective angle as a stop: contact is the angle at which their
+    two arms align, whatever small difference their lengths have.
+    """
 
     name: str
     a: str
     b: str
     min_distance: float = 0.0
+    stop: bool = False
     line: int | None = None
 
 
@@ -250,6 +255,8 @@ def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
 
 def _text(value: Any) -> str:
     """Return a field as a file says it; `repr` gives every float64 back exactly."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
     if isinstance(value, tuple):
         return " ".join(_text(part) for part in cast(tuple[Any, ...], value))
     return value if isinstance(value, str) else repr(float(value))

@@ -230,7 +230,32 @@ class _Validator:
                 "Give one side a point or a segment",
             )
             return None
-        return BoundaryMark(name, a, b, distance, item.line)
+        return BoundaryMark(name, a, b, distance, self._stop(name, (marks[a], marks[b]), distance), item.line)
+
+    def _stop(self, name: str, ends: tuple[Mark, Mark], distance: float) -> bool:
+        """Return whether a boundary is declared as a stop, which two points of zero threshold can be."""
+        said = str(self.item.fields.get("stop", "false"))
+        if said not in ("true", "false"):
+            self._fault(f"stop of boundary {name!r} is {said!r}", "Write true or false")
+            return False
+        if said == "false":
+            return False
+        bodies = [mark.name for mark in ends if not isinstance(mark, Point)]
+        round_ones = [mark.name for mark in ends if isinstance(mark, Point) and mark.radius > 0.0]
+        why = ""
+        if bodies:
+            why = f"{' and '.join(bodies)} {'is no point' if len(bodies) == 1 else 'are no points'}"
+        elif round_ones:
+            why = f"{' and '.join(round_ones)} {'has a radius' if len(round_ones) == 1 else 'have radii'}"
+        elif distance > 0.0:
+            why = f"min_distance is {distance:g}"
+        if why:
+            self._fault(
+                f"boundary {name!r} is declared as a stop, but {why}",
+                "A stop is two points without radius and min_distance, where two arms align. Give it such points, or "
+                "remove stop: bodies touch where their distance says so",
+            )
+        return not why
 
     def _closure(self, item: RawItem) -> ClosureMark | None:
         self.item = item

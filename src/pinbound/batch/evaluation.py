@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.boundary_set import BoundarySet
+from pinbound.contact import SignedKernel
+from pinbound.coupling import Intervals
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
-from pinbound.interpreters.kernel import Kernel, MixedKernel
 from pinbound.region import Region, feasible_region
 from pinbound.robot import Robot
 from pinbound.tables.columnar import load_arrow
@@ -28,9 +29,8 @@ COLUMNS = ("coordinates", "clearances", "smallest", "region", "verdict")
 
 VERDICTS = ("inside", "free", "outside", "limit", "contact", "invalid")
 """inside: free, within limits and in the region around home. free: the same, where no region is known. outside: free,
-but not in that region. limit: free, a joint limit is violated. contact: a clearance is zero or less
-(where the sides of closed loops differ, `Boundary.place_margin` or less). invalid: a number
-is not finite."""
+but not in that region. limit: free, a joint limit is violated. contact: a signed clearance is zero or less. invalid: a
+number is not finite."""
 
 BINS = 1024
 """Bins of each boundary's histogram in the summary: quantiles are good to a bin, the path's length over this."""
@@ -44,8 +44,8 @@ class Statistics:
         rows: Rows.
         invalid: Rows that are not finite.
         verdicts: Rows a verdict, in the order of `VERDICTS`; empty if verdicts were not asked for.
-        minima: (m,) smallest clearance of each boundary [m]; empty without a summary.
-        contacts: (m,) rows with clearance zero or less.
+        minima: (m,) smallest signed clearance of each boundary [m]; empty without a summary.
+        contacts: (m,) rows with signed clearance zero or less.
         histograms: (m, BINS) counts over each boundary's possible clearances.
     """
 
@@ -65,14 +65,13 @@ class Evaluation:
         robot: The robot's name.
         coordinates: Active coordinates.
         boundaries: Names of the boundaries.
-        kernel: Evaluates them.
-        limits: (k, n), (k,), (k,), (k,): coefficients, offset, lower and upper of every joint limit.
+        kernel: Evaluates their signed clearances.
+        limits: What every joint limit allows.
         region: The region around home; None if it is not known.
         region_note: Why it is not known.
         columns: Some of `COLUMNS`.
         summary: Whether statistics of every boundary are kept.
         backend: ``"compiled"`` or ``"numpy"``; fixed for a job, so that all chunks have the same bits.
-        margins: (m,) [m], what each clearance must exceed, where loops' sides differ.
         coverage: Which links the boundaries watch, and which nobody looks at.
         limits_only: Whether joint limits alone are checked.
     """
@@ -80,14 +79,13 @@ class Evaluation:
     robot: str
     coordinates: tuple[str, ...]
     boundaries: tuple[str, ...]
-    kernel: Kernel | MixedKernel
-    limits: tuple[Array, Array, Array, Array]
+    kernel: SignedKernel
+    limits: Intervals
     region: Region | None
     region_note: str
     columns: tuple[str, ...]
     summary: bool
     backend: Literal["compiled", "numpy"]
-    margins: Array
     coverage: CoverageRecord
     limits_only: bool = False
 
@@ -95,7 +93,8 @@ class Evaluation:
     def spans(self) -> Array:
         """(m, 2) [m] ends of each boundary's possible clearances; a path that slides may go beyond them."""
         lengths = np.array([pair.minimal.scale for pair in self.kernel.pairs]).reshape(-1)
-        least = np.where([pair.path.is_signed for pair in self.kernel.pairs], -lengths, 0.0)  # behind a plane
+        both = [rule.path.is_signed or rule.is_stop for rule in self.kernel.rules]  # behind a plane, beyond a stop
+        least = np.where(both, -lengths, 0.0)
         return np.column_stack((least, lengths)) - self.kernel.thresholds.reshape(-1, 1)
 
     @property
@@ -122,7 +121,9 @@ class Evaluation:
             for array in arrays if across is None else [*arrays, across]:
                 known.update(np.ascontiguousarray(array + 0.0).tobytes())
             known.update(np.float64(pair.threshold).tobytes())
-        for array in (*self.limits, *([self.margins] if np.any(self.margins) else [])):
+        for rule in self.kernel.rules:
+            known.update(repr(rule.stop and (rule.stop.free_gap, rule.stop.amplitude)).encode())
+        for array in (self.limits.coefficients, self.limits.low, self.limits.high):
             known.update(np.ascontiguousarray(array + 0.0).tobytes())
         known.update(b"" if self.region is None else np.ascontiguousarray(self.region.vertices).tobytes())
         return known.hexdigest()
@@ -141,8 +142,7 @@ class Evaluation:
         out: dict[str, Any] = {"row": np.arange(start, start + len(Q), dtype=np.int64)}
         if "coordinates" in self.columns:
             out.update({name: Q[:, j] for j, name in enumerate(self.coordinate_columns)})
-        margins = "verdict" in self.columns and bool(np.any(self.margins))
-        everything = "clearances" in self.columns or self.summary or margins
+        everything = "clearances" in self.columns or self.summary
         clearances = self.kernel.rows(Q, "clearances", None, threads, self.backend) if everything else None
         if clearances is not None and "clearances" in self.columns:
             out.update({f"clearance_{name}": clearances[:, k] for k, name in enumerate(self.boundaries)})
@@ -163,8 +163,7 @@ class Evaluation:
                 out["inside_region"] = inside
         counts: list[int] = []
         if "verdict" in self.columns:
-            room = np.min(clearances - self.margins, axis=1) if margins and clearances is not None else least
-            verdict = self._verdicts(Q, finite, room, inside)
+            verdict = self._verdicts(Q, finite, least, inside)
             counts = np.bincount(verdict, minlength=len(VERDICTS)).tolist()
             out["verdict"] = arrow.DictionaryArray.from_arrays(arrow.array(verdict), arrow.array(VERDICTS))
         invalid = int(np.count_nonzero(~finite))
@@ -186,15 +185,11 @@ class Evaluation:
         return inside
 
     def _verdicts(self, Q: Array, finite: Any, least: Array, inside: Any) -> NDArray[np.int8]:
-        coefficients, offset, lower, upper = self.limits
         verdict = np.full(len(Q), VERDICTS.index("free"), dtype=np.int8)
         if inside is not None and self.region is not None:
             verdict[:] = np.where(inside, VERDICTS.index("inside"), VERDICTS.index("outside"))
         with np.errstate(invalid="ignore"):
-            for c, o, low, high in zip(coefficients, offset, lower, upper, strict=True):
-                used = np.flatnonzero(c)
-                theta = Q[:, used] @ c[used] + o
-                verdict[~((low <= theta) & (theta <= high))] = VERDICTS.index("limit")
+            verdict[~self.limits.hold(Q)] = VERDICTS.index("limit")
             verdict[~(least > 0.0)] = VERDICTS.index("contact")
         verdict[~finite] = VERDICTS.index("invalid")
         return verdict
@@ -241,27 +236,19 @@ def evaluation_of(
             note = str(error)
     none = BoundarySet((), robot.coordinates, robot.linear_limits, robot.home)
     boundaries = none if limits_only else robot.boundaries
-    kernel = boundaries.kernel
+    kernel = boundaries.signed_kernel
     chosen = kernel.prepare("least" if "smallest" not in columns else "smallest") if backend == "auto" else backend
-    limits = robot.linear_limits
-    n = len(robot.coordinates)
     return Evaluation(
         robot=robot.name,
         coordinates=robot.coordinates,
         boundaries=boundaries.names,
         kernel=kernel,
-        limits=(
-            np.array([limit.coefficients for limit in limits]).reshape(-1, n),
-            np.array([limit.offset for limit in limits]),
-            np.array([limit.lower for limit in limits]),
-            np.array([limit.upper for limit in limits]),
-        ),
+        limits=Intervals.of(robot.linear_limits, len(robot.coordinates)),
         region=region,
         region_note=note,
         columns=tuple(name for name in COLUMNS if name in columns),
         summary=summary,
         backend="compiled" if chosen == "compiled" else "numpy",
-        margins=np.array([boundary.place_margin for boundary in robot.boundaries]),
         coverage=robot.coverage.of(boundaries.names).record,
         limits_only=limits_only,
     )

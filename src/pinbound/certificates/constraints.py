@@ -3,20 +3,14 @@
 Four families, one question: over a part of a motion, or over a box, what is the clearance in the middle, what is it
 at least, and is that beyond every rounding error? `docs/certificates.md` and `docs/segments.md` give the arguments.
 
-The *signed clearance* that is certified is `norm - threshold`, except where the threshold is so small that contact
-is a line or a point instead of a strip:
-
-- one effective angle, and arms that just align (`half_width` 0): `+norm` on home's side of the contact lines, `-norm`
-  on every other side, so that what crosses a line has changed sign;
-- several effective angles, a slide, or segments: `norm - max(threshold, contact_tolerance)`, the same rule that home
-  must pass. Heights above planes are signed as they are.
+The *signed clearance* that is certified is that of the contact rule (`pinbound.contact`), which home, `free`, limits
+and regions follow too: the separation less the contact distance, and of stops the sine of half the depth in home's gap.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from pinbound.boundary import Boundary
 from pinbound.certificates.enclosures import Enclosure
 from pinbound.certificates.swept import SweptBoundaries, swept_boundaries
-from pinbound.coupling import as_configurations
+from pinbound.contact import Stop, signed_share
 from pinbound.exceptions import UnknownNameError, UnsupportedError
 from pinbound.interpreters import numeric
 from pinbound.interpreters.bounds import (
@@ -96,23 +90,25 @@ class Limits:
 
 @dataclass(frozen=True)
 class OneAngleBoundaries:
-    """Boundaries of one effective angle: the exact extremes of the norm over an interval of the angle.
+    """Boundaries of one effective angle: the exact extremes of the signed clearance over an interval of the angle.
 
     Attributes:
         names: Their names.
         chains: Their closed form.
-        threshold: (m,) [m].
-        is_line: (m,) whether contact is a line, so that the side of it counts.
-        gap: (m, 2) home's gap between contact lines [rad]; infinite where contact is no line.
-        error: (m,) rounding bound of a norm [m].
+        threshold: (m,) what the norm must exceed [m]; not used of stops.
+        is_stop: (m,) whether contact is a line, so that the side of it counts.
+        gap: (m, 2) home's gap between contact lines [rad]; infinite where it is no stop.
+        amplitude: (m,) of stops, the largest signed clearance [m].
+        error: (m,) rounding bound of a signed clearance [m].
         angle_error: (m,) rounding bound of the angle between phi and a contact line [rad].
     """
 
     names: tuple[str, ...]
     chains: OneAngle
     threshold: Array
-    is_line: Flags
+    is_stop: Flags
     gap: Array
+    amplitude: Array
     error: Array
     angle_error: Array
 
@@ -137,9 +133,30 @@ class OneAngleBoundaries:
         return float(self._signed(np.array([row]), self.chains.coefficients[row : row + 1] @ q)[0])
 
     def _signed(self, which: Indices, phi: Array) -> Array:
-        norm = self.chains.norm(which, phi)
-        home = (phi > self.gap[which, 0]) & (phi < self.gap[which, 1])
-        return np.where(self.is_line[which], np.where(home, norm, -norm), norm - self.threshold[which])
+        norm = self.chains.norm(which, phi) - self.threshold[which]
+        return np.where(self.is_stop[which], self._stopped(which, self._depth(which, phi)), norm)
+
+    def _depth(self, which: Indices, phi: Array) -> Array:
+        return np.minimum(phi - self.gap[which, 0], self.gap[which, 1] - phi)
+
+    def _stopped(self, which: Indices, depth: Array) -> Array:
+        return self.amplitude[which] * signed_share(np.where(np.isfinite(depth), depth, 0.0))
+
+    def _least(self, which: Indices, lower: Array, upper: Array) -> Array:
+        """Return the smallest signed clearance of stops while phi runs over [lower, upper].
+
+        The depth is concave in phi, so it runs over [least at an end, most]; the clearance grows with it from -pi to
+        pi, and below that it lies between `-amplitude`, at every odd multiple of pi, and zero.
+        """
+        ends = self._depth(which, lower), self._depth(which, upper)
+        least, most = np.minimum(*ends), np.maximum(*ends)
+        with np.errstate(invalid="ignore"):  # of boundaries that are no stops, which have no gap
+            middle = 0.5 * (self.gap[which, 0] + self.gap[which, 1])
+            most = np.where((lower <= middle) & (upper >= middle), np.pi, most)
+            bottom = -np.pi - 2.0 * np.pi * np.ceil((-np.pi - most) / (2.0 * np.pi))  # the highest one up to most
+            reached = np.where(bottom > -np.pi, -np.pi, bottom) >= least
+        found = np.minimum(self._stopped(which, least), self._stopped(which, most))
+        return np.where(reached, -self.amplitude[which], found)
 
     def enclose(self, which: Indices, part: Expansion, rows: Indices) -> Enclosure:
         """Return the enclosure over the range of the effective angle."""
@@ -153,17 +170,17 @@ class OneAngleBoundaries:
 
     def judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
         """Return the enclosure from the range of the effective angle."""
-        error, slack, line = self.error[which], self.angle_error[which], self.is_line[which]
+        error, slack, stop = self.error[which], self.angle_error[which], self.is_stop[which]
         value = self._signed(which, middle)
-        near, far = self.chains.extremes(which, lower, upper)
+        near, _ = self.chains.extremes(which, lower, upper)
         start, end = self.gap[which, 0], self.gap[which, 1]
         home = (lower - slack > start) & (upper + slack < end)
         over = (middle + slack < start) | (middle - slack > end)
-        bound = np.where(line, np.where(home, near, -far), near - self.threshold[which]) - error
-        bound = np.where(line & home, np.maximum(bound, 0.0), bound)
-        clear = np.where(line, home, bound > 0.0)
-        violated = np.where(line, over & (value < 0.0), value < -error)
-        narrow = np.where(line & ~home, upper - lower <= slack, value - bound <= 2.0 * error)
+        bound = np.where(stop, self._least(which, lower, upper), near - self.threshold[which]) - error
+        bound = np.where(stop & home, np.maximum(bound, 0.0), bound)
+        clear = np.where(stop, home, bound > 0.0)
+        violated = np.where(stop, over & (value < 0.0), value < -error)
+        narrow = np.where(stop & ~home, upper - lower <= slack, value - bound <= 2.0 * error)
         return Enclosure(value, bound, error, clear, violated, narrow)
 
 
@@ -175,7 +192,7 @@ class ManyAngleBoundaries:
         names: Their names.
         chains: Their chains, side by side.
         arms: (m, k) lever arms [m].
-        threshold: (m,) what the norm must exceed: `max(threshold, contact_tolerance)` [m].
+        threshold: (m,) what the norm must exceed, by the contact rule [m].
         error: (m,) rounding bound of a norm [m].
     """
 
@@ -319,19 +336,32 @@ def _one_angle(
     chains = [boundary.path.minimal for boundary in boundaries]
     closed = one_angle(chains, n)
     error = _errors(robot, boundaries, bundle(chains, n), lower, upper, degree)
-    is_line = np.array([b.contact is not None and b.contact.half_width == 0.0 for b in boundaries], dtype=np.bool_)
-    phi = closed.coefficients @ robot.home
-    turn = 2.0 * np.pi
-    turns = np.floor((phi - closed.angle) / turn)
-    gap = np.stack([closed.angle + turns * turn, closed.angle + (turns + 1) * turn], axis=1).reshape(-1, 2)
-    gap[~is_line] = (-np.inf, np.inf)
+    stops = [boundary.rule.stop for boundary in boundaries]
+    is_stop = np.array([stop is not None for stop in stops], dtype=np.bool_)
+    chosen = [stop for stop in stops if stop is not None]
+    closed = _with_stops(closed, is_stop, chosen)
+    gap, amplitude = np.tile([-np.inf, np.inf], (len(boundaries), 1)), np.ones(len(boundaries))
+    gap[is_stop] = np.array([stop.gap for stop in chosen]).reshape(-1, 2)
+    amplitude[is_stop] = [stop.amplitude for stop in chosen]
     farthest = np.maximum(np.abs(lower), np.abs(upper))
-    size = np.abs(closed.coefficients) @ farthest + np.abs(closed.angle) + turn * (1.0 + np.abs(turns))
+    ends = np.where(np.isfinite(gap), np.abs(gap), 0.0).max(axis=1, initial=0.0)
+    size = np.abs(closed.coefficients) @ farthest + np.abs(closed.angle) + ends + 2.0 * np.pi
     with np.errstate(divide="ignore"):
         angle_error = 4.0 * error / closed.arm + UNIT_ROUNDOFF * (n + 16 + 8 * degree) * size
-    threshold = np.array([boundary.threshold for boundary in boundaries])
+    threshold = np.array([boundary.rule.placed_distance for boundary in boundaries])
+    ratio = np.array([np.sqrt(max(stop.arms) / min(stop.arms)) for stop in chosen])
+    error = error.copy()
+    error[is_stop] = 0.5 * amplitude[is_stop] * angle_error[is_stop] + 3.0 * ratio * error[is_stop]
     names = tuple(boundary.name for boundary in boundaries)
-    return OneAngleBoundaries(names, closed, threshold, is_line, gap, error, angle_error)
+    return OneAngleBoundaries(names, closed, threshold, is_stop, gap, amplitude, error, angle_error)
+
+
+def _with_stops(closed: OneAngle, is_stop: Flags, stops: Sequence[Stop]) -> OneAngle:
+    """Return the closed forms with the angles of the stops counted as the contact rule counts them."""
+    coefficients, angle = closed.coefficients.copy(), closed.angle.copy()
+    coefficients[is_stop] = np.array([stop.coefficients for stop in stops]).reshape(len(stops), coefficients.shape[1])
+    angle[is_stop] = [stop.angle for stop in stops]
+    return OneAngle(coefficients, angle, closed.smallest, closed.reach, closed.arm)
 
 
 def _many_angles(
@@ -339,7 +369,7 @@ def _many_angles(
 ) -> ManyAngleBoundaries:
     chains = bundle([boundary.path.minimal for boundary in boundaries], len(robot.coordinates))
     error = _errors(robot, boundaries, chains, lower, upper, degree)
-    threshold = np.array([max(boundary.threshold, boundary.contact_tolerance) for boundary in boundaries])
+    threshold = np.array([boundary.rule.placed_distance for boundary in boundaries])
     names = tuple(boundary.name for boundary in boundaries)
     return ManyAngleBoundaries(names, chains, lever_arms(chains, lower, upper), threshold, error, boundaries)
 
@@ -357,27 +387,8 @@ def far_sides(robot: Robot, boundaries: Sequence[Boundary], q: Array) -> tuple[s
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class _Signed:
-    """Signed clearances of some boundaries, in the robot's order."""
-
-    robot: Robot
-    boundaries: tuple[Boundary, ...]
-
-    @cached_property
-    def families(self) -> tuple[OneAngleBoundaries, ManyAngleBoundaries, SweptBoundaries]:
-        zero = np.zeros(len(self.robot.coordinates))
-        return families(self.robot, self.boundaries, zero, zero)[1:]
-
-    def __call__(self, Q: Array) -> Array:
-        columns = {name: column for f in self.families for name, column in zip(f.names, f.signed(Q).T, strict=True)}
-        return np.array([columns[b.name] for b in self.boundaries]).reshape(len(self.boundaries), len(Q)).T
-
-
 def signed_clearances(robot: Robot, Q: ArrayLike, boundaries: Sequence[str] | None = None) -> Array:
-    """Return the clearances that a certificate is about, signed also where a threshold is zero.
-
-    `clearances` of the robot wherever contact is a strip or an area; see this module for the two other cases.
+    """Return `robot.boundaries.signed_clearances(Q)`, or that of some boundaries: what a certificate is about.
 
     Args:
         robot: The robot.
@@ -398,9 +409,6 @@ def signed_clearances(robot: Robot, Q: ArrayLike, boundaries: Sequence[str] | No
         >>> [bool(x) for x in pb.signed_clearances(robot, Q, ["beta_4"])[:, 0] > 0.0]
         [True, False]
     """
-    array = as_configurations(Q, robot.coordinates)
-    rows = array.reshape(-1, len(robot.coordinates))
-    with np.errstate(invalid="ignore"):
-        found = _Signed(robot, select(robot, boundaries))(rows)
-    found[~np.all(np.isfinite(rows), axis=1)] = np.nan
-    return found if array.ndim > 1 else found[0]
+    names = [boundary.name for boundary in select(robot, boundaries)]
+    columns = [robot.boundaries.names.index(name) for name in names]
+    return robot.boundaries.signed_clearances(Q)[..., columns]

@@ -21,7 +21,6 @@ from pinbound.interpreters.swept_bounds import (
     rounding_bound,
     swept_bundle,
 )
-from pinbound.interpreters.univariate import contact_distance
 
 __all__ = ["SweptBoundaries", "swept_boundaries"]
 
@@ -85,7 +84,7 @@ def swept_boundaries(
 ) -> SweptBoundaries:
     """Return boundaries with rounding bounds that hold while q stays in a box; `walked` are the joints between."""
     swept = swept_bundle([boundary.path for boundary in boundaries], lower, upper)
-    threshold = [contact_distance(b.path, b.threshold, b.contact_tolerance) for b in boundaries]
+    threshold = [boundary.rule.placed_distance for boundary in boundaries]
     error = rounding_bound(swept, walked, lower, upper, degree) + np.array([b.place_error for b in boundaries])
     names = tuple(boundary.name for boundary in boundaries)
     return SweptBoundaries(names, swept, np.array(threshold), error, tuple(boundaries))

@@ -76,6 +76,11 @@ def info(
         print_table("Segments, sweeps, lines and planes", headings, rows)
     out.print(f"{len(loaded.boundaries)} boundaries: {', '.join(loaded.boundaries.names) or 'none'}")
     print_coverage(loaded.coverage, pairs)
+    stops = [f"{b.name} ({millimetres(b.contact_distance, 3)})" for b in loaded.boundaries if b.is_stop]
+    if stops:
+        out.print(
+            f"{len(stops)} stops, with the mm by which their arms miss each other: {', '.join(stops)}", markup=False
+        )
     for heading, lines in (("Notes", loaded.notes), ("Assumptions", loaded.annotations.assumptions)):
         if lines:
             out.print(f"[bold]{heading}[/bold]")
@@ -224,6 +229,10 @@ def _contact_text(boundary: Boundary) -> str:
         return "contact: a curve (more than one effective angle)"
     if contact.half_width is None:
         return f"never in contact: the norm stays above {millimetres(contact.smallest)} mm"
+    if contact.is_stop:
+        said = "declared" if boundary.stop else "by its equal arms"
+        text = f"contact at {contact.text} = {degrees(contact.angle, 9)} deg, every turn; a stop, {said}"
+        return f"{text}: its arms miss each other by {millimetres(contact.smallest, 6)} mm"
     width = f" +- {degrees(contact.half_width)}" if contact.half_width else ""
     text = f"contact at {contact.text} = {degrees(contact.angle, 9)}{width} deg, every turn"
     return (
@@ -242,6 +251,9 @@ def _boundary_record(boundary: Boundary) -> dict[str, Any]:
         "coordinates": boundary.coordinates,
         "threshold": boundary.threshold,
         "place_error": boundary.place_error,
+        "contact_distance": boundary.contact_distance,
+        "stop": boundary.is_stop,
+        "stop_is_declared": boundary.stop,
         "expression": [str(component) for component in boundary.expression()],
         "expression_ancestor": [str(component) for component in boundary.expression("ancestor")],
         "latex": boundary.latex(),

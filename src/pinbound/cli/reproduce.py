@@ -39,5 +39,8 @@ def reproduce(
     rows = [
         (str(one.number), one.where, one.title, f"{one.derived}", "yes" if one.holds else "no") for one in result.errata
     ]
-    print_table("Errata", ("no.", "where", "fault", "computed", "confirmed"), rows)
+    confirmed = "on this robot" if result.changes else "confirmed"
+    print_table("Errata", ("no.", "where", "fault", "computed", confirmed), rows)
+    for change in result.changes:
+        console().print(f"Not the paper's robot: {change}", markup=False)
     console().print(f"Wrote {result.page}, {len(result.files)} files beside it.", markup=False, soft_wrap=True)

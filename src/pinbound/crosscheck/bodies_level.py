@@ -189,16 +189,16 @@ def _check_pair(
         miss_q=miss_q,
         refusal=refusal,
         refusal_q=refusal_q,
-        stops=any(boundary.is_stop for boundary in boundaries),
+        stops=any(not boundary.has_size for boundary in boundaries),
     )
 
 
 def _least_clearance(boundaries: Sequence[Boundary], Q: Array) -> Array:
-    parts = [
-        np.min([np.atleast_1d(boundary.clearance(Q[block])) for boundary in boundaries], axis=0)
-        for block in blocks(len(Q))
-    ]
-    return np.concatenate(parts)
+    """Return the smallest signed clearance (N,); stops, whose contact is a place on the way, are not among them."""
+    least = np.full(len(Q), math.inf)
+    for boundary, block in product([one for one in boundaries if not one.is_stop], blocks(len(Q))):
+        least[block] = np.minimum(least[block], boundary.signed_clearance(Q[block]))
+    return least
 
 
 def _largest(choices: Sequence[tuple[NDArray[np.bool_], Array, Array]]) -> tuple[float, Array | None]:

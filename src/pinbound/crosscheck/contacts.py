@@ -171,22 +171,24 @@ def _one_angle(robot: Robot, boundary: Boundary, contact: ContactAngle, rng: np.
     while abs(rate) < _LEAST_RATE * float(np.linalg.norm(c)):
         direction = _direction(robot, boundary, rng)
         rate = float(c @ direction)
-    method = "contact strip" if contact.half_width else "contact angle"
+    method = "contact angle" if contact.is_stop else "contact strip"
+    level = 0.0 if contact.is_stop else boundary.contact_distance - boundary.threshold
     period = 2.0 * math.pi / abs(rate)
     if contact.half_width is None:
         away = contact.smallest - boundary.threshold
         return _Claim("smallest norm", robot.home, direction, period, None, expected=away)
     phi = float(c @ robot.home)
     end = contact.gap(phi)[1 if rate > 0 else 0]
-    expected = contact.smallest - boundary.threshold if not contact.half_width else 0.0
-    return _Claim(method, robot.home, direction, period, (end - phi) / rate, abs(rate), period, expected)
+    expected = contact.smallest - boundary.threshold if contact.is_stop else level
+    t = (end - phi) / rate
+    return _Claim(method, robot.home, direction, period, t, abs(rate), period, expected, level)
 
 
 def _along_one_coordinate(robot: Robot, boundary: Boundary, start: Array, rng: np.random.Generator) -> _Claim:
     """A ray along one coordinate from a random free start: the articular limit in closed form."""
     index = int(rng.choice(boundary.path.minimal.coordinates))
     name, side = robot.coordinates[index], int(rng.integers(2))
-    level = boundary.place_margin if boundary.path.is_plain else boundary.contact_distance - boundary.threshold
+    level = 0.0 if boundary.is_stop else boundary.contact_distance - boundary.threshold
     arcs, around = _arcs_around(boundary, name, index, start)
     if around is None:
         start = robot.home

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pinbound.annotations import Line, Mark, Plane, Sweep
 from pinbound.bodies import Body
 from pinbound.boundary import Boundary
+from pinbound.coupling import Intervals
 from pinbound.exceptions import UnsupportedError
 from pinbound.robot import Robot
 from pinbound.tolerances import REDUCTION
@@ -230,11 +231,7 @@ def sample(robot: Robot, count: int, rng: np.random.Generator) -> Array:
 
 def within_limits(robot: Robot, Q: Array) -> NDArray[np.bool_]:
     """Return which rows (N,) satisfy the limits of all tree joints, followers too."""
-    inside = np.ones(len(Q), dtype=bool)
-    for limit in robot.linear_limits:
-        theta = Q @ limit.coefficients + limit.offset
-        inside &= (theta >= limit.lower) & (theta <= limit.upper)
-    return inside
+    return Intervals.of(robot.linear_limits, len(robot.coordinates)).hold(Q)
 
 
 def blocks(count: int) -> Iterator[slice]:

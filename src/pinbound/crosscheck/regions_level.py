@@ -133,7 +133,7 @@ def _engine(robot: Robot) -> tuple[Engine, str, _Pairs] | str:
         touching = [pair for pair, distance in zip(pairs, at_home, strict=True) if not distance > 0.0]
         ignored = {(bodies[first].link, bodies[second].link) for first, second in touching}
         return Engine(robot, shapes, apart), "bodies", tuple(sorted(ignored))
-    if not any(boundary.is_stop for boundary in robot.boundaries):
+    if all(boundary.has_size for boundary in robot.boundaries):
         return point_engine(robot), "spheres", ()
     return "a flood fill passes through points of zero threshold; it needs collision bodies on every marked link"
 
@@ -212,7 +212,7 @@ def _compare(robot: Robot, region: Region, shapes: str, ignored: _Pairs, flood: 
         contour_inside=float(np.max(apart, initial=0.0)),
         contour_outside=float(np.max(-apart, initial=0.0)),
         tolerance=_angle_tolerance(robot, shapes),
-        stops=any(boundary.is_stop for boundary in robot.boundaries),
+        stops=any(not boundary.has_size for boundary in robot.boundaries),
         complete=flood.complete,
     )
 

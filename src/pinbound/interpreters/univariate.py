@@ -31,7 +31,6 @@ __all__ = [
     "AllowedArcsTable",
     "Strip",
     "allowed_arcs_table",
-    "contact_distance",
     "gap_around",
     "one_angle_smallest",
     "one_angle_strip",
@@ -141,7 +140,7 @@ def strips(p: Array, s: Array, axis: Array, threshold: float, tolerance: float) 
         s: (N, 3) [m], the parts that turn.
         axis: (3,) unit vector.
         threshold: t [m].
-        tolerance: [m]. A smallest norm up to this still counts as contact, at the aligned angle: data are rounded.
+        tolerance: [m]. A smallest norm up to this still counts as contact, at the aligned angle: infinite for a stop.
 
     Returns:
         Angles in (-pi, pi], half widths (NaN: no contact; 0: the arms just align; pi: always) and smallest norms [m].
@@ -213,7 +212,7 @@ def one_angle_strips(path: RelativePath, threshold: float, tolerance: float) -> 
     """Return the effective angle's coefficients (n,) and all its contact strips; None if there are several angles.
 
     Two points, or a point and a plane, have one strip, whose half width is None if there is no contact; segments may
-    have several, and one without contact if there is none. Segments are in contact up to the tolerance, too.
+    have several, and one without contact if there is none. The tolerance, as in `strips`, is for two points alone.
     """
     found = one_angle(path.minimal)
     if found is None:
@@ -227,7 +226,7 @@ def one_angle_strips(path: RelativePath, threshold: float, tolerance: float) -> 
         return coefficients, (Strip(angle, None if math.isnan(half_width) else half_width, m),)
     from pinbound.interpreters.swept_isolation import smallest, turn_arcs
 
-    free, (_, m) = turn_arcs(path, contact_distance(path, threshold, tolerance)), smallest(path)
+    free, (_, m) = turn_arcs(path, threshold), smallest(path)
     if not len(free):
         return coefficients, (Strip(0.0, math.pi, m),)
     if not math.isfinite(free[0, 0]):
@@ -248,11 +247,6 @@ def one_angle_smallest(path: RelativePath) -> float | None:
     from pinbound.interpreters.swept_isolation import smallest
 
     return smallest(path)[0]
-
-
-def contact_distance(path: RelativePath, threshold: float, tolerance: float) -> float:
-    """Return up to which separation there is contact, where contact is an area: [m], signed above a plane."""
-    return threshold if path.is_signed else max(threshold, tolerance)
 
 
 def one_angle_strip(chain: Chain, threshold: float, tolerance: float) -> tuple[Array, Strip] | None:
@@ -277,8 +271,7 @@ def allowed_arcs_table(
 ) -> AllowedArcsTable:
     """Return the values of coordinate `index` with a separation above the threshold, the others as in Q (N, n).
 
-    Where the path uses the coordinate more than once, or leads between segments, contact is up to
-    `max(threshold, tolerance)`, as for the contact curves of a region.
+    What the threshold and the tolerance are is the contact rule's decision (`contact`).
 
     Args:
         path: The reduced path.
@@ -286,7 +279,7 @@ def allowed_arcs_table(
         name: Its name.
         Q: (N, n) finite.
         threshold: t [m].
-        tolerance: [m]
+        tolerance: [m], as in `strips`, where the coordinate turns one rotation or slides.
         window: Within which to look, where the coordinate never repeats.
 
     Raises:
@@ -301,17 +294,17 @@ def allowed_arcs_table(
         return _turning(path, index, int(turned[0]), name, Q, threshold, tolerance)
     if not len(turned) and path.is_plain:
         return _sliding(chain, index, name, Q, threshold, tolerance)
-    distance, ends = contact_distance(path, threshold, tolerance), (-math.inf, math.inf)
+    ends = (-math.inf, math.inf)
     if path.is_plain:
         from pinbound.interpreters import isolation
 
-        rows = [isolation.arcs(chain, index, name, q, distance, window) for q in Q]
+        rows = [isolation.arcs(chain, index, name, q, threshold, window) for q in Q]
         found, periods = [row[0] for row in rows], [row[1] for row in rows]
         ends = rows[0][2] if rows else ends
     else:
         from pinbound.interpreters import swept_isolation
 
-        found, period, ends = swept_isolation.arcs(path, index, name, Q, distance, window)
+        found, period, ends = swept_isolation.arcs(path, index, name, Q, threshold, window)
         periods = [period if len(one) and math.isfinite(one[0, 0]) else math.inf for one in found]
     intervals = np.full((len(found), max((len(one) for one in found), default=1) or 1, 2), np.nan)
     for number, one in enumerate(found):

@@ -47,8 +47,8 @@ class SmallestClearance:
     """The smallest clearance of any boundary over a region, between two proven bounds.
 
     Attributes:
-        lower: [m]; no q of the region has less.
-        upper: [m]; the clearance at `q`.
+        lower: [m]; no q of the region has a smaller signed clearance.
+        upper: [m]; the signed clearance at `q`.
         boundary: The boundary that is tightest at `q`; empty if there is none.
         q: (n,) where it is; NaN if there is no boundary.
     """
@@ -141,15 +141,18 @@ def smallest_clearance(plane: Plane, polygon: Any, gap: float) -> SmallestCleara
     best = SmallestClearance(np.inf, np.inf, "", np.full(len(plane.at), np.nan))
     lower = np.inf
     for boundary in plane.robot.boundaries:
-        path = restrict_path(boundary.path, plane.at, indices)
+        rule = boundary.rule  # in the region a stop's signed clearance is its size
+        path = restrict_path(rule.size_path if rule.stop else boundary.path, plane.at, indices)
+        threshold = 0.0 if rule.stop else rule.distance
         chain = path.minimal
-        found = one_angle_strip(chain, boundary.threshold, 0.0) if path.is_plain else None
+        found = one_angle_strip(chain, threshold, 0.0) if path.is_plain else None
         if found is not None:
-            least, upper, point = _one_angle(chain, boundary.threshold, polygon, *found)
+            least, upper, point = _one_angle(chain, threshold, polygon, *found)
         else:
             bounds = _PointBounds(chain) if path.is_plain else _SweptBounds(path)
-            least, upper, point = _branch_and_bound(bounds, boundary.threshold, polygon, gap, best.upper)
-        lower = min(lower, least - boundary.place_error)
+            least, upper, point = _branch_and_bound(bounds, threshold, polygon, gap, best.upper)
+        off = 0.5 * rule.stop.amplitude * rule.stop.play if rule.stop else 0.0  # the gap is narrower than the arms say
+        lower = min(lower, least - off)
         if upper < best.upper:
             best = SmallestClearance(lower, upper, boundary.name, plane.lift(point[None])[0])
     return SmallestClearance(min(lower, best.upper), best.upper, best.boundary, best.q)

@@ -5,10 +5,10 @@ again (`interpreters/restriction`):
 
     constant:   it does not depend on the plane; it only has to be free where the others are held;
     strip:      one effective angle; contact is `c . x in [phi* - w, phi* + w]`, every turn: straight lines, exact;
-    curve:      anything else; contact is `|r(x)| <= T`, `T = max(threshold, contact_tolerance)`.
+    curve:      anything else; contact is `|r(x)| <= T`, T being the contact rule's distance (`pinbound.contact`).
 
-A strip of zero width is a line that cuts. A curve's T is never below the contact tolerance: two points that could meet
-at zero threshold meet in isolated points of the plane, data are rounded, and so a disc is kept around each.
+A strip of zero width, of a stop, is a line that cuts. A curve's T is never below the contact tolerance: two points that
+could meet at zero threshold meet in isolated points of the plane, data are rounded, and so a disc is kept around each.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pinbound.boundary import Boundary
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.interpreters import separation
 from pinbound.interpreters.restriction import restrict_path
-from pinbound.interpreters.univariate import contact_distance, gap_around, one_angle_strips
+from pinbound.interpreters.univariate import gap_around, one_angle_strips
 from pinbound.path import RelativePath
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.robot import Robot
@@ -239,8 +239,8 @@ def _contacts(
     boundary: Boundary, start: Array, indices: Sequence[int], margin: float
 ) -> tuple[Strips, ...] | tuple[Curve, ...]:
     """Return what a boundary is in the plane; nothing if it never comes into contact there."""
-    threshold, tolerance = boundary.threshold + boundary.place_margin + margin, boundary.contact_tolerance
-    whole = one_angle_strips(boundary.path, threshold, tolerance)
+    rule = boundary.rule
+    whole = rule.strips(margin)
     if whole is not None:  # one effective angle in the robot: its contact angles, moved by what is held
         coefficients, strips = whole
         normal = coefficients[list(indices)]
@@ -249,13 +249,13 @@ def _contacts(
             return tuple(
                 Strips(boundary.name, normal, s.angle - rest, s.half_width) for s in strips if s.half_width is not None
             )
-    path = restrict_path(boundary.path, start, indices)
-    distance = contact_distance(path, threshold, tolerance)
+    path, distance = restrict_path(boundary.path, start, indices), rule.raised(margin)
     if not path.minimal.coordinates:
-        if float(separation.separations(path, np.zeros((1, _PLANE)))[0]) <= distance:
+        value = float(rule.signed(start[None])[0]) - (distance - rule.distance if rule.stop is None else margin)
+        if not value > 0.0:
             raise DimensionError(f"the start point is not free: {boundary.name!r} is in contact")
         return ()
-    found = one_angle_strips(path, threshold, tolerance)
+    found = one_angle_strips(path, distance, 0.0)
     if found is None:
         return (Curve(boundary.name, path, distance),)
     normal, strips = found

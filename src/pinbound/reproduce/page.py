@@ -36,6 +36,7 @@ class Reproduction:
         equations: Eqs. (5)-(17) as printed beside the derived norms.
         errata: The faults of the print.
         files: Everything else that was written.
+        changes: In what the robot is not the paper's.
     """
 
     page: Path
@@ -44,6 +45,7 @@ class Reproduction:
     equations: tuple[Equation, ...]
     errata: tuple[Erratum, ...]
     files: tuple[Path, ...]
+    changes: tuple[str, ...] = ()
 
 
 FIGURES: dict[int, tuple[Callable[[Study], Any], str]] = {
@@ -143,7 +145,7 @@ def reproduce_paper(robot: Robot, out: Path, progress: Callable[[str], None] | N
     captions = {number: caption for number, (_, caption) in FIGURES.items()}
     captions[22] = captions[22].format(unseen=_unseen(study))
     page = out / "index.html"
-    result = Reproduction(page, captions, found_tables, equations, errata, tuple(files))
+    result = Reproduction(page, captions, found_tables, equations, errata, tuple(files), study.changes)
     page.write_text(_render(study, result), encoding="utf-8")
     return result
 

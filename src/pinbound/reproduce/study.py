@@ -19,6 +19,7 @@ from pinbound.region.swept import SweptBody, swept_body
 from pinbound.region.workspace import Section, workspace_section
 from pinbound.reproduce.printed import BOUNDARIES, RECURSION, Constants, constants
 from pinbound.robot import Robot
+from pinbound.tolerances import AS_PRINTED
 
 __all__ = ["FACTOR", "SAMPLES", "SEED", "TOOL", "Study", "ToolPath"]
 
@@ -90,8 +91,33 @@ class Study:
         """
         contact = self.robot.boundaries[name].contact
         if contact is None or contact.half_width is None:
-            raise UnsupportedError(f"{name!r} of {self.robot.name!r} has no contact angle; the paper's has one")
+            found = self.robot.boundaries[name]
+            why = (
+                "it turns by more than one effective angle"
+                if contact is None
+                else (
+                    f"{found.point_a.name} and {found.point_b.name} miss each other by {1e3 * contact.smallest:.3g} mm"
+                )
+            )
+            remedy = "mend the two points" if contact is None else 'if it is a stop, declare it: stop="true"'
+            raise UnsupportedError(
+                f"{name!r} of {self.robot.name!r} has no contact angle, for {why}; the paper's has one: {remedy}"
+            )
         return contact
+
+    @cached_property
+    def changes(self) -> tuple[str, ...]:
+        """Marked points that are not where the paper prints them, said for people: the robot is another one then."""
+        found: dict[str, str] = {}
+        for one in BOUNDARIES:
+            boundary = self.robot.boundaries[one.name]
+            for mark, (frame, number) in zip((boundary.point_a, boundary.point_b), one.points, strict=True):
+                printed = [self.constants.get(f"{axis}_{frame},{number}") for axis in "xz"]
+                x, _, z = (1e3 * value for value in mark.xyz)
+                if any(p is not None and abs(p - v) > AS_PRINTED for p, v in zip(printed, (x, z), strict=True)):
+                    text = f"{mark.name} at ({x:.6g}, {z:.6g}) mm, printed ({printed[0]:.6g}, {printed[1]:.6g})"
+                    found[mark.name] = text
+        return tuple(found.values())
 
     @cached_property
     def region(self) -> Region:

@@ -15,9 +15,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.coupling import LinearLimit, couple
+from pinbound.coupling import Intervals, LinearLimit, couple
 from pinbound.exceptions import Problems, UnsupportedError
-from pinbound.interpreters.univariate import contact_distance
+from pinbound.home import coordinate_ends
 from pinbound.parallelograms import settle
 from pinbound.robot import Robot
 from pinbound.tolerances import LIMIT
@@ -33,12 +33,8 @@ _NARROW = 0.01  # of the widest limit: a limit that is narrower is walked along
 
 
 def within_limits(limits: Sequence[LinearLimit], Q: Array) -> NDArray[np.bool_]:
-    """Return which rows of Q (N, n) keep all limits, to within `tolerances.LIMIT`."""
-    inside = np.ones(len(Q), dtype=bool)
-    for limit in limits:
-        theta = Q @ limit.coefficients + limit.offset
-        inside &= (theta >= limit.lower - LIMIT) & (theta <= limit.upper + LIMIT)
-    return inside
+    """Return which rows of Q (N, n) keep all limits, as `free` judges it."""
+    return Intervals.of(limits, Q.shape[1]).hold(Q)
 
 
 def draw(robot: Robot, count: int, rng: np.random.Generator) -> Array:
@@ -64,14 +60,7 @@ def draw(robot: Robot, count: int, rng: np.random.Generator) -> Array:
 
 def _box(robot: Robot) -> tuple[Array, Array]:
     """Return the box of all limits that speak of one coordinate alone, windows where there are none (n,), (n,)."""
-    n = len(robot.coordinates)
-    lower, upper = np.full(n, -math.inf), np.full(n, math.inf)
-    for limit in robot.linear_limits:
-        used = np.flatnonzero(limit.coefficients)
-        if len(used) == 1:
-            c = float(limit.coefficients[used[0]])
-            ends = sorted(((limit.lower - limit.offset) / c, (limit.upper - limit.offset) / c))
-            lower[used[0]], upper[used[0]] = max(lower[used[0]], ends[0]), min(upper[used[0]], ends[1])
+    lower, upper = coordinate_ends(robot.linear_limits, len(robot.coordinates)).T.copy()
     for index, name in enumerate(robot.coordinates):
         turns = robot.turns(name)
         at = float(np.clip(robot.home[index], lower[index], upper[index]))
@@ -149,8 +138,8 @@ def can_be_home(robot: Robot, q: Array) -> bool:
     its joints as before.
     """
     for boundary in robot.boundaries:
-        distance = contact_distance(boundary.path, boundary.threshold, robot.annotations.contact_tolerance)
-        if not float(boundary.clearance(q)) > distance - boundary.threshold:
+        least = boundary.contact_tolerance if boundary.is_stop else 0.0  # as `load` asks of a home
+        if not float(boundary.signed_clearance(q)) > least:
             return False
     return not robot.boundaries.beyond(q) and _couples_alike(robot, q)
 

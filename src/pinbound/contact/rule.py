@@ -1,0 +1,299 @@
+"""The contact rule of one boundary: its signed clearance `s(q)`, which is positive exactly where the boundary is free.
+
+    distance:  s = separation - T,  T = max(threshold, contact_tolerance): contact is an area;
+    height:    s = height - threshold, above a plane: the height has a sign of its own;
+    stop:      s = 2 sqrt(|p| |s|) sin(d / 2),  d = min(phi - low, high - phi),  phi = c . q.
+
+A *stop* is a pair of two points of zero threshold and one effective angle phi: two arms p and s at one pivot. The
+robot stops where they align, on the lines `phi = phi* + 2 pi k`. Home lies in the gap (low, high) between two of these
+lines, and d [rad] says how deep in that gap q is: negative beyond it. A pair is a stop if it is declared as one, or if
+its arms miss each other by no more than `contact_tolerance` where they align. The norm there is the *miss* m, and
+
+    norm^2 = m^2 + 4 |p| |s| sin^2((phi - phi*) / 2),    so that    |s| = sqrt(norm^2 - m^2),
+
+smooth through contact, and zero there. More than a turn beyond the gap s stays negative: `-2 sqrt(|p| |s|) |sin(d/2)|`.
+
+Where the sides of closed loops differ, marks may be off by the boundary's `place_error` e (`docs/closures.md`). It is
+added to T. A stop's arms are then off by `asin(e / |p|)` and `asin(e / |s|)` in direction, and the gap is narrowed by
+their sum at both ends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.chain import Swept
+from pinbound.coupling import combination
+from pinbound.interpreters import separation, univariate
+from pinbound.interpreters.univariate import AllowedArcsTable, Strip
+from pinbound.path import RelativePath
+from pinbound.tolerances import REDUCTION, STOP_MISS
+
+__all__ = ["ContactRule", "Stop", "contact_distance", "stop_fault"]
+
+Array = NDArray[np.float64]
+
+_TURN = 2.0 * math.pi
+
+
+def contact_distance(path: RelativePath, threshold: float, tolerance: float) -> float:
+    """Return up to which separation there is contact, where contact is an area [m]; above a plane a signed height."""
+    return threshold if path.is_signed else max(threshold, tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class Stop:
+    """Two arms that stop a robot where they align.
+
+    Attributes:
+        coefficients: (n,) c, the last that is not zero positive: `phi = c . q`.
+        angle: phi* [rad], in (-pi, pi].
+        gap: (low, high) [rad], the two neighbouring contact lines between which home lies; NaN if home is on one.
+        miss: [m], the norm where the arms align.
+        arms: (|p|, |s|) [m], the lengths of the arms, across the pivot's axis.
+        play: [rad], by how much the arms may be off in direction, because the sides of loops differ.
+    """
+
+    coefficients: Array
+    angle: float
+    gap: tuple[float, float]
+    miss: float
+    arms: tuple[float, float]
+    play: float = 0.0
+
+    @cached_property
+    def free_gap(self) -> tuple[float, float]:
+        """The gap, less what the arms may be off in direction [rad]."""
+        return self.gap[0] + self.play, self.gap[1] - self.play
+
+    @cached_property
+    def amplitude(self) -> float:
+        """`2 sqrt(|p| |s|)` [m], the largest signed clearance."""
+        return 2.0 * math.sqrt(self.arms[0]) * math.sqrt(self.arms[1])
+
+    def depth(self, phi: Array) -> Array:
+        """Return how deep phi is in home's gap [rad]: at most pi, negative beyond a contact line."""
+        low, high = self.free_gap
+        return np.minimum(phi - low, high - phi)
+
+    def signed(self, Q: Array) -> Array:
+        """Return the signed clearances (N,) [m]."""
+        return self.amplitude * signed_share(self.depth(combination(self.coefficients, Q)))
+
+    def signed_at(self, q: Sequence[float]) -> float:
+        """Return the signed clearance of one finite q, by plain Python [m]."""
+        phi = 0.0
+        for index, c in self._terms:
+            phi += c * q[index]
+        depth = min(phi - self.free_gap[0], self.free_gap[1] - phi)
+        share = math.sin(0.5 * depth)
+        return self.amplitude * (-abs(share) if depth < -_TURN else share)
+
+    @cached_property
+    def _terms(self) -> tuple[tuple[int, float], ...]:
+        return tuple((int(index), float(self.coefficients[index])) for index in np.flatnonzero(self.coefficients))
+
+    def gradients(self, Q: Array) -> Array:
+        """Return the gradients (N, n) of the signed clearances [m/rad or 1]."""
+        low, high = self.free_gap
+        phi = combination(self.coefficients, Q)
+        rising = np.where(phi - low <= high - phi, 1.0, -1.0)
+        slope = 0.5 * self.amplitude * rising * share_slope(self.depth(phi))
+        return slope[:, None] * self.coefficients
+
+
+def signed_share(depth: Array) -> Array:
+    """Return `sin(d / 2)`, and `-|sin(d / 2)|` more than a turn beyond the gap."""
+    share = np.sin(0.5 * depth)
+    far = depth < -_TURN
+    return np.where(far, -np.abs(share), share) if np.any(far) else share
+
+
+def share_slope(depth: Array) -> Array:
+    """Return the derivative of `2 signed_share` by d; at a contact line more than a turn away the one from home."""
+    slope = np.cos(0.5 * depth)
+    return np.where((depth < -_TURN) & (np.sin(0.5 * depth) > 0.0), -slope, slope)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactRule:
+    """What contact is for one boundary.
+
+    Attributes:
+        path: The reduced path between its marks.
+        threshold: `radius_a + radius_b + min_distance` [m].
+        tolerance: `contact_tolerance` [m].
+        home: (n,), says on which side of a stop the robot is.
+        is_declared: Whether it is declared as a stop.
+        error: [m], by how much the separation may be off, because the sides of loops differ.
+    """
+
+    path: RelativePath
+    threshold: float
+    tolerance: float
+    home: Array
+    is_declared: bool = False
+    error: float = 0.0
+
+    @cached_property
+    def _arms(self) -> tuple[Array, Strip, tuple[float, float]] | None:
+        """Coefficients, strip and arm lengths of two points of zero threshold and one effective angle, else None."""
+        if not self.path.is_plain or self.threshold != 0.0:
+            return None
+        found = univariate.one_angle(self.path.minimal)
+        if found is None:
+            return None
+        coefficients, axis = found
+        across = [offset - axis * (axis @ offset) for offset in self.path.minimal.offsets]
+        lengths = float(np.linalg.norm(across[0])), float(np.linalg.norm(across[1]))
+        p, s = self.path.minimal.offsets
+        return coefficients, univariate.strip(p, s, axis, 0.0, math.inf), lengths
+
+    @cached_property
+    def miss(self) -> float | None:
+        """[m], by how much the arms of a pair that could be a stop miss each other where they align; None of others."""
+        return None if self._arms is None else self._arms[1].smallest
+
+    @cached_property
+    def stop(self) -> Stop | None:
+        """The stop that the boundary is, declared or by its equal arms; None if it is none."""
+        if self._arms is None:
+            return None
+        coefficients, strip, arms = self._arms
+        rounding = REDUCTION * (sum(arms) + strip.smallest)  # equal arms must not come out unequal by an ulp
+        if not (self.is_declared or strip.smallest <= self.tolerance + rounding) or min(arms) == 0.0:
+            return None
+        phi = float(combination(coefficients, self.home[None])[0])
+        gap = univariate.gap_around(strip.angle, 0.0, phi)
+        play = sum(math.asin(min(self.error / arm, 1.0)) for arm in arms)
+        return Stop(coefficients, strip.angle, gap, strip.smallest, arms, play)
+
+    @property
+    def size_path(self) -> RelativePath:
+        """Of a stop, the path whose norm is the size of the signed clearance: arms of `sqrt(|p| |s|)`, no miss."""
+        chain = self.path.minimal
+        axis = chain.axes[0]
+        across = np.array([offset - axis * (axis @ offset) for offset in chain.offsets])
+        across *= 0.5 * self.stop.amplitude / np.linalg.norm(across, axis=1)[:, None] if self.stop else 1.0
+        return replace(self.path, swept=Swept(replace(chain, offsets=across)))
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether contact is where two arms align."""
+        return self.stop is not None
+
+    @cached_property
+    def distance(self) -> float:
+        """T [m], the separation up to which there is contact, where contact is an area; of a stop its miss."""
+        return self.stop.miss if self.stop else self.raised(0.0)
+
+    @cached_property
+    def placed_distance(self) -> float:
+        """T [m] if all links were where the coupling puts them, for bounds that carry `error` themselves."""
+        return self.stop.miss if self.stop else contact_distance(self.path, self.threshold, self.tolerance)
+
+    def signed(self, Q: Array) -> Array:
+        """Return the signed clearances (N,) of Q (N, n) [m]: positive is free; NaN for a row that is not finite."""
+        if self.stop:
+            with np.errstate(invalid="ignore"):
+                found = self.stop.signed(Q)
+            return np.where(np.all(np.isfinite(Q[:, self.stop.coefficients != 0.0]), axis=1), found, np.nan)
+        return separation.separations(self.path, Q) - self.distance
+
+    def gradients(self, Q: Array) -> Array:
+        """Return the gradients (N, n) of the signed clearances [m/rad or 1]; NaN where a distance is zero."""
+        if self.stop:
+            with np.errstate(invalid="ignore"):
+                found = self.stop.gradients(Q)
+            found[~np.all(np.isfinite(Q[:, self.stop.coefficients != 0.0]), axis=1)] = np.nan
+            return found
+        return separation.gradients(self.path, Q)
+
+    def strips(self, margin: float = 0.0) -> tuple[Array, tuple[Strip, ...]] | None:
+        """Return the effective angle's coefficients and its strips where the signed clearance is at most a margin.
+
+        Args:
+            margin: [m]; of boundaries that are no stops it is added to the threshold.
+
+        Returns:
+            As `univariate.one_angle_strips`: None if there are several angles, or a slide.
+        """
+        if self.stop is None:
+            return univariate.one_angle_strips(self.path, self.raised(margin), 0.0)
+        share = min(margin / self.stop.amplitude, 1.0)
+        half_width = min(2.0 * math.asin(share) + self.stop.play, math.pi)
+        return self.stop.coefficients, (Strip(self.stop.angle, half_width, self.stop.miss),)
+
+    def raised(self, margin: float) -> float:
+        """Return the separation up to which there is contact, of a boundary that is no stop, a margin added [m]."""
+        return contact_distance(self.path, self.threshold + margin, self.tolerance) + self.error
+
+    def arcs(self, index: int, name: str, Q: Array, window: tuple[float, float] | None = None) -> AllowedArcsTable:
+        """Return the values of one coordinate that are out of contact, the others as in Q (N, n).
+
+        Of a stop these are the arcs between its contact lines, beyond home's gap too: `signed` tells the side.
+        """
+        if self.stop is None:
+            return univariate.allowed_arcs_table(self.path, index, name, Q, self.distance, 0.0, window)
+        if self.stop.coefficients[index] == 0.0:  # nothing changes: all is allowed, or nothing
+            everywhere = np.where(self.signed(Q) > 0.0, math.inf, math.nan)
+            intervals = np.stack((-everywhere, everywhere), axis=1)[:, None]
+            return AllowedArcsTable(name, intervals, np.full(len(Q), math.inf))
+        if self.stop.play:  # the separation at which the arms are that far from alignment
+            reached = math.hypot(self.stop.miss, self.stop.amplitude * math.sin(0.5 * self.stop.play))
+            return univariate.allowed_arcs_table(self.path, index, name, Q, reached, 0.0, window)
+        return univariate.allowed_arcs_table(self.path, index, name, Q, 0.0, math.inf, window)
+
+    def refusal_at_home(self) -> str | None:
+        """Return why home is no home, with the rule that says so; None if it is free."""
+        stop = self.stop
+        if stop is not None:
+            away = float(stop.signed(self.home[None])[0]) if math.isfinite(stop.gap[0]) else 0.0
+            if away > self.tolerance:
+                return None
+            least = _millimetres(self.tolerance)
+            return f"is a stop, and home is {_millimetres(away)} from it, not more than contact_tolerance, {least}"
+        value = float(separation.separations(self.path, self.home[None])[0])
+        if value > self.distance:
+            return None
+        measured = f"has a {'height' if self.path.is_signed else 'distance'} of {_millimetres(value)}"
+        least = _millimetres(self.distance)
+        if self.error:
+            off = _millimetres(self.error)
+            return f"{measured}, which is not above {least}: its loops' sides differ, so that it may be off by {off}"
+        if self.distance > self.threshold:
+            return f"{measured}, which is below contact_tolerance, {least}"
+        return f"{measured}, which is not above its threshold of {least} (radii and min_distance)"
+
+
+def stop_fault(rule: ContactRule) -> tuple[str, str] | None:
+    """Return what is wrong with a boundary that is declared as a stop, and what to do; None if it can be one.
+
+    That its marks are points of zero threshold has been checked before.
+    """
+    path = rule.path
+    if not path.minimal.rotations and not np.any(path.minimal.slides):
+        return "no joint moves its two points against each other", "Take points of two links that turn about a joint"
+    if rule._arms is None:
+        slides = bool(np.any(path.minimal.slides))
+        what = "a joint slides between its two points" if slides else "its two points turn by several effective angles"
+        remedy = "A stop is where two arms at one pivot align. Remove stop, and give a point a radius or a min_distance"
+        return what, remedy
+    _, strip, arms = rule._arms
+    if not strip.smallest <= STOP_MISS * min(arms):
+        what = (
+            f"its arms are {_millimetres(arms[0])} and {_millimetres(arms[1])} long and miss each other by "
+            f"{_millimetres(strip.smallest)} where they align, more than {STOP_MISS:.0%} of the shorter one"
+        )
+        return what, "Mend the two points, or remove stop: as they are they never touch"
+    return None
+
+
+def _millimetres(value: float) -> str:
+    return f"{1e3 * value:.4g} mm"

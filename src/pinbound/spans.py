@@ -1,0 +1,68 @@
+"""How far one coordinate can move: the record of an answer, and the intervals that joint limits leave it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.coupling import LinearLimit
+
+__all__ = ["CoordinateLimits", "linear_span", "linear_spans", "tighten"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CoordinateLimits:
+    """How far one coordinate can move from a configuration, and what stops it.
+
+    Attributes:
+        coordinate: Its name.
+        value: Its value [rad or m].
+        lower: Lower end of the allowed interval around the value, may be -inf; NaN if the value is not allowed.
+        upper: Upper end, may be inf; NaN if the value is not allowed.
+        lower_stop: Boundary or joint limit at the lower end; None if there is none.
+        upper_stop: Boundary or joint limit at the upper end; None if there is none.
+        blocked_by: Boundaries whose signed clearance is not positive there, and limits that it passes.
+        beyond: Boundaries whose contact lies between home and this configuration, which makes it unreachable.
+    """
+
+    coordinate: str
+    value: float
+    lower: float
+    upper: float
+    lower_stop: str | None
+    upper_stop: str | None
+    blocked_by: tuple[str, ...] = ()
+    beyond: tuple[str, ...] = ()
+
+
+def tighten(ends: Array, stops: NDArray[np.object_], name: str, spans: Array) -> None:
+    """Intersect intervals (N, 2) with others, in place; NaN, which is no interval, stays."""
+    lower, upper = spans[:, 0] > ends[:, 0], spans[:, 1] < ends[:, 1]
+    ends[lower, 0], ends[upper, 1] = spans[lower, 0], spans[upper, 1]
+    stops[lower, 0], stops[upper, 1] = name, name
+    nothing = np.any(np.isnan(spans), axis=1)
+    ends[nothing] = np.nan
+    stops[np.any(np.isnan(ends), axis=1)] = ""
+
+
+def linear_spans(limit: LinearLimit, index: int, Q: Array) -> Array:
+    """Return the intervals (N, 2) of coordinate `index` that one joint limit allows; NaN where Q is outside it."""
+    c = float(limit.coefficients[index])
+    spans = np.tile([-math.inf, math.inf], (len(Q), 1))
+    if c != 0.0:
+        value = Q[:, index, None]
+        ends = np.sort(value + (np.array([limit.lower, limit.upper]) - limit.values(Q)[:, None]) / c, axis=1)
+        spans = np.concatenate((np.minimum(ends[:, :1], value), np.maximum(ends[:, 1:], value)), axis=1)
+    spans[~limit.holds(Q)] = np.nan
+    return spans
+
+
+def linear_span(limit: LinearLimit, index: int, q: Array) -> tuple[float, float] | None:
+    """Return the interval of coordinate `index` that one joint limit allows, the others as in q."""
+    low, high = linear_spans(limit, index, q[None])[0].tolist()
+    return None if math.isnan(low) else (low, high)
