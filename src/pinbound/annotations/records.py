@@ -33,7 +33,7 @@ FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "sweep": (("name", "link", "xyz", "ways"), ("radius",)),
     "line": (("name", "link", "xyz", "direction"), ("radius",)),
     "plane": (("name", "link", "xyz", "normal"), ()),
-    "boundary": (("name", "a", "b"), ("min_distance",)),
+    "boundary": (("name", "a", "b"), ("min_distance", "stop")),
     "closure": (("name", "link_a", "xyz_a", "link_b", "xyz_b"), ("passive", "tolerance")),
     "follower": (("joint", "primary"), ("multiplier", "offset")),
     "limit": (("joint", "lower", "upper"), ()),
@@ -236,7 +236,11 @@ def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
     def item(kind: str, record: Any) -> RawItem:
         required, optional = FIELDS[kind]
         values = {key: getattr(record, key) for key in (*required, *optional)}
-        kept = {key: value for key, value in values.items() if key in required or value not in ((), "")}
+        kept = {
+            key: value
+            for key, value in values.items()
+            if key in required or (value not in ((), "") and value is not False)
+        }
         said = {key: value if key == "passive" else _text(value) for key, value in kept.items()}
         return RawItem(kind, said, source, record.line)
 

@@ -141,8 +141,6 @@ def _value(key: str, given: str | tuple[str, ...]) -> Any:
     if key == "ways":
         numbers = [float(word) for word in text.split()]
         return [numbers[start : start + 3] for start in range(0, len(numbers), 3)]
-    if key == "passive":
-        return text.split()
     if key == "stop":
         return text == "true"
     return float(text) if key in _NUMBERS else text
