@@ -24,12 +24,12 @@ from pinbound.path import RelativePath, minimal_chain
 from pinbound.tolerances import NEVER_MEETS
 from pinbound.tree import Tree
 
-__all__ = ["Reach", "least_separation"]
+__all__ = ["MOST_PATHS", "Reach", "least_separation"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-_MOST_PATHS = 20
+MOST_PATHS = 20
 """Pairs of marks of one pair of links that are looked at one by one, a millisecond each."""
 _MOST_BALLS = 64
 """Balls that stand for a mark."""
@@ -75,24 +75,21 @@ class Reach:
         swept = minimal_chain(self._tree, self._coupling, ends[0], ends[1])
         return None if np.any(swept.chain.slides) else swept
 
-    def never_meet(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark], needed: Flags | None = None) -> bool:
-        """Return whether every needed pair of marks is proven to stay apart over all q.
-
-        Args:
-            marks_a: Marks on the first link; lines and planes are never proven to stay apart.
-            marks_b: Marks on the second link.
-            needed: (len(marks_a), len(marks_b)) which pairs; None: all.
-        """
+    def never_meet(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> bool:
+        """Return whether every pair of marks is proven to stay apart over all q; lines and planes never are."""
         if self._chain is None or any(isinstance(mark, FlatMark) for mark in (*marks_a, *marks_b)):
             return False
-        open_pairs = ~self._apart(marks_a, marks_b)
-        if needed is not None:
-            open_pairs &= needed
-        left = np.argwhere(open_pairs)
-        return len(left) <= _MOST_PATHS and all(self._stays_apart(marks_a[i], marks_b[j]) for i, j in left.tolist())
+        left = np.argwhere(~self.apart(marks_a, marks_b))
+        return len(left) <= MOST_PATHS and all(self._stays_apart(marks_a[i], marks_b[j]) for i, j in left.tolist())
 
-    def _apart(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Flags:
-        """Return which pairs the open chain proves apart, (len(marks_a), len(marks_b))."""
+    def apart(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Flags:
+        """Return which pairs the open chain proves apart, (len(marks_a), len(marks_b)); of lines and planes none."""
+        flat = [np.array([isinstance(mark, FlatMark) for mark in marks]) for marks in (marks_a, marks_b)]
+        if self._chain is None or not len(marks_a) or not len(marks_b):
+            return np.zeros((len(marks_a), len(marks_b)), dtype=np.bool_)
+        return self._bounded(marks_a, marks_b) & ~flat[0][:, None] & ~flat[1]
+
+    def _bounded(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Flags:
         assert self._chain is not None
         offsets, directions = self._chain.chain.offsets, np.array(self._chain.directions)
         apart = np.empty((len(marks_a), len(marks_b)), dtype=np.bool_)

@@ -7,6 +7,7 @@ from functools import cached_property
 from itertools import combinations, product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pinbound.annotations import Annotations, LeftOutMark, Mark
 from pinbound.bodies import Body
@@ -14,7 +15,7 @@ from pinbound.boundary import Boundary
 from pinbound.coupling import Coupling
 from pinbound.coverage.holding import holders, is_known
 from pinbound.coverage.poses import Poses
-from pinbound.coverage.reach import Reach
+from pinbound.coverage.reach import MOST_PATHS, Reach
 from pinbound.coverage.records import (
     Basis,
     BodyCoverage,
@@ -33,6 +34,8 @@ __all__ = ["Coverage"]
 
 _FINE = 0.05
 """Of a body's smallest measure: how far the prism may stick out that stands for a cylinder in a proof."""
+_FAR = 3
+"""Degrees of freedom between two links, behind which no neighbour can be."""
 _FEW = 2
 """Coordinates between two links that may reduce to one angle, for which balls prove more than spheres seen near."""
 
@@ -165,7 +168,7 @@ class _Survey:
         self.tree, self.coupling, self.annotations, self.all_bodies = tree, coupling, annotations, tuple(bodies)
         self.reaches: dict[tuple[str, str], Reach] = {}
         self.bases: dict[tuple[str, str], tuple[Basis | None, str]] = {}
-        self.apart: dict[tuple[str, str], bool] = {}
+        self.apart: dict[tuple[str, str], NDArray[np.bool_]] = {}
 
     @cached_property
     def bodies(self) -> dict[str, list[Body]]:
@@ -236,7 +239,7 @@ class _Survey:
         return self.bases[a, b]
 
     def _proof(self, a: str, b: str) -> tuple[Basis, str] | None:
-        degrees = self.tree.degrees_between(a, b, self.coupling)
+        degrees = self.degrees.get(frozenset((a, b)), _FAR)
         if degrees == 0:
             return Basis.PROOF, "never move against each other"
         if self._is_free(a, b):
@@ -259,6 +262,29 @@ class _Survey:
         return any(joint.type in ("floating", "planar") for joint in self.tree.path_between(a, b))
 
     @cached_property
+    def degrees(self) -> dict[frozenset[str], int]:
+        """Degrees of freedom between links that are near each other in the tree; all other pairs have two at least.
+
+        Whatever lies behind a link with `_FAR` of them has one less at least: only the motion that the link cuts can
+        be made good behind it, by turns about the same axis, and it counts as two where it goes up and down again.
+        """
+        beside: dict[str, list[str]] = {name: [] for name in self.tree.links}
+        for joint in self.tree.kinematics.joints:
+            beside[joint.parent].append(joint.child)
+            beside[joint.child].append(joint.parent)
+        found: dict[frozenset[str], int] = {}
+        for start in self.tree.links:
+            ways = [(start, name) for name in beside[start]]
+            while ways:
+                before, name = ways.pop()
+                pair = frozenset((start, name))
+                if pair not in found:
+                    found[pair] = self.tree.degrees_between(start, name, self.coupling)
+                if found[pair] < _FAR:
+                    ways += [(name, further) for further in beside[name] if further != before]
+        return found
+
+    @cached_property
     def poses(self) -> Poses:
         return Poses(self.tree, self.coupling)
 
@@ -277,26 +303,37 @@ class _Survey:
         return self.reaches[a, b]
 
     def _watched(self, a: str, b: str, boundaries: Sequence[Boundary]) -> int:
-        """Return how many pairs of bodies are watched."""
-        meeting = {frozenset((boundary.point_a.name, boundary.point_b.name)) for boundary in boundaries}
-        return sum(
-            any(self._is_watched(a, b, one, two, meeting) for one, two in product(body_a.held_by, body_b.held_by))
-            for body_a, body_b in product(self.links[a].bodies, self.links[b].bodies)
-        )
+        """Return how many pairs of bodies are watched: every pair of their marks is a boundary, or can never meet."""
+        at_a = {name: place for place, name in enumerate(self.links[a].marks)}
+        at_b = {name: place for place, name in enumerate(self.links[b].marks)}
+        settled = self._apart(a, b).copy()
+        for boundary in boundaries:
+            one, two = boundary.point_a.name, boundary.point_b.name
+            one, two = (one, two) if one in at_a else (two, one)
+            settled[at_a[one], at_b[two]] = True
+        bodies = list(product(self.links[a].bodies, self.links[b].bodies))
+        choices = [
+            [
+                np.ix_([at_a[name] for name in one], [at_b[name] for name in two])
+                for one, two in product(body_a.held_by, body_b.held_by)
+            ]
+            for body_a, body_b in bodies
+        ]
+        needed = np.zeros_like(settled)
+        for chosen in (chosen for options in choices for chosen in options):
+            needed[chosen] = True
+        left = np.argwhere(needed & ~settled)
+        if len(left) <= MOST_PATHS:
+            marks_a, marks_b = self.marks[a], self.marks[b]
+            for row, column in left.tolist():
+                settled[row, column] = self._reach(a, b).never_meet([marks_a[row]], [marks_b[column]])
+        return sum(any(bool(np.all(settled[chosen])) for chosen in options) for options in choices)
 
-    def _is_watched(
-        self, a: str, b: str, marks_a: Sequence[str], marks_b: Sequence[str], meeting: set[frozenset[str]]
-    ) -> bool:
-        """Return whether every pair of marks of two bodies is a boundary, or proven never to meet."""
-        left = [pair for pair in product(marks_a, marks_b) if frozenset(pair) not in meeting]
-        return all(self._marks_apart(a, b, one, two) for one, two in left)
-
-    def _marks_apart(self, a: str, b: str, mark_a: str, mark_b: str) -> bool:
-        key = (mark_a, mark_b)
-        if key not in self.apart:
-            marks = self.annotations.marks
-            self.apart[key] = self._reach(a, b).never_meet([marks[mark_a]], [marks[mark_b]])
-        return self.apart[key]
+    def _apart(self, a: str, b: str) -> NDArray[np.bool_]:
+        """Return which marks of two links are proven apart by the chain between them, (marks of a, marks of b)."""
+        if (a, b) not in self.apart:
+            self.apart[a, b] = self._reach(a, b).apart(self.marks[a], self.marks[b])
+        return self.apart[a, b]
 
     def _missing(self, a: str, b: str, watched: int, count: int) -> str:
         words = [
