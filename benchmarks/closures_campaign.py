@@ -58,6 +58,8 @@ def main() -> int:
             counts[f"answered; motion into contact: {found.verdict}"] += 1
             angles.append(found.angle)
             places.append(found.place)
+            if number % 500 == 499:
+                print(f"{number + 1} loops, {len(wrong)} wrong", file=sys.stderr, flush=True)
             if not found.holds:
                 wrong.append((number, found))
                 print(f"WRONG: seed {options.seed}, loop {number}: {found}", flush=True)

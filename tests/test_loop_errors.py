@@ -216,3 +216,15 @@ def test_a_batch_calls_nothing_free_within_the_error(load_text: Load) -> None:
         with_verdicts = evaluation_of(whole, ("smallest", "verdict"))
         found = replace(with_verdicts, region=None).table(q, 0)[0]["verdict"].to_pylist()
         assert found == [verdict if verdict == "contact" else "free"]
+
+
+def test_a_pin_within_one_rigid_body_may_miss_by_its_tolerance(load_text: Load) -> None:
+    joints = [
+        joint("j", "revolute", "base", "a"),
+        joint("f", "fixed", "a", "b", xyz="0.1 0 0"),
+        joint("g", "fixed", "a", "c", xyz="0 0 0.1"),
+    ]
+    pin = '<pinbound:closure name="weld" link_a="b" xyz_a="0 0 0.1000005" link_b="c" xyz_b="0.1 0 0"/>'
+    robot = load_text(robot_xml(joints, {}, [], pin))
+    assert robot.closures[0].deviations == ()
+    assert robot.closures[0].bound == pytest.approx(5e-7, rel=1e-6)

@@ -257,6 +257,8 @@ def carry(
             if not isinstance(found, Refusal):
                 notes += _flat_note(linkage, closure, found[1])
             continue
+        if not any(joint.moves for joint in tree.path_between(closure.mark.link_a, closure.mark.link_b)):
+            continue  # both ends are on one rigid body: nothing can give way
         found = linkage.open(closure)
         if isinstance(found, Refusal):
             message = (
