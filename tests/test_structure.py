@@ -13,9 +13,12 @@ PACKAGE = Path(pinbound.__file__).parent
 FLOORS = [
     ("exceptions", "tolerances"),
     ("tables",),
-    ("document",),
+    ("xml_text",),
+    ("document", "kinematics"),
+    ("kinematics_checks", "normalise", "vocabulary"),
     ("urdf", "annotations"),
     ("tree", "coupling"),
+    ("pinocchio_model",),
     ("chain",),
     ("path",),
     ("interpreters",),
@@ -55,7 +58,7 @@ KNOWN = {
     ("swept_bounds", "bounds"),
 }
 ONLY = {
-    "pinocchio": {"urdf", "robot", "crosscheck"},
+    "pinocchio": {"pinocchio_model", "robot", "crosscheck"},
     "coal": {"crosscheck"},
 }
 FILES = sorted(PACKAGE.rglob("*.py"))

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
-from xml.parsers.expat import ExpatError, ParserCreate
+from xml.parsers.expat import ExpatError
 
 from lxml import etree
 
-from pinbound.exceptions import InputError, Problem, name_hint
+from pinbound.exceptions import name_hint
+from pinbound.xml_text import local_name, parse_bytes, parse_file, parse_floats, refusal, xml_parser
 
 __all__ = [
     "Document",
@@ -45,7 +45,7 @@ class Document:
 
 
 def _restore(label: str, path: Path, text: bytes, notes: tuple[str, ...]) -> Document:
-    return Document(label, path, etree.fromstring(text, _parser()), notes)
+    return Document(label, path, etree.fromstring(text, xml_parser()), notes)
 
 
 def packaged_robots() -> dict[str, Path]:
@@ -84,16 +84,11 @@ def read_document(robot: str | Path, xacro_args: dict[str, str] | None = None) -
     if path.suffix == ".xacro":
         text = _expand(path, dict(xacro_args or {}))
         label = f"{path.name} (as printed by xacro)"
-        root = _parse_text(text.encode(), label)
+        root = parse_bytes(text.encode(), label)
         return _without_default_namespace(Document(label, path, root))
     if xacro_args:
         raise refusal(path.name, f"xacro_args {sorted(xacro_args)} given for a plain URDF", "leave them out")
     return _without_default_namespace(Document(path.name, path, root))
-
-
-def refusal(source: str, message: str, remedy: str, line: int | None = None) -> InputError:
-    """Return the error of a file with one fault."""
-    return InputError([Problem(message, remedy, source, line)])
 
 
 def _locate(robot: str | Path) -> Path:
@@ -105,59 +100,6 @@ def _locate(robot: str | Path) -> Path:
         return path
     what = "is a folder, not a file" if path.is_dir() else "is neither a file nor a packaged robot"
     raise refusal(str(robot), what, f"Give the path of a .urdf or .xacro file, or one of: {', '.join(packaged)}")
-
-
-def _parser() -> etree.XMLParser:
-    return etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True)
-
-
-def parse_file(path: Path) -> etree._Element:
-    """Return the root of an XML file, entities refused.
-
-    Raises:
-        InputError: If it cannot be read, is not well-formed, or has a DOCTYPE.
-    """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise refusal(str(path), f"cannot be read ({error.strerror})", "Check the path and its permissions") from error
-    return _parse_text(data, path.name)
-
-
-def _parse_text(data: bytes, label: str) -> etree._Element:
-    _refuse_doctype(data, label)
-    try:
-        root = etree.fromstring(data, _parser())
-    except etree.XMLSyntaxError as error:
-        line = error.lineno if error.lineno else None
-        message = f"is not well-formed XML: {error.msg}"
-        raise refusal(
-            label, message, "Mend the XML; every element must be closed, every prefix declared", line
-        ) from error
-    except ValueError as error:
-        raise refusal(label, f"cannot be read as XML: {error}", "Save it as UTF-8") from error
-    return root
-
-
-class _DoctypeError(Exception):
-    """A document type declaration was met."""
-
-
-def _refuse_doctype(data: bytes, label: str) -> None:
-    """Refuse a DOCTYPE before any reader could expand an entity that it declares."""
-
-    def found(*_: object) -> None:
-        raise _DoctypeError
-
-    parser = ParserCreate()
-    parser.StartDoctypeDeclHandler = found
-    try:
-        parser.Parse(data, True)
-    except _DoctypeError:
-        remedy = "Remove it: pinbound resolves no entities, neither internal nor external ones"
-        raise refusal(label, "has a DOCTYPE", remedy, parser.CurrentLineNumber) from None
-    except ExpatError:
-        return  # lxml says what is wrong
 
 
 def _expand(path: Path, xacro_args: dict[str, str]) -> str:
@@ -191,42 +133,15 @@ def _declared_arguments(path: Path, seen: set[Path]) -> set[str]:
 
 
 def _without_default_namespace(document: Document) -> Document:
-    """Drop a default `xmlns` of the root: to a URDF reader it means nothing, to an XML reader it hides all."""
+    """Drop a default `xmlns` of the root: to a URDF reader it means nothing, to an XML reader it hides all.
+
+    Elements of that namespace that are written with a prefix stay in it: a URDF reader sees the prefix.
+    """
     root = document.root
     namespace = etree.QName(root).namespace
-    if namespace is None:
+    if namespace is None or root.prefix is not None:
         return document
     for element in root.iter(f"{{{namespace}}}*"):
-        element.tag = etree.QName(element).localname
-    note = f"the default namespace {namespace!r} was dropped"
-    return Document(document.label, document.path, root, (*document.notes, note))
-
-
-def local_name(element: etree._Element) -> str:
-    """Return an element's name without its namespace."""
-    return etree.QName(element).localname
-
-
-def parse_floats(text: str, count: int) -> tuple[float, ...] | str:
-    """Return `count` finite numbers, or what is wrong with the text.
-
-    Example:
-        >>> parse_floats("1 2e-3 0", 3)
-        (1.0, 0.002, 0.0)
-        >>> parse_floats("1 nan 0", 3)
-        "'1 nan 0' holds a number that is not finite"
-        >>> parse_floats("1 2", 3)
-        "'1 2' holds 2 numbers, not 3"
-    """
-    words = text.split()
-    try:
-        if not text.isascii() or "_" in text:  # float() would read other scripts' digits, and 1_000
-            raise ValueError
-        numbers = tuple(float(word) for word in words)
-    except ValueError:
-        return f"{text!r} is not {'a number' if count == 1 else f'{count} numbers'}"
-    if len(numbers) != count:
-        return f"{text!r} holds {len(numbers)} numbers, not {count}"
-    if not all(math.isfinite(number) for number in numbers):
-        return f"{text!r} holds a number that is not finite"
-    return numbers
+        if element.prefix is None:
+            element.tag = etree.QName(element).localname
+    return replace(document, notes=(*document.notes, f"the default namespace {namespace!r} was dropped"))

@@ -15,7 +15,7 @@ from pinbound.annotations import Annotations, Line, Plane, RawItem, raw_items, r
 from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
 from pinbound.closures import Closure
-from pinbound.coupling import Coupling, LinearLimit, as_configurations, couple, linear_limits
+from pinbound.coupling import Coupling, LinearLimit, as_configurations, couple, linear_limits, narrowed_by_mimics
 from pinbound.document import Document, read_document
 from pinbound.exceptions import (
     DimensionError,
@@ -26,11 +26,13 @@ from pinbound.exceptions import (
     name_hint,
 )
 from pinbound.interpreters import numeric
+from pinbound.normalise import normalise
 from pinbound.parallelograms import settle
 from pinbound.path import absolute_chain, relative_path
+from pinbound.pinocchio_model import build_model, compare_with_pinocchio
 from pinbound.tolerances import HOME
 from pinbound.tree import Tree
-from pinbound.urdf import Mimic, build_model, read_kinematics
+from pinbound.urdf import Mimic, read_kinematics
 
 if TYPE_CHECKING:
     from pinbound.interpreters.kernel import CommonMark
@@ -234,7 +236,7 @@ def load(
         >>> load("minervabot_v3", xacro_args={"bridge": "as_printed"}).boundaries["beta_5"].coordinates
         ('q2',)
     """
-    document = read_document(robot, {key: str(value) for key, value in (xacro_args or {}).items()})
+    document = normalise(read_document(robot, {key: str(value) for key, value in (xacro_args or {}).items()}))
     problems = Problems(document.label)
     items = [*read_inline(document.root, problems), *_given_items(document, annotations, problems)]
     links, joints = ([str(e.get("name")) for e in document.root.findall(tag)] for tag in ("link", "joint"))
@@ -249,6 +251,8 @@ def load(
     if len(problems.found) > faults:
         problems.raise_if_any()
     tree = Tree(kinematics, {mark.link for mark in marks.marks.values()})
+    replaced = {mark.joint for mark in marks.limits}, {mark.joint for mark in marks.followers}
+    compare_with_pinocchio(document, tree, problems, *replaced)
     coupling, closures, coupled = settle(tree, couple(tree.moving_joints), marks, problems)
     limits = linear_limits(tree.moving_joints, coupling)
     home, notes = _home(tree, coupling, marks, limits, problems)
@@ -265,7 +269,7 @@ def load(
             boundaries, coupling.coordinates, limits, home, partial(_common_marks, tree, coupling, boundaries)
         ),
         home=home,
-        notes=(*kinematics.notes, *coupled, *notes),
+        notes=(*kinematics.notes, *coupled, *narrowed_by_mimics(tree.moving_joints, coupling, limits), *notes),
         package_dirs=tuple(map(str, package_dirs)),
     )
 

@@ -3,6 +3,7 @@
 from typing import Final
 
 __all__ = [
+    "AGREEMENT",
     "CHORD",
     "CLOSURE",
     "CONTACT",
@@ -26,7 +27,9 @@ __all__ = [
     "MESH_CHORD",
     "ON_CONTOUR",
     "OVERLAP",
+    "PARALLEL",
     "PRECISION",
+    "PRINTED_PI",
     "QUADRATURE",
     "REACHED",
     "REDUCTION",
@@ -47,6 +50,18 @@ data given to 0.01 mm, two points of two coordinates each: 2 * sqrt(2) * 0.005 m
 CLOSURE: Final = 1e-6
 """Metres. A loop closes if its proven residual is below this: far above rounding (1e-16), far below any
 play of a real pin (1e-5)."""
+
+PARALLEL: Final = 1e-3
+"""Radians. Axes of successive joints this near to one direction are named in a note, if they are not of one direction:
+0.06 degrees is far below what anyone would design, and far above rounding."""
+
+PRINTED_PI: Final = 5e-4
+"""Radians. A printed angle further than this from a multiple of pi/2 does not mean it, whatever its digits: 1.571 and
+3.142 do, 1.57 and 3.14 are further off."""
+
+AGREEMENT: Final = 1e-12
+"""Relative to the length of a path, and absolute for rotations: what rounding may make of a placement in Pinocchio and
+here, a few operations of 1e-16 a joint over up to some hundred joints."""
 
 HOME: Final = 1e-6
 """Radians or metres. A passive joint that home names must be where the closed loops put it: six decimals of it."""
