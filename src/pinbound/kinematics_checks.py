@@ -25,8 +25,13 @@ def listed(names: Iterable[str]) -> str:
     return ", ".join(every[:_NAMED]) + (f" and {len(every) - _NAMED} more" if len(every) > _NAMED else "")
 
 
-def check_mimics(joints: Mapping[str, Joint], problems: Problems) -> list[str]:
-    """Refuse mimic joints that follow nothing that moves, or themselves; return what stock readers get wrong."""
+def check_mimics(
+    joints: Mapping[str, Joint], problems: Problems, places: Mapping[str, tuple[int | None, str | None]]
+) -> list[str]:
+    """Refuse mimic joints that follow nothing that moves, or themselves; return what stock readers get wrong.
+
+    `places` holds line and file of those that are said elsewhere than in the URDF.
+    """
     notes, still = list[str](), list[str]()
     moving = {name: joint for name, joint in joints.items() if joint.moves}
     for name, joint in joints.items():
@@ -41,13 +46,13 @@ def check_mimics(joints: Mapping[str, Joint], problems: Problems) -> list[str]:
             continue
         kind = f"a {joints[primary].type} joint" if primary in joints else "no joint of this robot"
         message = f"joint {name!r} follows {primary!r}, which is {kind}"
-        problems.add(message, name_hint(primary, moving), joint.line)
+        problems.add(message, name_hint(primary, moving), *places.get(name, (joint.line, None)))
     if still:
         notes.append(f"a <mimic> of a joint that is fixed, floating or planar does nothing: {listed(still)}")
     for name, joint in joints.items():
         if name in _followed(joint, joints):
             message = f"joint {name!r} follows itself, through other followers"
-            problems.add(message, "Let one joint of the cycle be free", joint.line)
+            problems.add(message, "Let one joint of the cycle be free", *places.get(name, (joint.line, None)))
     return notes
 
 

@@ -198,7 +198,7 @@ def settle(
         pending = rest
     for mark in pending:
         message = f"closure {mark.name!r} does not close: {refused[mark.name].reason}"
-        problems.add(message, refused[mark.name].remedy, mark.line)
+        problems.add(message, refused[mark.name].remedy, mark.line, annotations.sources.get(f"closure {mark.name}"))
     settled = [mark for mark in annotations.closures if mark not in pending]
     return coupling, tuple(close(tree, coupling, mark) for mark in settled), notes
 

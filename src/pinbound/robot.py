@@ -30,7 +30,7 @@ from pinbound.normalise import normalise
 from pinbound.parallelograms import settle
 from pinbound.path import absolute_chain, relative_path
 from pinbound.pinocchio_model import build_model, compare_with_pinocchio
-from pinbound.tolerances import HOME
+from pinbound.tolerances import CONTACT, HOME
 from pinbound.tree import Tree
 from pinbound.urdf import Mimic, read_kinematics
 
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 __all__ = ["Robot", "load"]
 
 Array = NDArray[np.float64]
+AnnotationSource = str | Path | Annotations
 
 
 @dataclass(frozen=True)
@@ -210,7 +211,7 @@ class Robot:
 
 def load(
     robot: str | Path,
-    annotations: str | Path | Annotations | None = None,
+    annotations: AnnotationSource | Sequence[AnnotationSource] | None = None,
     package_dirs: Sequence[str | Path] = (),
     xacro_args: Mapping[str, Any] | None = None,
 ) -> Robot:
@@ -218,8 +219,9 @@ def load(
 
     Args:
         robot: Name of a packaged robot (e.g. ``"minervabot_v3"``), or a path to a `.urdf` or `.xacro`.
-        annotations: Path of a YAML sidecar or of an .srdf with spheres, or `Annotations`; they add to what is inline.
-            By default `NAME.pinbound.yaml` beside the file, where it exists.
+        annotations: Path of a YAML sidecar or of an .srdf with spheres, or `Annotations`, or several of these in a
+            sequence; they add to what is inline, and to each other. By default `NAME.pinbound.yaml` beside the file,
+            where it exists.
         package_dirs: Folders in which `package://` is looked up when geometry is read.
         xacro_args: Arguments of a xacro file.
 
@@ -247,6 +249,7 @@ def load(
         problems,
         limits={mark.joint: (mark.lower, mark.upper) for mark in marks.limits},
         followers={mark.joint: Mimic(mark.primary, mark.multiplier, mark.offset) for mark in marks.followers},
+        places={m.joint: (m.line, marks.sources.get(f"follower {m.joint}")) for m in marks.followers},
     )
     if len(problems.found) > faults:
         problems.raise_if_any()
@@ -274,17 +277,28 @@ def load(
     )
 
 
-def _given_items(document: Document, given: str | Path | Annotations | None, problems: Problems) -> list[RawItem]:
-    if isinstance(given, Annotations):
-        return raw_items(given, "annotations")
-    stem = document.path.name.removesuffix(".xacro").removesuffix(".urdf")
-    path = document.path.with_name(f"{stem}.pinbound.yaml") if given is None else Path(given)
-    if given is None and not path.is_file():
-        return []
+def _given_items(
+    document: Document, given: AnnotationSource | Sequence[AnnotationSource] | None, problems: Problems
+) -> list[RawItem]:
+    if given is None:
+        stem = document.path.name
+        for suffix in (".xacro", ".urdf"):
+            stem = stem[: -len(suffix)] if stem.lower().endswith(suffix) else stem
+        beside = document.path.with_name(f"{stem}.pinbound.yaml")
+        given = beside if beside.is_file() else ()
+    sources = [given] if isinstance(given, str | Path | Annotations) else given
+    return [item for source in sources for item in _read_annotations(source, problems)]
+
+
+def _read_annotations(given: AnnotationSource, problems: Problems) -> list[RawItem]:
     from pinbound.annotations.sidecar import read_sidecar
     from pinbound.annotations.srdf import read_srdf
 
-    return read_srdf(path, problems) if path.suffix == ".srdf" else read_sidecar(path, problems)
+    if isinstance(given, Annotations):
+        items = raw_items(given, "annotations")
+        return items if given.contact_tolerance != CONTACT else items[1:]  # the default is no wish
+    path = Path(given)
+    return read_srdf(path, problems) if path.suffix.lower() == ".srdf" else read_sidecar(path, problems)
 
 
 def _home(
@@ -292,11 +306,11 @@ def _home(
 ) -> tuple[Array, list[str]]:
     """Return home: what is marked, else zero, else (zero being out of limits) the middle of the limits."""
     names, joints = coupling.coordinates, {joint.name: joint for joint in tree.moving_joints}
-    home, notes = np.zeros(len(names)), list[str]()
+    home, notes, source = np.zeros(len(names)), list[str](), marks.sources.get("home")
     for name in marks.home:
         if name not in names and (name not in joints or joints[name].mimic is not None):
             what = "follows another joint" if name in joints else "does not exist"
-            problems.add(f"home names {name!r}, which {what}", name_hint(name, names), marks.home_line)
+            problems.add(f"home names {name!r}, which {what}", name_hint(name, names), marks.home_line, source)
     for index, name in enumerate(names):
         lower, upper = joints[name].lower, joints[name].upper
         if name in marks.home:
@@ -311,13 +325,13 @@ def _home(
         expected = float(coefficients @ home) + offset
         if abs(value - expected) > HOME:
             message = f"home has {name!r} at {value:.9g}, but the closed loops put it at {expected:.9g}"
-            problems.add(message, "Leave it out, or give the assembled pose exactly", marks.home_line)
+            problems.add(message, "Leave it out, or give the assembled pose exactly", marks.home_line, source)
     for limit in limits:
         theta = float(limit.coefficients @ home) + limit.offset
         if marks.home and not limit.lower <= theta <= limit.upper:
             message = f"home is outside the limits of {limit.joint!r}: {theta:.6g} is not in"
             message += f" [{limit.lower:.6g}, {limit.upper:.6g}]"
-            problems.add(message, "Choose a home inside all limits", marks.home_line)
+            problems.add(message, "Choose a home inside all limits", marks.home_line, source)
     home.flags.writeable = False
     return home, notes
 
@@ -327,10 +341,11 @@ def _boundaries(tree: Tree, coupling: Coupling, marks: Annotations, home: Array,
     boundaries: list[Boundary] = []
     for mark in marks.boundaries:
         a, b = marks.marks[mark.a], marks.marks[mark.b]
+        source = marks.sources.get(f"boundary {mark.name}")
         try:
             path = relative_path(tree, coupling, a, b)
         except UnsupportedError as error:
-            problems.add(f"boundary {mark.name!r}: {error}", "Choose other points", mark.line)
+            problems.add(f"boundary {mark.name!r}: {error}", "Choose other points", mark.line, source)
             continue
         boundary = Boundary(mark.name, a, b, mark.min_distance, path, coupling.coordinates, marks.contact_tolerance)
         boundaries.append(boundary)
@@ -338,7 +353,8 @@ def _boundaries(tree: Tree, coupling: Coupling, marks: Annotations, home: Array,
         if clearance <= max(0.0, marks.contact_tolerance - boundary.threshold):
             message = f"home is outside the feasible region: {mark.name!r} has a clearance of {1e3 * clearance:.6g} mm"
             remedy = "Choose a free home, or mend the points and distances of this boundary"
-            problems.add(message, remedy, marks.home_line or mark.line)
+            place = (marks.home_line, marks.sources.get("home")) if marks.home else (mark.line, source)
+            problems.add(message, remedy, *place)
     return boundaries
 
 

@@ -15,7 +15,7 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from pinbound.document import Document, local_name, parse_floats
-from pinbound.exceptions import Problems, name_hint
+from pinbound.exceptions import Problems, name_hint, printable
 from pinbound.kinematics import JOINT_TYPES, MOVING_TYPES, Joint, JointType, Kinematics, Link, Mimic
 from pinbound.kinematics_checks import check_mimics, check_tree, listed, note_nearly_parallel
 from pinbound.normalise import unit_vector
@@ -39,6 +39,7 @@ def read_kinematics(
     problems: Problems,
     limits: Mapping[str, tuple[float, float]] | None = None,
     followers: Mapping[str, Mimic] | None = None,
+    places: Mapping[str, tuple[int | None, str | None]] | None = None,
 ) -> Kinematics:
     """Read links and joints; every fault goes to `problems`, with its line.
 
@@ -47,8 +48,9 @@ def read_kinematics(
         problems: Where faults go; what comes back is complete only if none was added.
         limits: Limits by joint that replace the URDF's own.
         followers: Followers by joint that replace the URDF's own `<mimic>`.
+        places: Line and file of those followers by joint.
     """
-    reader = _Reader(document, problems, limits or {}, followers or {})
+    reader = _Reader(document, problems, limits or {}, followers or {}, places or {})
     return reader.read()
 
 
@@ -61,9 +63,10 @@ class _Reader:
         problems: Problems,
         given_limits: Mapping[str, tuple[float, float]],
         given_followers: Mapping[str, Mimic],
+        places: Mapping[str, tuple[int | None, str | None]],
     ) -> None:
         self.root, self.problems = document.root, problems
-        self.given_limits, self.given_followers = given_limits, given_followers
+        self.given_limits, self.given_followers, self.places = given_limits, given_followers, places
         self.notes: list[str] = list(document.notes)
         self.links: dict[str, Link] = {}
         self.joints: dict[str, Joint] = {}
@@ -95,10 +98,10 @@ class _Reader:
             self.notes.append(f"limits of joints that are fixed, floating or planar do nothing: {listed(self.unmoved)}")
         if not self.links:
             self.problems.add("the robot has no links", "Check that the file is the robot's URDF, and complete", 1)
-        self.notes += check_mimics(self.joints, self.problems)
+        self.notes += check_mimics(self.joints, self.problems, self.places)
         check_tree(self.links, self.joints, self.problems)
         self.notes += note_nearly_parallel(self.joints)
-        name = self.root.get("name", "")
+        name = printable(self.root.get("name", ""))
         if not name:
             name = "robot"
             self.notes.append("the robot has no name; it is called 'robot'")
@@ -109,6 +112,9 @@ class _Reader:
         if not name:
             self.problems.add(f"a <{what}> has no name", "Name it", line)
             return None
+        if printable(name) != name:
+            message = f"the name {name!r} of a {what} holds characters that nobody can see"
+            self.problems.add(message, "Use letters, digits and signs; no control or formatting characters", line)
         if name in known:
             first = known[name].line
             self.problems.add(f"{what} {name!r} is declared twice (first on line {first})", "Rename one", line)

@@ -123,6 +123,7 @@ class Annotations:
         limits: Limits that replace the URDF's own.
         assumptions: Sentences that every report of this robot must show.
         home_line: Line of the home element.
+        sources: The file that each of these was read from, by what it is: `"home"`, `"boundary stop"`, `"limit q1"`.
     """
 
     contact_tolerance: float = CONTACT
@@ -134,6 +135,7 @@ class Annotations:
     limits: tuple[LimitMark, ...] = ()
     assumptions: tuple[str, ...] = ()
     home_line: int | None = None
+    sources: Mapping[str, str] = field(default_factory=dict[str, str], compare=False, repr=False)
 
     @property
     def points(self) -> dict[str, Point]:

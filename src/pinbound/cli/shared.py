@@ -41,16 +41,23 @@ _PIPE_WIDTH = 140
 _INPUT = (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError, FileExistsError)
 
 RobotName = Annotated[str, typer.Argument(help="A packaged robot's name, or a path to a .urdf or .xacro.")]
-Annotations = Annotated[Path | None, typer.Option(help="YAML sidecar with the annotations.")]
+Annotations = Annotated[
+    list[Path] | None, typer.Option(help="YAML sidecar (or SRDF) with annotations; may be given more than once.")
+]
 PackageDirs = Annotated[list[Path] | None, typer.Option("--package-dir", help="Where package:// is looked up.")]
 XacroArgs = Annotated[list[str] | None, typer.Option("--xacro-arg", help="NAME=VALUE for a xacro file.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON (metres, radians) instead of tables.")]
 
 
 def console(stderr: bool = False) -> Console:
-    """Return a console; piped output gets a fixed width, so that scripts see the same tables everywhere."""
-    made = Console(stderr=stderr, highlight=False, soft_wrap=False)
-    return made if made.is_terminal else Console(stderr=stderr, highlight=False, width=_PIPE_WIDTH)
+    """Return a console; piped output gets a fixed width, so that scripts see the same tables everywhere.
+
+    Names are data: no markup, no emoji codes and no highlighting are read out of what is printed. Give `style=` or a
+    `rich.text.Text` for what is to be bold.
+    """
+    plain = {"markup": False, "emoji": False, "highlight": False}
+    made = Console(stderr=stderr, soft_wrap=False, **plain)
+    return made if made.is_terminal else Console(stderr=stderr, width=_PIPE_WIDTH, **plain)
 
 
 def guarded(command: Callable[P, R]) -> Callable[P, R]:
@@ -79,7 +86,7 @@ def guarded(command: Callable[P, R]) -> Callable[P, R]:
 
 def load_robot(
     robot: str,
-    annotations: Path | None = None,
+    annotations: Sequence[Path] | None = None,
     package_dirs: Sequence[Path] | None = None,
     xacro_args: Sequence[str] | None = None,
 ) -> Robot:
@@ -90,7 +97,7 @@ def load_robot(
         if not equals or not name:
             raise _bad("--xacro-arg", f"{text!r} is not NAME=VALUE", "Write e.g. --xacro-arg bridge=as_printed")
         mappings[name] = value
-    return load(robot, annotations, tuple(package_dirs or ()), mappings)
+    return load(robot, annotations or None, tuple(package_dirs or ()), mappings)
 
 
 def _bad(option: str, message: str, remedy: str) -> InputError:
@@ -135,9 +142,9 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[obje
     table = Table(title=title, title_justify="left", title_style="bold", caption=note, caption_justify="left")
     for column in columns:
         is_number = column.endswith("]")
-        table.add_column(column.replace("[", r"\["), justify="right" if is_number else "left")
+        table.add_column(column, justify="right" if is_number else "left")
     for row in rows:
-        table.add_row(*(str(cell).replace("[", r"\[") for cell in row))
+        table.add_row(*map(str, row))
     console().print(table)
 
 
