@@ -13,7 +13,8 @@ PACKAGE = Path(pinbound.__file__).parent
 FLOORS = [
     ("exceptions", "tolerances"),
     ("tables",),
-    ("xml_text",),
+    ("xml_text", "xacro_child"),
+    ("expansion",),
     ("document", "kinematics"),
     ("kinematics_checks", "normalise", "vocabulary"),
     ("urdf", "annotations"),

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
-from xml.parsers.expat import ExpatError
+from typing import Any
 
 from lxml import etree
 
-from pinbound.exceptions import name_hint
+from pinbound.expansion import expand_xacro
 from pinbound.xml_text import local_name, parse_bytes, parse_file, parse_floats, refusal, xml_parser
 
 __all__ = [
+    "TRUST",
     "Document",
     "local_name",
     "packaged_robots",
@@ -21,6 +22,9 @@ __all__ = [
     "read_document",
     "refusal",
 ]
+
+TRUST = ("xacro", "urdf-only")
+"""What of a stranger's files may be read: xacro, which runs code, or plain URDF only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +70,19 @@ def packaged_robots() -> dict[str, Path]:
     }
 
 
-def read_document(robot: str | Path, xacro_args: dict[str, str] | None = None) -> Document:
+def read_document(
+    robot: str | Path,
+    xacro_args: Mapping[str, str] | None = None,
+    package_dirs: Sequence[str | Path] = (),
+    trust: str = "xacro",
+) -> Document:
     """Read a packaged robot, a `.urdf` or a `.xacro`, without resolving any entity.
 
     Args:
         robot: A name of `packaged_robots`, or a path.
-        xacro_args: Arguments of the xacro file; each must be declared in it.
+        xacro_args: Arguments of the xacro file; each must be declared in it, or in what it includes.
+        package_dirs: Folders of ROS packages, for `$(find name)`.
+        trust: `"xacro"`, or `"urdf-only"`, which refuses xacro files, but for those that ship with pinbound.
 
     Returns:
         The document, xacro expanded.
@@ -80,12 +91,18 @@ def read_document(robot: str | Path, xacro_args: dict[str, str] | None = None) -
         InputError: If there is no such file, or if it is not well-formed XML, or if xacro refuses it.
     """
     path = _locate(robot)
-    root = parse_file(path)
-    if path.suffix == ".xacro":
-        text = _expand(path, dict(xacro_args or {}))
+    if trust not in TRUST:
+        raise refusal("trust", f"{trust!r} is no kind of trust", f"Valid: {', '.join(TRUST)}")
+    if path.suffix.lower() == ".xacro":
+        if trust == "urdf-only" and path not in packaged_robots().values():
+            remedy = "Expand it yourself where that may do no harm, or trust it: trust='xacro', --trust xacro"
+            raise refusal(path.name, "is a xacro file, which can run code, and trust is 'urdf-only'", remedy)
+        parse_file(path)  # what is wrong with the file itself is said with its own lines
+        expanded = expand_xacro(path, xacro_args or {}, [str(folder) for folder in package_dirs])
         label = f"{path.name} (as printed by xacro)"
-        root = parse_bytes(text.encode(), label)
-        return _without_default_namespace(Document(label, path, root))
+        root = parse_bytes(expanded.text.encode(), label)
+        return _without_default_namespace(Document(label, path, root, expanded.notes))
+    root = parse_file(path)
     if xacro_args:
         raise refusal(path.name, f"xacro_args {sorted(xacro_args)} given for a plain URDF", "leave them out")
     return _without_default_namespace(Document(path.name, path, root))
@@ -100,36 +117,6 @@ def _locate(robot: str | Path) -> Path:
         return path
     what = "is a folder, not a file" if path.is_dir() else "is neither a file nor a packaged robot"
     raise refusal(str(robot), what, f"Give the path of a .urdf or .xacro file, or one of: {', '.join(packaged)}")
-
-
-def _expand(path: Path, xacro_args: dict[str, str]) -> str:
-    import xacro
-
-    declared = _declared_arguments(path, set())
-    unknown = sorted(set(xacro_args) - declared)
-    if unknown:
-        hint = name_hint(unknown[0], sorted(declared))
-        raise refusal(path.name, f"has no xacro argument {', '.join(map(repr, unknown))}", hint)
-    try:
-        expanded = cast(Any, xacro).process_file(str(path), mappings={k: str(v) for k, v in xacro_args.items()})
-    except (xacro.XacroException, ExpatError, RecursionError) as error:
-        reason = str(error).strip() or type(error).__name__
-        raise refusal(path.name, f"xacro cannot expand it: {reason}", "Mend the xacro file or its arguments") from error
-    return str(expanded.toprettyxml(indent="  "))
-
-
-def _declared_arguments(path: Path, seen: set[Path]) -> set[str]:
-    """Return the `xacro:arg` names of a file and of what it includes; refuse a DOCTYPE in any of them."""
-    if path in seen or not path.is_file():
-        return set()
-    seen.add(path)
-    names: set[str] = set()
-    for element in parse_file(path).iter("{*}arg", "{*}include"):
-        if local_name(element) == "arg":
-            names.add(str(element.get("name")))
-        else:
-            names |= _declared_arguments(path.parent / str(element.get("filename")), seen)
-    return names
 
 
 def _without_default_namespace(document: Document) -> Document:

@@ -214,6 +214,7 @@ def load(
     annotations: AnnotationSource | Sequence[AnnotationSource] | None = None,
     package_dirs: Sequence[str | Path] = (),
     xacro_args: Mapping[str, Any] | None = None,
+    trust: str = "xacro",
 ) -> Robot:
     """Load a robot with its boundaries.
 
@@ -222,8 +223,10 @@ def load(
         annotations: Path of a YAML sidecar or of an .srdf with spheres, or `Annotations`, or several of these in a
             sequence; they add to what is inline, and to each other. By default `NAME.pinbound.yaml` beside the file,
             where it exists.
-        package_dirs: Folders in which `package://` is looked up when geometry is read.
-        xacro_args: Arguments of a xacro file.
+        package_dirs: Folders that hold ROS packages, or are packages: for `package://` of meshes, and for
+            `$(find name)` of xacro, which also looks in `ROS_PACKAGE_PATH`, `AMENT_PREFIX_PATH` and beside the file.
+        xacro_args: Arguments of a xacro file, declared in it or in what it includes.
+        trust: `"urdf-only"` refuses xacro files: a xacro file can run code. Packaged robots are read all the same.
 
     Returns:
         The robot, every closure proven to close and home proven to be free.
@@ -238,7 +241,8 @@ def load(
         >>> load("minervabot_v3", xacro_args={"bridge": "as_printed"}).boundaries["beta_5"].coordinates
         ('q2',)
     """
-    document = normalise(read_document(robot, {key: str(value) for key, value in (xacro_args or {}).items()}))
+    arguments = {key: str(value) for key, value in (xacro_args or {}).items()}
+    document = normalise(read_document(robot, arguments, package_dirs, trust))
     problems = Problems(document.label)
     items = [*read_inline(document.root, problems), *_given_items(document, annotations, problems)]
     links, joints = ([str(e.get("name")) for e in document.root.findall(tag)] for tag in ("link", "joint"))

@@ -41,6 +41,8 @@ __all__ = [
     "SYMBOLIC_DIGITS",
     "UNIT_ROUNDOFF",
     "VERTEX",
+    "XACRO_MEMORY",
+    "XACRO_SECONDS",
 ]
 
 CONTACT: Final = 2e-5
@@ -54,6 +56,12 @@ play of a real pin (1e-5)."""
 PARALLEL: Final = 1e-3
 """Radians. Axes of successive joints this near to one direction are named in a note, if they are not of one direction:
 0.06 degrees is far below what anyone would design, and far above rounding."""
+
+XACRO_SECONDS: Final = 4.0
+"""Seconds that the expansion of one xacro file may take: large public ones take 0.5 s; `${9**9**8}` takes for ever."""
+
+XACRO_MEMORY: Final = 2 * 2**30
+"""Bytes that the expansion of one xacro file may use: a hundred times what large public ones do."""
 
 PRINTED_PI: Final = 5e-4
 """Radians. A printed angle further than this from a multiple of pi/2 does not mean it, whatever its digits: 1.571 and

@@ -60,7 +60,7 @@ def _refuse_structure(text: str, source: str, problems: Problems) -> bool:
     """Refuse aliases and deep nesting while the events come, before anything is built; return whether one was met."""
     depth = 0
     for event in yaml.parse(text, Loader=yaml.SafeLoader):
-        line = event.start_mark.line + 1
+        line = event.start_mark.line + 1 if event.start_mark else None
         if isinstance(event, yaml.AliasEvent):
             problems.add("uses a YAML alias (*name)", "Write the values out", line, source)
             return True
@@ -78,10 +78,13 @@ def _refuse_tags(node: yaml.Node, source: str, problems: Problems) -> None:
         problems.add(
             f"holds the tag {node.tag!r}", "Write plain numbers in metres and radians", _node_line(node), source
         )
-    children: list[Any] = node.value if isinstance(node, yaml.CollectionNode) else []
-    for child in children:
-        for part in child if isinstance(child, tuple) else (child,):
-            _refuse_tags(part, source, problems)
+    if isinstance(node, yaml.SequenceNode):
+        for entry in node.value:
+            _refuse_tags(entry, source, problems)
+    if isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            _refuse_tags(key, source, problems)
+            _refuse_tags(value, source, problems)
 
 
 class _Sidecar:
