@@ -22,6 +22,8 @@ __all__ = ["normalise", "quarter_turns", "unit_vector"]
 _MOST_QUARTERS = 8
 _NUMBER = re.compile(r"[+-]?(\d*)\.?(\d*)(?:[eE]([+-]?\d{1,3}))?")
 _NAMED = 4
+_SHORTEST = len("1.571")  # no shorter number is within `PRINTED_PI` of a multiple of pi/2
+_PLAIN = 120  # characters; three numbers without an exponent that are this short have squares that float64 holds
 _SQUARES = (1e-140, 1e140)
 """Lengths whose squares, and sums of them, float64 holds without loss: 1e-280 is far above 1e-308 / 2**-53."""
 
@@ -54,9 +56,11 @@ def _exact_turns(root: etree._Element) -> list[str]:
     for joint in root.findall("joint"):
         origin = joint.find("origin")
         text = None if origin is None else origin.get("rpy")
-        if origin is None or text is None or isinstance(parse_floats(text, 3), str):
+        if origin is None or text is None:
             continue
         words = text.split()
+        if max(map(len, words), default=0) < _SHORTEST or isinstance(parse_floats(text, 3), str):
+            continue
         turns = [quarter_turns(word) for word in words]
         if any(turn is not None for turn in turns):
             exact = [
@@ -113,8 +117,11 @@ def _usable_axes(root: etree._Element) -> list[str]:
     notes: list[str] = []
     for joint in root.findall("joint"):
         axis = joint.find("axis")
-        numbers = parse_floats(axis.get("xyz", ""), 3) if axis is not None else ""
-        if axis is None or isinstance(numbers, str) or not any(numbers):
+        text = "" if axis is None else axis.get("xyz", "")
+        if axis is None or ("e" not in text.lower() and len(text) < _PLAIN):
+            continue
+        numbers = parse_floats(text, 3)
+        if isinstance(numbers, str) or not any(numbers):
             continue
         length = math.hypot(*numbers)
         if _SQUARES[0] < length < _SQUARES[1]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from copy import deepcopy
 from typing import Any, cast
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from lxml import etree
@@ -138,8 +139,6 @@ def _stock_text(document: Document, kinematics: Kinematics) -> str:
 
 
 def _quoted(name: str) -> str:
-    from xml.sax.saxutils import quoteattr
-
     return quoteattr(name)
 
 
@@ -239,19 +238,20 @@ def _compare_placements(model: Any, tree: Tree, theta: Array, problems: Problems
 
 def _placements(tree: Tree, theta: Mapping[str, float]) -> tuple[list[str], Array]:
     """Return the links, the root first, and (N, 3, 4) where they are at `theta`."""
-    places: dict[str, Array] = {}
+    places: dict[str, tuple[Array, Array]] = {}
     for link, joint, _ in tree.walk():
         if joint is None:
-            places[link.name] = np.eye(4)
+            places[link.name] = np.eye(3), np.zeros(3)
             continue
-        local = np.eye(4)
-        local[:3, :3], local[:3, 3] = joint.rotation, joint.translation
+        rotation, translation = joint.rotation, joint.translation
         if joint.type == "prismatic":
-            local[:3, 3] += joint.rotation @ (joint.axis * theta[joint.name])
+            translation = translation + rotation @ (joint.axis * theta[joint.name])
         elif joint.moves:
-            local[:3, :3] = joint.rotation @ _turn(joint.axis.tolist(), theta[joint.name])
-        places[link.name] = places[joint.parent] @ local
-    return list(places), np.array([place[:3] for place in places.values()])
+            rotation = rotation @ _turn(joint.axis.tolist(), theta[joint.name])
+        above, origin = places[joint.parent]
+        places[link.name] = above @ rotation, origin + above @ translation
+    turned, moved = zip(*places.values(), strict=True)
+    return list(places), np.concatenate([np.array(turned), np.array(moved)[:, :, None]], axis=2)
 
 
 def _place(vector: Array) -> str:

@@ -296,6 +296,8 @@ def _line(element: etree._Element | None) -> int | None:
 
 def _rotation(rpy: tuple[float, ...]) -> NDArray[np.float64]:
     """Return `R_z(yaw) R_y(pitch) R_x(roll)`, the convention of URDF."""
+    if not any(rpy):
+        return np.eye(3)
     (sr, sp, sy), (cr, cp, cy) = np.sin(rpy), np.cos(rpy)
     return np.array(
         [
