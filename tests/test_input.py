@@ -207,6 +207,98 @@ def test_yaml_aliases_are_refused(load_text: Load) -> None:
         load_text(BARE, "home: &h {q1: 0}\nassumptions: [*h]\n")
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("limits:\n- {joint: q1, lower: !degrees -90, upper: 1}", "line 2.*'!degrees'.*radians"),
+        ("home: !!python/tuple [1]", "python/tuple"),
+        ("points: " + "[" * 20_000, "nests deeper"),
+        ("- " * 20_000, "nests deeper"),
+        ("\n".join(" " * depth + "a:" for depth in range(60)), "line 33: nests deeper"),
+        ("home:\n  <<: {q1: 1}", "merge"),
+    ],
+)
+def test_tags_and_deep_nesting_of_yaml_are_faults(load_text: Load, text: str, message: str) -> None:
+    with pytest.raises(pb.InputError, match=message):
+        load_text(BARE, text)
+
+
+MARKS = """
+points:
+  - {name: p, link: base, xyz: [0, 0, 0.5], radius: 0.3}
+  - {name: s, link: arm, xyz: [0, 0, 0.5], radius: 0.3}
+"""
+LATER = {
+    "contact at home": (MARKS + "boundaries:\n  - {name: stop, a: p, b: s}\n", 6, "outside the feasible region"),
+    "a loop that does not close": (
+        "closures:\n\n  - {name: loop, link_a: rod, xyz_a: [0, 0, 0], link_b: arm, xyz_b: [0, 0.1, 1]}\n",
+        3,
+        "does not close",
+    ),
+    "home outside a limit": ("\n\nhome: {q1: 2.5}\n", 3, "outside the limits of 'q1'"),
+    "home of no joint": ("\nhome:\n  q7: 2.5\n", 3, "'q7', which does not exist"),
+    "a mimic of nothing": ("\n\n\nfollowers: [{joint: q1, primary: q1}]\n", 4, "follows itself"),
+}
+
+
+@pytest.mark.parametrize("fault", LATER)
+def test_what_is_found_late_names_the_file_that_said_it(load_text: Load, fault: str) -> None:
+    text, line, message = LATER[fault]
+    with pytest.raises(pb.InputError) as caught:
+        load_text(BARE, text)
+    problem = next(problem for problem in caught.value.problems if re.search(message, problem.message))
+    assert (problem.source, problem.line) == ("robot.pinbound.yaml", line)
+
+
+def test_annotations_may_be_given_more_than_once(tmp_path: Path) -> None:
+    robot, marks, more = (tmp_path / name for name in ("arm.urdf", "marks.yaml", "more.yaml"))
+    robot.write_text(BARE)
+    marks.write_text("contact_tolerance: 2.0e-5\npoints:\n  - {name: p, link: base, xyz: [1, 0, 0]}\n")
+    more.write_text("contact_tolerance: 2.0e-5\npoints:\n  - {name: s, link: arm, xyz: [0, 0, 1]}\n")
+    last = pb.Annotations(boundaries=(pb.BoundaryMark("stop", "p", "s"),), home={"q1": 0.25})
+    found = pb.load(robot, annotations=[marks, str(more), last])
+    assert found.boundaries.names == ("stop",)
+    assert found.home.tolist() == [0.25]
+    done = subprocess.run(
+        [sys.executable, "-m", "pinbound", "info", robot, "--annotations", marks, "--annotations", more],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    assert re.search(r"(?s)Marked points.*p .*base.*s .*arm", done.stdout)
+    more.write_text(more.read_text().replace("2.0e-5", "3.0e-5"))
+    with pytest.raises(pb.InputError, match="contact_tolerance is given twice"):
+        pb.load(robot, annotations=(marks, more))
+    assert pb.load("minervabot_v3", annotations=pb.Annotations()).boundaries.names
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-32", "utf-8", "utf-8-sig", "iso-8859-1", "ascii"])
+def test_a_doctype_is_refused_in_every_encoding(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "robot.urdf"
+    declared = "" if encoding == "utf-8-sig" else f'<?xml version="1.0" encoding="{encoding}"?>'
+    path.write_bytes((declared + BARE).encode(encoding))
+    assert pb.load(path).coordinates == ("q1",)
+    bad = f'{declared}<!DOCTYPE robot [<!ENTITY z "0 1 0">]>' + BARE.replace('axis xyz="0 1 0"', 'axis xyz="&z;"')
+    path.write_bytes(bad.encode(encoding))
+    with pytest.raises(pb.InputError, match="DOCTYPE"):
+        pb.load(path)
+
+
+@pytest.mark.parametrize("encoding", ["gbk", "shift_jis", "euc-kr", "utf-7", "bogus", "cp500"])
+def test_encodings_that_readers_disagree_about_are_one_fault(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(f'<?xml version="1.0" encoding="{encoding}"?>' + BARE)
+    with pytest.raises(pb.InputError) as caught:
+        pb.load(path)
+    assert len(caught.value.problems) == 1
+
+
+def test_processing_instructions_are_no_joints_and_no_traceback(load_text: Load) -> None:
+    robot = load_text(BARE.replace("<limit", "<?x y?><limit", 1).replace("<link", "<?x?><link", 1))
+    assert robot.model.nq == 2
+
+
 @pytest.mark.parametrize("fault", ["missing link", "a closure that does not close", "home outside the region"])
 def test_the_command_line_says_it_once_and_exits_with_2(tmp_path: Path, fault: str) -> None:
     old, new, line, _ = FAULTS[fault]

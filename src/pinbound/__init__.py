@@ -30,8 +30,9 @@ from pinbound.exceptions import (
     UnsupportedError,
 )
 from pinbound.interpreters.univariate import AllowedArcs, AllowedArcsTable
+from pinbound.loading import load
 from pinbound.path import Kind
-from pinbound.robot import Robot, load
+from pinbound.robot import Robot
 
 if TYPE_CHECKING:
     from pinbound.certificates import (

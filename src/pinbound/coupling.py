@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinbound.exceptions import DimensionError, UnsupportedError
+from pinbound.tolerances import FOLLOWS, LIMIT, UNIT_ROUNDOFF
 from pinbound.urdf import Joint, Mimic
-
-__all__ = ["Coupling", "LinearLimit", "as_configurations", "couple", "linear_limits", "linear_text", "real_array"]
-from pinbound.tolerances import LIMIT, UNIT_ROUNDOFF
 
 __all__ = [
     "Coupling",
@@ -27,6 +25,8 @@ __all__ = [
     "couple",
     "linear_limits",
     "linear_text",
+    "narrowed_by_mimics",
+    "real_array",
 ]
 
 _LARGEST = float(np.finfo(np.float64).max)
@@ -310,3 +310,26 @@ def linear_limits(joints: Sequence[Joint], coupling: Coupling) -> tuple[LinearLi
             coefficients, offset = coupling.row(joint.name)
             limits.append(LinearLimit(joint.name, coefficients, offset, joint.lower, joint.upper))
     return tuple(limits)
+
+
+def narrowed_by_mimics(joints: Sequence[Joint], coupling: Coupling, limits: Sequence[LinearLimit]) -> list[str]:
+    """Return a note for every limit of a mimic joint that leaves its primary less than the primary's own limits do.
+
+    A mimic joint `theta = m q_j + o` within `[l, u]` keeps q_j between `(l - o) / m` and `(u - o) / m`. Gripper fingers
+    that mirror each other often keep the limits of their primary, and so freeze it.
+    """
+    own = {joint.name: (joint.lower, joint.upper) for joint in joints}
+    notes: list[str] = []
+    for limit in limits:
+        moved = [index for index, coefficient in enumerate(limit.coefficients) if coefficient]
+        if limit.joint in coupling.coordinates or len(moved) != 1:
+            continue
+        primary, slope = coupling.coordinates[moved[0]], float(limit.coefficients[moved[0]])
+        ends = sorted(((limit.lower - limit.offset) / slope, (limit.upper - limit.offset) / slope))
+        lower, upper = max(ends[0], own[primary][0]) + 0.0, min(ends[1], own[primary][1]) + 0.0
+        if lower - own[primary][0] <= FOLLOWS and own[primary][1] - upper <= FOLLOWS:
+            continue
+        what = f"the limits of mimic joint {limit.joint!r} ({limit.lower:.6g} .. {limit.upper:.6g})"
+        left = f"{lower:.6g} .. {upper:.6g}" if lower <= upper else "nothing"
+        notes.append(f"{what} leave {left} of {own[primary][0]:.6g} .. {own[primary][1]:.6g} to {primary!r}")
+    return notes

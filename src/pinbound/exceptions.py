@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,7 @@ __all__ = [
     "UnknownNameError",
     "UnsupportedError",
     "name_hint",
+    "printable",
 ]
 
 
@@ -44,7 +46,7 @@ class Problem:
     def __str__(self) -> str:
         """Return ``source:line: message -> remedy``."""
         place = self.source if self.line is None else f"{self.source}, line {self.line}"
-        return f"{place}: {self.message}. {self.remedy}."
+        return printable(f"{place}: {self.message}. {self.remedy}.")
 
 
 class InputError(PinboundError, ValueError):
@@ -152,6 +154,8 @@ def name_hint(name: str, valid: Iterable[str], most: int = 12) -> str:
     Example:
         >>> name_hint("link_22", ["link_1", "link_2", "link_21"])
         "Did you mean 'link_2'? Valid: link_1, link_2, link_21"
+        >>> name_hint("LEFTARM_J1", ["time", "LeftArm_J1"])
+        "Did you mean 'LeftArm_J1'? Valid: time, LeftArm_J1"
         >>> name_hint("x", [])
         'There is none'
     """
@@ -159,5 +163,24 @@ def name_hint(name: str, valid: Iterable[str], most: int = 12) -> str:
     if not names:
         return "There is none"
     listed = ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
-    close = difflib.get_close_matches(name, names, n=1)
+    close = [known for known in names if known.lower() == name.lower()]
+    close = close or difflib.get_close_matches(name, names, n=1)
     return (f"Did you mean {close[0]!r}? " if close else "") + f"Valid: {listed}"
+
+
+def printable(text: str) -> str:
+    r"""Return text with every character that a terminal would obey written out: names and files are data.
+
+    Control characters (ESC among them), formatting characters that reorder a line, and line breaks are escaped as
+    Python writes them; letters of all scripts and all spaces stay.
+
+    Example:
+        >>> print(printable("a\x1b]0;title\x07b \u00e9"))
+        a\x1b]0;title\x07b é
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        letter if letter.isprintable() or unicodedata.category(letter) == "Zs" else ascii(letter)[1:-1]
+        for letter in text
+    )

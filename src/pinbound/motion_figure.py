@@ -9,6 +9,7 @@ import numpy as np
 
 from pinbound.certificates import Certificate, Verdict
 from pinbound.motion import MotionHistory, tightest
+from pinbound.plots import without_math
 from pinbound.region import Place, Region
 
 __all__ = ["draw_motion", "draw_paths"]
@@ -51,7 +52,7 @@ def draw_motion(seen: MotionHistory, certificate: Certificate | None = None, clo
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
         axes.margins(x=0.0)
     panels[-1].set_xlabel(clock)
-    return figure
+    return without_math(figure)
 
 
 def draw_paths(region: Region, paths: Mapping[str, MotionHistory], margin: Region | None = None) -> Any:
@@ -97,7 +98,7 @@ def draw_paths(region: Region, paths: Mapping[str, MotionHistory], margin: Regio
     axes.grid(True, color="#E6E6E6", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=9)
-    return figure
+    return without_math(figure)
 
 
 def _clearances(axes: Any, seen: MotionHistory) -> None:
@@ -133,7 +134,7 @@ def _membership(axes: Any, seen: MotionHistory) -> None:
             continue
         values = np.degrees(cast(Any, seen.mu)[:, place])
         style = {"color": _PALETTE[place % _MOST], "linestyle": _STYLES[place % _MOST], "linewidth": 1.3}
-        axes.plot(seen.times, values, label=f"$\\mu$ of {name}", **style)
+        axes.plot(seen.times, values, label=f"\N{GREEK SMALL LETTER MU} of {name}", **style)
     distance = np.degrees(cast(Any, seen.signed_distance))
     axes.plot(seen.times, distance, color="black", linewidth=2.0, label="signed distance\nto the region")
     axes.fill_between(seen.times, distance, 0.0, where=distance < 0.0, color="#F6E3E3")

@@ -132,7 +132,7 @@ def settle(tree: Tree, coupling: Coupling, annotations: Annotations, problems: P
         pending = rest
     for mark in pending:
         message = f"closure {mark.name!r} does not close: {refused[mark.name].reason}"
-        problems.add(message, refused[mark.name].remedy, mark.line)
+        problems.add(message, refused[mark.name].remedy, mark.line, annotations.sources.get(f"closure {mark.name}"))
     closures = [close(tree, coupling, mark) for mark in annotations.closures if mark not in pending]
     return Settled(coupling, tuple(closures), passive, tuple(notes))
 

@@ -20,7 +20,16 @@ from pinbound.boundary import Boundary
 from pinbound.region import Edge, Region
 from pinbound.robot import Robot
 
-__all__ = ["PALETTE", "draw_region", "draw_robot", "draw_verdicts", "draw_workspace", "save", "section_axes"]
+__all__ = [
+    "PALETTE",
+    "draw_region",
+    "draw_robot",
+    "draw_verdicts",
+    "draw_workspace",
+    "save",
+    "section_axes",
+    "without_math",
+]
 
 Array = NDArray[np.float64]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
@@ -42,6 +51,15 @@ def _figure(width: float, height: float) -> tuple[Any, Any]:
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     return figure, axes
+
+
+def without_math(figure: Any) -> Any:
+    """Let every text of a figure be read letter by letter: a name may hold `$`, and is no formula."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
+    return figure
 
 
 def save(figure: Any, path: Path) -> list[Path]:
@@ -90,7 +108,7 @@ def draw_region(region: Region, home: Array, contacts: Sequence[tuple[str, Array
     axes.set_ylabel(f"{region.coordinates[1]} [deg]")
     axes.set_title(f"Feasible region of ({', '.join(region.coordinates)}): {region.area:.4f} rad²", loc="left")
     axes.legend(handles=shown, loc="upper left", framealpha=1)
-    return figure
+    return without_math(figure)
 
 
 def _fill(axes: Any, loops: Sequence[Sequence[Array]]) -> None:
@@ -149,7 +167,7 @@ def draw_verdicts(region: Region, home: Array, groups: Mapping[str, Array]) -> A
     axes.set_ylabel(f"{region.coordinates[1]} [deg]")
     axes.set_title(f"Region of ({', '.join(region.coordinates)}) against coal's flood fill from home", loc="left")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, frameon=False)
-    return figure
+    return without_math(figure)
 
 
 def _frame(vertices: Array, contacts: Sequence[tuple[str, Array, float]]) -> tuple[Array, Array]:
@@ -281,7 +299,7 @@ def draw_robot(robot: Robot, q: Array) -> Any:
     axes.set_title(f"{robot.name} at home, with its marks and their nearest points", loc="left")
     if len(robot.boundaries) and few:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    return figure
+    return without_math(figure)
 
 
 def _anchors(robot: Robot, mark: Mark, q: Array) -> list[Array]:
@@ -345,7 +363,7 @@ def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:
     axes.set_aspect("equal")
     axes.set_title(f"Where {frame} may be: image of the region's contour", loc="left")
     axes.legend(loc="upper right", framealpha=1)
-    return figure
+    return without_math(figure)
 
 
 def _image(robot: Robot, region: Region, edge: Edge, frame: str) -> Array:

@@ -1,47 +1,37 @@
-"""load() and Robot: what users hold."""
+"""Robot: what users hold; `loading.load` makes it."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
-from pathlib import Path
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.annotations import Annotations, Line, Plane, RawItem, raw_items, read_inline, validate
+from pinbound.annotations import Annotations
 from pinbound.bodies import collision_bodies
-from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
-from pinbound.closures import Closure, joint_errors, place_error
-from pinbound.contact import stop_fault
-from pinbound.coupling import Coupling, LinearLimit, as_configurations, couple, linear_limits
+from pinbound.closures import Closure
+from pinbound.coupling import Coupling, LinearLimit, as_configurations
 from pinbound.coverage import Coverage
-from pinbound.document import Document, read_document
+from pinbound.document import Document
 from pinbound.exceptions import (
     DimensionError,
     PinboundError,
-    Problems,
     UnknownNameError,
-    UnsupportedError,
     name_hint,
 )
-from pinbound.home import feasible_start
 from pinbound.interpreters import numeric
-from pinbound.loop_errors import carry, narrowed
-from pinbound.parallelograms import settle
-from pinbound.path import absolute_chain, relative_path
-from pinbound.tolerances import HOME, NEAR_STOP
+from pinbound.path import absolute_chain
+from pinbound.pinocchio_model import build_model
 from pinbound.tree import Tree
-from pinbound.urdf import Mimic, build_model, read_kinematics
 
 if TYPE_CHECKING:
-    from pinbound.interpreters.kernel import CommonMark
+    pass
 
-__all__ = ["Robot", "load"]
+__all__ = ["Robot"]
 
 Array = NDArray[np.float64]
 
@@ -114,7 +104,8 @@ class Robot:
         """The `pinocchio.Model` of the whole tree, one coordinate a moving joint, in `coupling.joints`' order.
 
         Example:
-            >>> robot = load("minervabot_v3")
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
             >>> robot.model.nq == len(robot.coupling.joints) == 11
             True
         """
@@ -128,7 +119,8 @@ class Robot:
         """Which bodies are held by marks, which pairs of links are watched, left out and why, or not watched.
 
         Example:
-            >>> coverage = load("minervabot_v3").coverage
+            >>> import pinbound as pb
+            >>> coverage = pb.load("minervabot_v3").coverage
             >>> len(coverage.watched), len(coverage.in_part), coverage.is_complete
             (0, 7, False)
         """
@@ -138,7 +130,8 @@ class Robot:
         """Return the gap of every closure, (n_closures,) or (N, n_closures) [m].
 
         Example:
-            >>> robot = load("minervabot_v3")
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
             >>> bool(robot.closure_residuals(robot.home).max() < 1e-15)
             True
         """
@@ -159,7 +152,8 @@ class Robot:
             UnknownNameError: If there is no such link.
 
         Example:
-            >>> load("minervabot_v3").positions("link_6", [0.0, 0.0, 0.0]).round(5).tolist()
+            >>> import pinbound as pb
+            >>> pb.load("minervabot_v3").positions("link_6", [0.0, 0.0, 0.0]).round(5).tolist()
             [0.12943, 0.0, 0.14859]
         """
         if link not in self.tree.links:
@@ -175,7 +169,8 @@ class Robot:
         Sums, products, sines and cosines are counted as SymPy prints them; nothing is shared between terms.
 
         Example:
-            >>> load("minervabot_v3").operation_counts("beta_5")
+            >>> import pinbound as pb
+            >>> pb.load("minervabot_v3").operation_counts("beta_5")
             (18, 111)
         """
         from pinbound.interpreters import symbolic
@@ -221,209 +216,3 @@ class Robot:
             for step, column in enumerate(columns):
                 full[..., joint.idx_q + step] = column
         return full
-
-
-def load(
-    robot: str | Path,
-    annotations: str | Path | Annotations | None = None,
-    package_dirs: Sequence[str | Path] = (),
-    xacro_args: Mapping[str, Any] | None = None,
-) -> Robot:
-    """Load a robot with its boundaries.
-
-    Args:
-        robot: Name of a packaged robot (e.g. ``"minervabot_v3"``), or a path to a `.urdf` or `.xacro`.
-        annotations: Path of a YAML sidecar or of an .srdf with spheres, or `Annotations`; they add to what is inline.
-            By default `NAME.pinbound.yaml` beside the file, where it exists.
-        package_dirs: Folders in which `package://` is looked up when geometry is read.
-        xacro_args: Arguments of a xacro file.
-
-    Returns:
-        The robot, every closure proven to close and home proven to be free.
-
-    Raises:
-        InputError: If anything is wrong with the files: all faults at once, each with its line and remedy.
-
-    Example:
-        >>> robot = load("minervabot_v3")
-        >>> robot.coordinates, robot.boundaries["beta_5"].coordinates
-        (('q1', 'q2', 'q3'), ('q3',))
-        >>> load("minervabot_v3", xacro_args={"bridge": "as_printed"}).boundaries["beta_5"].coordinates
-        ('q2',)
-    """
-    document = read_document(robot, {key: str(value) for key, value in (xacro_args or {}).items()})
-    problems = Problems(document.label)
-    given, said = _given_items(document, annotations, problems)
-    items = [*read_inline(document.root, problems), *given]
-    links, joints = ([str(e.get("name")) for e in document.root.findall(tag)] for tag in ("link", "joint"))
-    marks = validate(items, problems, links, joints)
-    faults = len(problems.found)
-    kinematics = read_kinematics(
-        document,
-        problems,
-        limits={mark.joint: (mark.lower, mark.upper) for mark in marks.limits},
-        followers={mark.joint: Mimic(mark.primary, mark.multiplier, mark.offset) for mark in marks.followers},
-    )
-    if len(problems.found) > faults:
-        problems.raise_if_any()
-    tree = Tree(kinematics, {mark.link for mark in marks.marks.values()})
-    settled = settle(tree, couple(tree.moving_joints), marks, problems)
-    coupling = settled.coupling
-    limits = linear_limits(tree.moving_joints, coupling)
-    closures, errors = carry(tree, settled, marks, limits, problems)
-    limits = narrowed(limits, coupling, joint_errors(coupling, closures))
-    home, notes = _home(tree, coupling, marks, limits, problems)
-    boundaries, stops = _boundaries(tree, coupling, marks, home, problems, limits, closures)
-    problems.raise_if_any()
-    return Robot(
-        document=document,
-        tree=tree,
-        annotations=marks,
-        coupling=coupling,
-        linear_limits=limits,
-        closures=closures,
-        boundaries=BoundarySet(
-            boundaries, coupling.coordinates, limits, home, partial(_common_marks, tree, coupling, boundaries)
-        ),
-        home=home,
-        notes=(*kinematics.notes, *said, *settled.notes, *errors, *notes, *stops),
-        package_dirs=tuple(map(str, package_dirs)),
-    )
-
-
-def _given_items(
-    document: Document, given: str | Path | Annotations | None, problems: Problems
-) -> tuple[Sequence[RawItem], tuple[str, ...]]:
-    """Return the items of the annotations beside the document, and notes on what of them was not used."""
-    if isinstance(given, Annotations):
-        return raw_items(given, "annotations"), ()
-    stem = document.path.name.removesuffix(".xacro").removesuffix(".urdf")
-    path = document.path.with_name(f"{stem}.pinbound.yaml") if given is None else Path(given)
-    if given is None and not path.is_file():
-        return [], ()
-    from pinbound.annotations.sidecar import read_sidecar
-    from pinbound.annotations.srdf import read_srdf
-
-    if path.suffix == ".srdf":
-        srdf = read_srdf(path, problems, document.root)
-        return srdf.items, srdf.notes
-    return read_sidecar(path, problems), ()
-
-
-def _home(
-    tree: Tree, coupling: Coupling, marks: Annotations, limits: Sequence[LinearLimit], problems: Problems
-) -> tuple[Array, list[str]]:
-    """Return home within all limits: what is marked, and of the other coordinates what `feasible_start` says."""
-    names, joints = coupling.coordinates, {joint.name: joint for joint in tree.moving_joints}
-    for name in marks.home:
-        if name not in names and (name not in joints or joints[name].mimic is not None):
-            what = "follows another joint" if name in joints else "does not exist"
-            problems.add(f"home names {name!r}, which {what}", name_hint(name, names), marks.home_line)
-    fixed = np.array([marks.home.get(name, math.nan) for name in names], dtype=np.float64)
-    home, reasons = feasible_start(limits, fixed, names)
-    notes: list[str] = []
-    if home is None:
-        home, where = np.nan_to_num(fixed), marks.home_line if marks.home else None
-        for limit in limits:
-            if not limit.holds(home[None])[0]:
-                value, ends = float(limit.values(home[None])[0]), f"[{limit.lower:.6g}, {limit.upper:.6g}]"
-                message = f"home is outside the limits of {limit.joint!r}: {value:.6g} is not in {ends}"
-                remedy = "Choose a home inside all limits"
-                if not marks.home:
-                    message = f"no configuration keeps all joint limits: at zero {limit.joint!r} is {value:.6g}"
-                    message += f", which is not in {ends}"
-                    remedy = "Mend the limits, or the multipliers and offsets of mimic joints"
-                problems.add(message, remedy, where)
-    else:
-        notes += [
-            f"home of {name!r} is {home[names.index(name)]:.6g}, {reason}: zero is outside them"
-            for name, reason in reasons.items()
-        ]
-    for name, value in marks.home.items():
-        if name in names or name not in joints or joints[name].mimic is not None:
-            continue
-        coefficients, offset = coupling.row(name)
-        expected = float(coefficients @ home) + offset
-        if abs(value - expected) > HOME:
-            message = f"home has {name!r} at {value:.9g}, but the closed loops put it at {expected:.9g}"
-            problems.add(message, "Leave it out, or give the assembled pose exactly", marks.home_line)
-    home.flags.writeable = False
-    return home, notes
-
-
-def _boundaries(
-    tree: Tree,
-    coupling: Coupling,
-    marks: Annotations,
-    home: Array,
-    problems: Problems,
-    limits: Sequence[LinearLimit],
-    closures: Sequence[Closure],
-) -> tuple[list[Boundary], list[str]]:
-    """Return the boundaries and what is to be said of their stops; those that are in contact at home are faults."""
-    boundaries: list[Boundary] = []
-    notes: list[str] = []
-    for mark in marks.boundaries:
-        a, b = marks.marks[mark.a], marks.marks[mark.b]
-        try:
-            path = relative_path(tree, coupling, a, b)
-            error = place_error(tree, coupling, limits, closures, a, b)
-        except UnsupportedError as refused:
-            problems.add(f"boundary {mark.name!r}: {refused}", "Choose other points", mark.line)
-            continue
-        if not math.isfinite(error):
-            message = f"boundary {mark.name!r} lies across a slide without limits and a loop whose sides differ"
-            problems.add(f"{message}: how far its marks may be off has no bound", "Give the slide limits", mark.line)
-            continue
-        boundary = Boundary(
-            name=mark.name,
-            point_a=a,
-            point_b=b,
-            min_distance=mark.min_distance,
-            path=path,
-            robot_coordinates=coupling.coordinates,
-            contact_tolerance=marks.contact_tolerance,
-            place_error=error,
-            home=home,
-            stop=mark.stop,
-        )
-        boundaries.append(boundary)
-        fault = stop_fault(boundary.rule) if mark.stop else None
-        if fault is not None:
-            problems.add(f"boundary {mark.name!r} is declared as a stop, but {fault[0]}", fault[1], mark.line)
-            continue
-        notes += _stop_notes(boundary)
-        refusal = boundary.rule.refusal_at_home()
-        if refusal is not None:
-            message = f"home is outside the feasible region: {mark.name!r} {refusal}"
-            remedy = "Choose a free home, or mend the points and distances of this boundary"
-            problems.add(message, remedy, marks.home_line or mark.line)
-    return boundaries, notes
-
-
-def _stop_notes(boundary: Boundary) -> list[str]:
-    """Return by how much the arms of a stop miss each other, or that a boundary misses to be a stop by a little."""
-    miss, names = boundary.rule.miss, f"{boundary.point_a.name} and {boundary.point_b.name} ({boundary.name})"
-    if miss is None or miss <= boundary.contact_tolerance:
-        return []
-    said = f"{names} miss each other by {1e3 * miss:.3g} mm"
-    if boundary.is_stop:
-        return [f"{said} where their arms align: contact is there all the same, they are declared as a stop"]
-    return [f'{said}; if this is a stop, declare it: stop="true"'] if miss <= NEAR_STOP else []
-
-
-def _common_marks(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]) -> dict[str, CommonMark] | None:
-    """Return every mark's chains in the root's frame; None if a joint of several coordinates lies between."""
-    from pinbound.interpreters.kernel import CommonMark
-
-    marks = {mark.name: mark for boundary in boundaries for mark in (boundary.point_a, boundary.point_b)}
-    try:
-        return {
-            name: CommonMark(
-                tuple(absolute_chain(tree, coupling, mark.link, xyz) for xyz in mark.anchors),
-                "line" if isinstance(mark, Line) else "plane" if isinstance(mark, Plane) else None,
-            )
-            for name, mark in marks.items()
-        }
-    except UnsupportedError:
-        return None

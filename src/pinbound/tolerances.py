@@ -37,7 +37,9 @@ __all__ = [
     "NEVER_MEETS",
     "ON_CONTOUR",
     "OVERLAP",
+    "PARALLEL",
     "PRECISION",
+    "PRINTED_PI",
     "QUADRATURE",
     "REACHED",
     "REDUCTION",
@@ -52,6 +54,8 @@ __all__ = [
     "SYMBOLIC_DIGITS",
     "UNIT_ROUNDOFF",
     "VERTEX",
+    "XACRO_MEMORY",
+    "XACRO_SECONDS",
 ]
 
 CONTACT: Final = 2e-5
@@ -86,6 +90,24 @@ to a tenth of a degree, come this near, and in the flat pose both assemblies of 
 DEVIATION: Final = 1e-2
 """Radians. A passive joint may be this far from the coupling, at most, where the sides of its loop differ: within a
 loop that comes so near its flat pose the coupling says little about the linkage."""
+
+PARALLEL: Final = 1e-3
+"""Radians. Axes of successive joints this near to one direction are named in a note, if they are not of one direction:
+0.06 degrees is far below what anyone would design, and far above rounding."""
+
+XACRO_SECONDS: Final = 4.0
+"""Seconds that the expansion of one xacro file may take: large public ones take 0.5 s; `${9**9**8}` takes for ever."""
+
+XACRO_MEMORY: Final = 2 * 2**30
+"""Bytes that the expansion of one xacro file may use: a hundred times what large public ones do."""
+
+PRINTED_PI: Final = 5e-4
+"""Radians. A printed angle further than this from a multiple of pi/2 does not mean it, whatever its digits: 1.571 and
+3.142 do, 1.57 and 3.14 are further off."""
+
+AGREEMENT: Final = 1e-12
+"""Relative to the length of a path, and absolute for rotations: what rounding may make of a placement in Pinocchio and
+here, a few operations of 1e-16 a joint over up to some hundred joints."""
 
 HOME: Final = 1e-6
 """Radians or metres. A passive joint that home names must be where the closed loops put it: six decimals of it."""

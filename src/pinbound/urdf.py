@@ -1,4 +1,4 @@
-"""URDF in: links and joints, checked with their lines, and normalised for Pinocchio.
+"""URDF in: links and joints, checked with their lines.
 
 A URDF in the wild may miss `effort`, let a continuous joint follow a revolute one, chain followers, or carry a
 default namespace. pinbound accepts what has one meaning, lists what it normalised, and refuses the rest.
@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from copy import deepcopy
-from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from pinbound.document import Document, local_name, parse_floats, refusal
-from pinbound.exceptions import Problems, name_hint
+from pinbound.document import Document, local_name, parse_floats
+from pinbound.exceptions import Problems, name_hint, printable
+from pinbound.kinematics import JOINT_TYPES, MOVING_TYPES, Joint, JointType, Kinematics, Link, Mimic
+from pinbound.kinematics_checks import check_mimics, check_tree, listed, note_nearly_parallel
+from pinbound.normalise import unit_vector
+from pinbound.vocabulary import check_vocabulary, near_miss
 
 __all__ = [
     "MOVING_TYPES",
@@ -25,83 +27,11 @@ __all__ = [
     "Kinematics",
     "Link",
     "Mimic",
-    "build_model",
     "read_kinematics",
 ]
 
-JointType = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
-JOINT_TYPES: tuple[str, ...] = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-MOVING_TYPES = ("revolute", "continuous", "prismatic")
-"""Joint types with one coordinate: the ones that a boundary can depend on."""
-
 _LIMITED_TYPES = ("revolute", "prismatic")
 _FREE_TYPES = ("floating", "planar")
-_UNBOUNDED = "1e9"  # urdfdom does not read "inf"; build_model puts the infinity back
-
-
-@dataclass(frozen=True, slots=True)
-class Mimic:
-    """`theta = multiplier * theta_primary + offset`, as a `<mimic>` element says it."""
-
-    primary: str
-    multiplier: float
-    offset: float
-
-
-@dataclass(frozen=True, slots=True)
-class Link:
-    """A link: its name, and whether there is a body behind it."""
-
-    name: str
-    has_inertia: bool
-    has_geometry: bool
-    line: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Joint:
-    """A joint as declared: `T_parent_child = (rotation, translation) * motion(axis, theta)`.
-
-    Attributes:
-        name: Joint name.
-        type: One of the six URDF types.
-        parent: Parent link.
-        child: Child link.
-        rotation: (3, 3), from the origin's rpy.
-        translation: (3,) [m], the origin's xyz.
-        axis: (3,) unit vector in the child's frame.
-        lower: Lower limit [rad or m], -inf where the type has none.
-        upper: Upper limit [rad or m], +inf where the type has none.
-        mimic: The joint that it follows, or None.
-        line: Line of the element in the file.
-    """
-
-    name: str
-    type: JointType
-    parent: str
-    child: str
-    rotation: NDArray[np.float64]
-    translation: NDArray[np.float64]
-    axis: NDArray[np.float64]
-    lower: float
-    upper: float
-    mimic: Mimic | None = None
-    line: int | None = None
-
-    @property
-    def moves(self) -> bool:
-        """Whether it has exactly one coordinate."""
-        return self.type in MOVING_TYPES
-
-
-@dataclass(frozen=True, slots=True)
-class Kinematics:
-    """Links and joints of a URDF, in file order, each checked."""
-
-    name: str
-    links: tuple[Link, ...]
-    joints: tuple[Joint, ...]
-    notes: tuple[str, ...]
 
 
 def read_kinematics(
@@ -109,6 +39,7 @@ def read_kinematics(
     problems: Problems,
     limits: Mapping[str, tuple[float, float]] | None = None,
     followers: Mapping[str, Mimic] | None = None,
+    places: Mapping[str, tuple[int | None, str | None]] | None = None,
 ) -> Kinematics:
     """Read links and joints; every fault goes to `problems`, with its line.
 
@@ -117,8 +48,9 @@ def read_kinematics(
         problems: Where faults go; what comes back is complete only if none was added.
         limits: Limits by joint that replace the URDF's own.
         followers: Followers by joint that replace the URDF's own `<mimic>`.
+        places: Line and file of those followers by joint.
     """
-    reader = _Reader(document, problems, limits or {}, followers or {})
+    reader = _Reader(document, problems, limits or {}, followers or {}, places or {})
     return reader.read()
 
 
@@ -131,28 +63,45 @@ class _Reader:
         problems: Problems,
         given_limits: Mapping[str, tuple[float, float]],
         given_followers: Mapping[str, Mimic],
+        places: Mapping[str, tuple[int | None, str | None]],
     ) -> None:
         self.root, self.problems = document.root, problems
-        self.given_limits, self.given_followers = given_limits, given_followers
+        self.given_limits, self.given_followers, self.places = given_limits, given_followers, places
         self.notes: list[str] = list(document.notes)
         self.links: dict[str, Link] = {}
         self.joints: dict[str, Joint] = {}
+        self.soft: list[str] = []
+        self.unmoved: list[str] = []
 
     def read(self) -> Kinematics:
         if self.root.tag != "robot":
-            self.problems.add(f"the root element is <{local_name(self.root)}>", "A URDF starts with <robot>", 1)
+            tag = f"{self.root.prefix}:{local_name(self.root)}" if self.root.prefix else local_name(self.root)
+            self.problems.add(f"the root element is <{tag}>", "A URDF starts with <robot>", 1)
             return Kinematics("", (), (), ())
+        self.notes += check_vocabulary(self.root, self.problems)
         for element in self.root.findall("link"):
             self._link(element)
         for element in self.root.findall("joint"):
             self._joint(element)
         for given, thing in ((self.given_limits, "limits"), (self.given_followers, "<mimic>")):
-            self.notes.extend(f"the annotations replace the {thing} of joint {name!r}" for name in given)
+            for name in given:
+                joint = self.joints.get(name)
+                if joint is None or joint.moves:
+                    self.notes.append(f"the annotations replace the {thing} of joint {name!r}")
+                else:
+                    self.notes.append(
+                        f"{joint.type} joint {name!r} cannot move: its {thing} in the annotations do nothing"
+                    )
+        if self.soft:
+            self.notes.append(f"the soft limits of safety_controller are ignored, <limit> counts: {listed(self.soft)}")
+        if self.unmoved:
+            self.notes.append(f"limits of joints that are fixed, floating or planar do nothing: {listed(self.unmoved)}")
         if not self.links:
             self.problems.add("the robot has no links", "Check that the file is the robot's URDF, and complete", 1)
-        self._check_mimics()
-        self._check_tree()
-        name = self.root.get("name", "")
+        self.notes += check_mimics(self.joints, self.problems, self.places)
+        check_tree(self.links, self.joints, self.problems)
+        self.notes += note_nearly_parallel(self.joints)
+        name = printable(self.root.get("name", ""))
         if not name:
             name = "robot"
             self.notes.append("the robot has no name; it is called 'robot'")
@@ -163,6 +112,9 @@ class _Reader:
         if not name:
             self.problems.add(f"a <{what}> has no name", "Name it", line)
             return None
+        if printable(name) != name:
+            message = f"the name {name!r} of a {what} holds characters that nobody can see"
+            self.problems.add(message, "Use letters, digits and signs; no control or formatting characters", line)
         if name in known:
             first = known[name].line
             self.problems.add(f"{what} {name!r} is declared twice (first on line {first})", "Rename one", line)
@@ -187,7 +139,9 @@ class _Reader:
             return
         line, what, kind = element.sourceline, f"joint {name!r}", element.get("type", "")
         if kind not in JOINT_TYPES:
-            self.problems.add(f"{what} has the type {kind!r}", f"Valid types: {', '.join(JOINT_TYPES)}", line)
+            near = [valid for valid in JOINT_TYPES if near_miss(kind, valid)]
+            hint = f"Did you mean {near[0]!r}? " if near else ""
+            self.problems.add(f"{what} has the type {kind!r}", f"{hint}Valid types: {', '.join(JOINT_TYPES)}", line)
             kind = "fixed"
         if kind in _FREE_TYPES:
             self.notes.append(f"{kind} {what} is held at its origin in robot.model; no boundary may lie across it")
@@ -220,15 +174,11 @@ class _Reader:
             self.problems.add(f"{what} has no <{tag} link=...>", "Name its link", element.sourceline)
         elif name not in self.links:
             self.problems.add(
-                f"{what} has the {tag} {name!r}, which is no link", self._hint(name, self.links), _line(end)
+                f"{what} has the {tag} {name!r}, which is no link", name_hint(name, self.links), _line(end)
             )
         else:
             return name
         return None
-
-    @staticmethod
-    def _hint(name: str, known: dict[str, Any]) -> str:
-        return name_hint(name, known)
 
     def _number(self, element: etree._Element | None, key: str, what: str, default: float) -> float:
         return self._numbers(element, key, what, (default,))[0]
@@ -251,38 +201,73 @@ class _Reader:
         return numbers
 
     def _axis(self, element: etree._Element, kind: str, what: str) -> NDArray[np.float64]:
-        axis = np.array(self._vector(element.find("axis"), "xyz", f"the axis of {what}", (1.0, 0.0, 0.0)))
-        length = float(np.linalg.norm(axis))
+        default = (1.0, 0.0, 0.0)
+        found = element.find("axis")
         if kind not in MOVING_TYPES:
-            return np.array([1.0, 0.0, 0.0])
-        if length == 0.0:
+            return np.array(default)
+        if found is not None and found.get("xyz") is None:
+            self.problems.add(f"the <axis> of {what} has no xyz", "Write <axis xyz=...>", found.sourceline)
+            return np.array(default)
+        axis = self._vector(found, "xyz", f"the axis of {what}", default)
+        if not any(axis):
             self.problems.add(f"{what} has a zero axis", "Give the axis a direction", element.sourceline)
-            return np.array([1.0, 0.0, 0.0])
+            return np.array(default)
+        length = math.hypot(*axis)
         if abs(length - 1.0) > 1e-6:
             self.notes.append(f"the axis of {what} has length {length:.6g}; it is normalised")
-        return axis / length
+        return unit_vector(axis)
 
     def _limits(self, element: etree._Element, kind: str, what: str) -> tuple[float, float]:
         limit = element.find("limit")
         if kind not in _LIMITED_TYPES:
+            self._note_ignored_limits(limit, kind, what)
             return -math.inf, math.inf
         if limit is None:
             message = f"{what} is {kind} but has no <limit>"
-            self.problems.add(message, "Give lower and upper, or make it continuous", element.sourceline)
+            self.problems.add(message, _limit_remedy(kind), element.sourceline)
             return -math.inf, math.inf
         for key in ("effort", "velocity"):
-            self._number(limit, key, f"the limit of {what}", 0.0)
+            if not self._is_endless(limit.get(key)):
+                self._number(limit, key, f"the limit of {what}", 0.0)
         missing = [key for key in ("effort", "velocity") if limit.get(key) is None]
         if missing:
             self.notes.append(f"the limit of {what} has no {' and no '.join(missing)}; boundaries do not need it")
+        endless = [key for key in ("effort", "velocity") if self._is_endless(limit.get(key))]
+        if endless:
+            self.notes.append(f"the limit of {what} has no finite {' and '.join(endless)}; boundaries do not need it")
+        ends = [key for key in ("lower", "upper") if limit.get(key) is None]
         lower = self._number(limit, "lower", f"the limit of {what}", 0.0)
         upper = self._number(limit, "upper", f"the limit of {what}", 0.0)
         if lower > upper:
             message = f"{what} has lower {lower:g} above upper {upper:g}"
-            self.problems.add(message, "Swap them", limit.sourceline)
+            if ends:
+                message = f"the limit of {what} has no {ends[0]}, which counts as 0: lower {lower:g}, upper {upper:g}"
+            self.problems.add(message, f"Give {ends[0]}" if ends else "Swap them", limit.sourceline)
+        elif ends:
+            still = ", so that the joint cannot move" if len(ends) > 1 else ""
+            are = "which count as 0" if len(ends) > 1 else "which counts as 0"
+            self.notes.append(f"the limit of {what} has no {' and no '.join(ends)}, {are}{still}")
         return lower, upper
 
+    def _note_ignored_limits(self, limit: etree._Element | None, kind: str, what: str) -> None:
+        """Say which limits the type of a joint leaves without effect."""
+        given = [] if limit is None else [f"{key} {limit.get(key)}" for key in ("lower", "upper") if limit.get(key)]
+        if given and kind == "continuous":
+            remedy = "make it revolute if they are meant"
+            self.notes.append(f"continuous {what} has limits ({', '.join(given)}), which do nothing; {remedy}")
+        elif (
+            given
+            and kind in JOINT_TYPES
+            and any(parse_floats(word.split(maxsplit=1)[1], 1) != (0.0,) for word in given)
+        ):
+            self.unmoved.append(what.removeprefix("joint "))
+
+    @staticmethod
+    def _is_endless(text: str | None) -> bool:
+        return text is not None and text.strip().lower().lstrip("+") in ("inf", "infinity")
+
     def _mimic(self, element: etree._Element, what: str) -> Mimic | None:
+        self._note_soft_limits(element, what)
         mimic = element.find("mimic")
         if mimic is None:
             return None
@@ -293,66 +278,16 @@ class _Reader:
         multiplier = self._number(mimic, "multiplier", f"the mimic of {what}", 1.0)
         return Mimic(primary, multiplier, self._number(mimic, "offset", f"the mimic of {what}", 0.0))
 
-    def _check_mimics(self) -> None:
-        moving = {name: joint for name, joint in self.joints.items() if joint.moves}
-        for name, joint in self.joints.items():
-            if joint.mimic is None:
-                continue
-            if name not in moving:
-                self.notes.append(f"{joint.type} joint {name!r} has a <mimic>, which does nothing")
-                continue
-            primary = joint.mimic.primary
-            if primary in moving:
-                self._note_follower(joint, moving[primary])
-                continue
-            kind = f"a {self.joints[primary].type} joint" if primary in self.joints else "no joint of this robot"
-            message = f"joint {name!r} follows {primary!r}, which is {kind}"
-            self.problems.add(message, self._hint(primary, moving), joint.line)
-        for name, joint in self.joints.items():
-            if name in self._followed(joint):
-                message = f"joint {name!r} follows itself, through other followers"
-                self.problems.add(message, "Let one joint of the cycle be free", joint.line)
+    def _note_soft_limits(self, element: etree._Element, what: str) -> None:
+        soft = element.find("safety_controller")
+        ends = [] if soft is None else [soft.get(f"soft_{end}_limit") for end in ("lower", "upper")]
+        if any(end is not None for end in ends):
+            self.soft.append(f"{what.removeprefix('joint ')} ({' .. '.join(end or '0' for end in ends)})")
 
-    def _note_follower(self, joint: Joint, primary: Joint) -> None:
-        """Say what stock readers refuse or get wrong about a follower, and pinbound does not."""
-        if primary.mimic is not None:
-            self.notes.append(
-                f"joint {joint.name!r} follows {primary.name!r}, itself a follower: the chain is flattened"
-            )
-        if (joint.type == "continuous") != (primary.type == "continuous"):
-            self.notes.append(f"{joint.type} joint {joint.name!r} follows {primary.type} joint {primary.name!r}")
 
-    def _followed(self, joint: Joint) -> set[str]:
-        """Return every joint that this one follows, directly or not."""
-        names: set[str] = set()
-        step: Joint | None = joint
-        while step is not None and step.mimic is not None and step.mimic.primary not in names:
-            names.add(step.mimic.primary)
-            step = self.joints.get(step.mimic.primary)
-        return names
-
-    def _check_tree(self) -> None:
-        parent_joint: dict[str, Joint] = {}
-        for joint in self.joints.values():
-            first = parent_joint.setdefault(joint.child, joint)
-            if first is not joint:
-                message = f"link {joint.child!r} is the child of two joints, {first.name!r} and {joint.name!r}"
-                remedy = "A URDF is a tree: keep one, and say the other as <pinbound:closure>"
-                self.problems.add(message, remedy, joint.line)
-        roots = [name for name in self.links if name not in parent_joint]
-        if self.links and len(roots) != 1:
-            found = ", ".join(map(repr, roots)) or "none: the joints form a cycle"
-            message = f"the robot needs one root link, and has {len(roots)} ({found})"
-            self.problems.add(message, "Connect all links by joints into one tree", 1)
-            return
-        for link in self.links.values():
-            seen, name = {link.name}, link.name
-            while name in parent_joint:
-                name = parent_joint[name].parent
-                if name in seen:
-                    self.problems.add(f"link {link.name!r} hangs on a cycle of joints", "Cut the cycle", link.line)
-                    break
-                seen.add(name)
+def _limit_remedy(kind: str) -> str:
+    give = "Give lower and upper, in the URDF or as `limits` in the annotations"
+    return f"{give}; or make it continuous" if kind == "revolute" else give
 
 
 def _line(element: etree._Element | None) -> int | None:
@@ -361,6 +296,8 @@ def _line(element: etree._Element | None) -> int | None:
 
 def _rotation(rpy: tuple[float, ...]) -> NDArray[np.float64]:
     """Return `R_z(yaw) R_y(pitch) R_x(roll)`, the convention of URDF."""
+    if not any(rpy):
+        return np.eye(3)
     (sr, sp, sy), (cr, cp, cy) = np.sin(rpy), np.cos(rpy)
     return np.array(
         [
@@ -369,52 +306,3 @@ def _rotation(rpy: tuple[float, ...]) -> NDArray[np.float64]:
             [-sp, cp * sr, cp * cr],
         ]
     )
-
-
-def build_model(document: Document, kinematics: Kinematics) -> Any:
-    """Build the `pinocchio.Model` of the whole tree, one coordinate a moving joint.
-
-    Followers are free joints in it, continuous joints are revolute ones without limits (so nq = nv), and floating
-    and planar joints are held at their origin: no boundary may depend on them.
-
-    Raises:
-        InputError: If Pinocchio refuses the normalised URDF.
-    """
-    import pinocchio
-
-    pin = cast(Any, pinocchio)
-    root = deepcopy(document.root)
-    root.set("name", kinematics.name)
-    for element in list(root):
-        if not isinstance(element.tag, str) or element.tag not in ("link", "joint"):
-            root.remove(element)
-    for element in root.iter("link"):
-        for child in [*element.findall("visual"), *element.findall("collision")]:
-            element.remove(child)
-    joints = {joint.name: joint for joint in kinematics.joints}
-    for element in root.findall("joint"):
-        _normalise_joint(element, joints[str(element.get("name"))])
-    try:
-        model = pin.buildModelFromXML(etree.tostring(root).decode())
-    except (ValueError, RuntimeError) as error:
-        reason = str(error).strip().splitlines()[0]
-        raise refusal(document.label, f"Pinocchio refuses it: {reason}", "Mend the URDF") from error
-    for name, joint in joints.items():
-        if joint.moves:
-            index = model.joints[model.getJointId(name)].idx_q
-            model.lowerPositionLimit[index], model.upperPositionLimit[index] = joint.lower, joint.upper
-    return model
-
-
-def _normalise_joint(element: etree._Element, joint: Joint) -> None:
-    limit = element.find("limit")
-    given = {} if limit is None else {key: str(limit.get(key, "0")) for key in ("effort", "velocity")}
-    for child in list(element):
-        if local_name(child) not in ("parent", "child", "origin", "axis"):
-            element.remove(child)
-    if joint.type in _FREE_TYPES:
-        element.set("type", "fixed")
-    if joint.moves:
-        element.set("type", "prismatic" if joint.type == "prismatic" else "revolute")
-        bounds = {"lower": f"-{_UNBOUNDED}", "upper": _UNBOUNDED, "effort": "0", "velocity": "0"}
-        etree.SubElement(element, "limit", bounds | given)

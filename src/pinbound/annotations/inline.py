@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, cast
 
 from lxml import etree
 
 from pinbound.annotations.records import FIELDS, NAMESPACE, RawItem
 from pinbound.document import local_name
 from pinbound.exceptions import Problems, UnsupportedError, name_hint
+from pinbound.vocabulary import looks_like_ours
 
 __all__ = ["inline_text", "read_inline"]
+
+_NAMESPACED = etree.XPath("descendant::*[namespace-uri()]")
 
 
 def read_inline(root: etree._Element, problems: Problems) -> list[RawItem]:
     """Return the raw items of every `<pinbound:annotations>` block of a `<robot>`; there may be several."""
     items: list[RawItem] = []
-    for element in root.iter(etree.Element):
-        namespace = etree.QName(element).namespace
-        if namespace is None or "pinbound" not in namespace:
+    foreign: set[str | None] = set()
+    for element in cast(list[etree._Element], _NAMESPACED(root)):
+        if not looks_like_ours(element):
             continue
+        namespace = etree.QName(element).namespace
+        if namespace in foreign:
+            continue  # said once
         if namespace != NAMESPACE:
+            foreign.add(namespace)
             problems.add(
-                f"<{local_name(element)}> is in the namespace {namespace!r}",
-                f'This version reads xmlns:pinbound="{NAMESPACE}"',
+                f"<{local_name(element)}> is in the namespace {namespace!r}, which nothing reads",
+                f'Write xmlns:pinbound="{NAMESPACE}", which this version reads',
                 element.sourceline,
             )
         elif local_name(element) == "annotations" and element.getparent() is root:

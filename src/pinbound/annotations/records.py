@@ -150,6 +150,7 @@ class Annotations:
         left_out: Pairs of links that are left out, with reasons.
         assumptions: Sentences that every report of this robot must show.
         home_line: Line of the home element.
+        sources: The file that each of these was read from, by what it is: `"home"`, `"boundary stop"`, `"limit q1"`.
     """
 
     contact_tolerance: float = CONTACT
@@ -162,6 +163,7 @@ class Annotations:
     left_out: tuple[LeftOutMark, ...] = ()
     assumptions: tuple[str, ...] = ()
     home_line: int | None = None
+    sources: Mapping[str, str] = field(default_factory=dict[str, str], compare=False, repr=False)
 
     @property
     def points(self) -> dict[str, Point]:

@@ -33,8 +33,7 @@ def read_sidecar(path: Path, problems: Problems) -> list[RawItem]:
     source = path.name
     try:
         text = path.read_text(encoding="utf-8")
-        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=yaml.SafeLoader)):
-            problems.add("uses a YAML alias (*name)", "Write the values out", source=source)
+        if _refuse_structure(text, source, problems):
             return []
         node = yaml.compose(text, Loader=yaml.SafeLoader)
     except OSError as error:
@@ -48,7 +47,45 @@ def read_sidecar(path: Path, problems: Problems) -> list[RawItem]:
         return []
     if node is None:
         return []
+    _refuse_tags(node, source, problems)
     return _Sidecar(source, problems).items(node)
+
+
+_MOST_NESTED = 32
+_TAGS = tuple(
+    f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "bool", "null", "seq", "map", "timestamp")
+)
+
+
+def _refuse_structure(text: str, source: str, problems: Problems) -> bool:
+    """Refuse aliases and deep nesting while the events come, before anything is built; return whether one was met."""
+    depth = 0
+    for event in yaml.parse(text, Loader=yaml.SafeLoader):
+        line = event.start_mark.line + 1 if event.start_mark else None
+        if isinstance(event, yaml.AliasEvent):
+            problems.add("uses a YAML alias (*name)", "Write the values out", line, source)
+            return True
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > _MOST_NESTED:
+            remedy = "A sidecar holds lists of mappings of numbers and names"
+            problems.add(f"nests deeper than {_MOST_NESTED} levels", remedy, line, source)
+            return True
+    return False
+
+
+def _refuse_tags(node: yaml.Node, source: str, problems: Problems) -> None:
+    """Refuse tags: `!degrees -90` is no number here, and must not be read as one."""
+    if node.tag not in _TAGS:
+        problems.add(
+            f"holds the tag {node.tag!r}", "Write plain numbers in metres and radians", _node_line(node), source
+        )
+    if isinstance(node, yaml.SequenceNode):
+        for entry in node.value:
+            _refuse_tags(entry, source, problems)
+    if isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            _refuse_tags(key, source, problems)
+            _refuse_tags(value, source, problems)
 
 
 class _Sidecar:

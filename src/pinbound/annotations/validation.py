@@ -17,11 +17,12 @@ from pinbound.annotations.records import (
     RawItem,
 )
 from pinbound.document import parse_floats
-from pinbound.exceptions import Problems, name_hint
+from pinbound.exceptions import Problems, name_hint, printable
 from pinbound.tolerances import CLOSURE, CONTACT
 
 __all__ = ["validate"]
 
+_SEEN = "Use letters, digits and signs; no control or formatting characters"
 _MOST_WAYS = 9  # of a sweep: its corners are looked at one by one
 
 
@@ -76,9 +77,12 @@ class _Validator:
             limits=tuple(limit for limit in limits if limit),
             left_out=tuple(pair for pair in left_out if pair),
             assumptions=tuple(
-                str(item.fields["text"]) for item in by_kind.get("assumption", []) if self._complete(item)
+                printable(" ".join(str(item.fields["text"]).split()))
+                for item in by_kind.get("assumption", [])
+                if self._complete(item)
             ),
             home_line=homes[0].line if homes else None,
+            sources={self._known_as(item): item.source for item in items},
         )
 
     def _fault(self, message: str, remedy: str) -> None:
@@ -87,6 +91,8 @@ class _Validator:
     def _once(self, settings: list[RawItem], key: str) -> float:
         given = [item for item in settings if self._complete(item) and key in item.fields]
         for extra in given[1:]:
+            if extra.fields[key] == given[0].fields[key]:
+                continue
             self.item = extra
             if parse_floats(str(extra.fields[key]), 1) == parse_floats(str(given[0].fields[key]), 1):
                 continue  # a sidecar that repeats what the URDF says does not contradict it
@@ -121,6 +127,9 @@ class _Validator:
             if key not in required + optional:
                 hint = name_hint(key, required + optional)
                 self._fault(f"{what} has the unknown attribute {key!r}", hint)
+        for key, value in item.fields.items():
+            if key != "text" and printable(f"{key} {value}") != f"{key} {value}":
+                self._fault(f"{what} has {key!r} = {value!r}, which holds characters that nobody can see", _SEEN)
         missing = [key for key in required if not str(item.fields.get(key, "")).strip()]
         if missing:
             self._fault(f"{what} has no {', no '.join(missing)}", f"It needs {', '.join(required)}")
@@ -156,6 +165,10 @@ class _Validator:
         if item.kind == "left_out":
             return "-".join(str(item.fields[key]) for key in ("a", "b") if item.fields.get(key))
         return str(item.fields.get("name") or item.fields.get("joint") or "")
+
+    def _known_as(self, item: RawItem) -> str:
+        """Return the key of an item in `Annotations.sources`."""
+        return item.kind if item.kind in ("home", "settings") else f"{item.kind} {self._name(item)}"
 
     def _known(self, thing: str, name: str) -> str | None:
         """Return the name of a link or joint, if the robot has it."""
@@ -317,6 +330,8 @@ class _Validator:
         self.item = item
         home: dict[str, float] = {}
         for name in item.fields:
+            if printable(name) != name:
+                self._fault(f"home has the name {name!r}, which holds characters that nobody can see", _SEEN)
             numbers = self._numbers(name, 1)
             if numbers is not None:
                 home[name] = numbers[0]

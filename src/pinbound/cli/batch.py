@@ -95,7 +95,7 @@ def batch(
     names = tuple(name.strip() for name in columns.split(",") if name.strip())
     evaluation = evaluation_of(loaded, names, summary, limits_only=limits_only)
     fields = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("{task.fields[rate]}"),

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.text import Text
 
 from pinbound.certificates import Budget, Certificate, Finding, Verdict, certify
 from pinbound.cli.coverage import (
@@ -116,9 +117,10 @@ def _report(robot: Robot, motion: Motion, found: Certificate) -> None:
     spent = f"{found.boxes:,} boxes, {1e3 * found.seconds:.1f} ms"
     colour = {"certified": "green", "violated": "red"}.get(found.verdict.value, "yellow")
     out.print(
-        f"[bold {colour}]{found.verdict.value.upper()}[/bold {colour}]: {count} waypoints, "
-        f"{unit} {found.start:.9g} to {found.end:.9g}; {len(found.boundaries)} boundaries, "
-        f"{len(found.limits)} ends of joint limits; {spent}"
+        Text(found.verdict.value.upper(), f"bold {colour}"),
+        f": {count} waypoints, {unit} {found.start:.9g} to {found.end:.9g}; {len(found.boundaries)} boundaries, "
+        f"{len(found.limits)} ends of joint limits; {spent}",
+        sep="",
     )
     say_coverage(found.coverage)
     if found.boundaries:

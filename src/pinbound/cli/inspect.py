@@ -6,6 +6,7 @@ import math
 from typing import Annotated, Any
 
 import typer
+from rich.text import Text
 
 from pinbound.annotations import FIELDS, KINDS, Line, Mark, Plane, Point, Segment, Sweep
 from pinbound.boundary import Boundary, ContactAngle
@@ -57,7 +58,9 @@ def info(
         emit_json(_info_record(loaded))
         return
     out = console()
-    out.print(f"[bold]{loaded.name}[/bold]: {len(loaded.coordinates)} coordinates, {len(loaded.tree.links)} links")
+    out.print(
+        Text(loaded.name, "bold"), f": {len(loaded.coordinates)} coordinates, {len(loaded.tree.links)} links", sep=""
+    )
     print_table("Joints", ("joint", "type", "moves", "home", "limits"), _joint_rows(loaded))
     if loaded.closures:
         rows = [(c.name, f"{c.mark.link_a} - {c.mark.link_b}", f"{c.bound:.1e}", _off(c)) for c in loaded.closures]
@@ -83,7 +86,7 @@ def info(
         )
     for heading, lines in (("Notes", loaded.notes), ("Assumptions", loaded.annotations.assumptions)):
         if lines:
-            out.print(f"[bold]{heading}[/bold]")
+            out.print(heading, style="bold")
             for line in lines:
                 out.print(f"- {line}", markup=False)
 
@@ -196,7 +199,7 @@ def derive(
         ends = (
             f"{boundary.point_a.name} ({boundary.point_a.link}) and {boundary.point_b.name} ({boundary.point_b.link})"
         )
-        out.print(f"[bold]{boundary.name}[/bold]: {ends}")
+        out.print(Text(boundary.name, "bold"), f": {ends}", sep="")
         out.print(
             f"  {boundary.kind.value}; ancestor {boundary.ancestor}; depends on {', '.join(boundary.coordinates)}"
         )

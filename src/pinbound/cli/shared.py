@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Annotated, Any, ParamSpec, TypeVar, cast
 
@@ -15,8 +17,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from pinbound.document import TRUST
 from pinbound.exceptions import InputError, MachineError, PinboundError, Problem
-from pinbound.robot import Robot, load
+from pinbound.loading import load
+from pinbound.robot import Robot
 
 __all__ = [
     "Annotations",
@@ -39,25 +43,41 @@ R = TypeVar("R")
 
 _PIPE_WIDTH = 140
 _INPUT = (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError, FileExistsError)
+_trusted = ContextVar("trust", default=TRUST[0])
 
 RobotName = Annotated[str, typer.Argument(help="A packaged robot's name, or a path to a .urdf or .xacro.")]
-Annotations = Annotated[Path | None, typer.Option(help="YAML sidecar with the annotations.")]
-PackageDirs = Annotated[list[Path] | None, typer.Option("--package-dir", help="Where package:// is looked up.")]
+Annotations = Annotated[
+    list[Path] | None, typer.Option(help="YAML sidecar (or SRDF) with annotations; may be given more than once.")
+]
+PackageDirs = Annotated[
+    list[Path] | None, typer.Option("--package-dir", help="Folder of ROS packages, for package:// and $(find).")
+]
 XacroArgs = Annotated[list[str] | None, typer.Option("--xacro-arg", help="NAME=VALUE for a xacro file.")]
+Trust = Annotated[str, typer.Option(help="'urdf-only' refuses xacro files, which can run code.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON (metres, radians) instead of tables.")]
 
 
 def console(stderr: bool = False) -> Console:
-    """Return a console; piped output gets a fixed width, so that scripts see the same tables everywhere."""
-    made = Console(stderr=stderr, highlight=False, soft_wrap=False)
-    return made if made.is_terminal else Console(stderr=stderr, highlight=False, width=_PIPE_WIDTH)
+    """Return a console; piped output gets a fixed width, so that scripts see the same tables everywhere.
+
+    Names are data: no markup, no emoji codes and no highlighting are read out of what is printed. Give `style=` or a
+    `rich.text.Text` for what is to be bold.
+    """
+    made = Console(stderr=stderr, markup=False, emoji=False, highlight=False)
+    if made.is_terminal:
+        return made
+    return Console(stderr=stderr, markup=False, emoji=False, highlight=False, width=_PIPE_WIDTH)
 
 
-def guarded(command: Callable[P, R]) -> Callable[P, R]:
-    """Turn an expected error into one message on stderr: exit code 2 for bad input, 3 where the machine failed."""
+def guarded(command: Callable[P, R]) -> Callable[..., R]:
+    """Turn an expected error into one message on stderr: exit code 2 for bad input, 3 where the machine failed.
+
+    Every command that loads a robot gets the option `--trust`.
+    """
 
     @functools.wraps(command)
     def run(*args: P.args, **kwargs: P.kwargs) -> R:
+        _trusted.set(str(kwargs.pop("trust", TRUST[0])))
         try:
             return command(*args, **kwargs)
         except MachineError as error:
@@ -74,12 +94,18 @@ def guarded(command: Callable[P, R]) -> Callable[P, R]:
                 raise typer.Exit(3) from error
         raise typer.Exit(2)
 
+    signature = inspect.signature(command, eval_str=True)
+    if "xacro_arg" in signature.parameters:
+        asked = inspect.Parameter("trust", inspect.Parameter.KEYWORD_ONLY, default=TRUST[0], annotation=Trust)
+        found: dict[str, Any] = {name: one.annotation for name, one in signature.parameters.items()}
+        run.__annotations__ = found | {"trust": Trust, "return": signature.return_annotation}
+        cast(Any, run).__signature__ = signature.replace(parameters=[*signature.parameters.values(), asked])
     return run
 
 
 def load_robot(
     robot: str,
-    annotations: Path | None = None,
+    annotations: Sequence[Path] | None = None,
     package_dirs: Sequence[Path] | None = None,
     xacro_args: Sequence[str] | None = None,
 ) -> Robot:
@@ -90,7 +116,7 @@ def load_robot(
         if not equals or not name:
             raise _bad("--xacro-arg", f"{text!r} is not NAME=VALUE", "Write e.g. --xacro-arg bridge=as_printed")
         mappings[name] = value
-    return load(robot, annotations, tuple(package_dirs or ()), mappings)
+    return load(robot, annotations or None, tuple(package_dirs or ()), mappings, trust=_trusted.get())
 
 
 def _bad(option: str, message: str, remedy: str) -> InputError:
@@ -135,9 +161,9 @@ def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[obje
     table = Table(title=title, title_justify="left", title_style="bold", caption=note, caption_justify="left")
     for column in columns:
         is_number = column.endswith("]")
-        table.add_column(column.replace("[", r"\["), justify="right" if is_number else "left")
+        table.add_column(column, justify="right" if is_number else "left")
     for row in rows:
-        table.add_row(*(str(cell).replace("[", r"\[") for cell in row))
+        table.add_row(*map(str, row))
     console().print(table)
 
 

@@ -6,9 +6,11 @@ Constants become exact rationals of their decimal form (15 digits), so that expr
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from html import escape
 from typing import Any, cast
 
 import numpy as np
@@ -94,7 +96,19 @@ def latex(vector: Any, digits: int = 6, entry: bool = False) -> str:
     """Return a vector, or its first entry alone, as LaTeX, numbers as decimals in metres."""
     decimals = {number: sp.Float(number, digits) for number in vector.atoms(sp.Rational) if not number.is_Integer}
     found = vector.xreplace(decimals)
-    return str(sp.latex(found[0] if entry else found))
+    named = {symbol: _text(symbol.name) for symbol in found.free_symbols if not _PLAIN.fullmatch(symbol.name)}
+    return str(sp.latex(found[0] if entry else found, symbol_names=named))
+
+
+_PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_]*'*")
+"""Names that LaTeX and MathML print as they are meant; all others are printed as text, letter by letter."""
+
+_LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "$": r"\$"}
+
+
+def _text(name: str) -> str:
+    """Return LaTeX that prints a name as it is; a name is data, and runs no command."""
+    return r"\text{" + "".join(_LATEX.get(letter, "\\" * (letter in "{}%&#_") + letter) for letter in name) + "}"
 
 
 def lines(vector: Any, digits: int = 6) -> tuple[str, ...]:
@@ -113,12 +127,20 @@ def mathml(vector: Any, digits: int = 6) -> tuple[str, ...]:
     """Return the components `r_x = ...`, `r_y = ...`, `r_z = ...` as MathML, lengths in millimetres."""
     from sympy.printing.mathml import mathml as to_mathml
 
+    strange = sorted({symbol.name for symbol in vector.free_symbols if not _PLAIN.fullmatch(symbol.name)})
+    stand_ins = {name: f"name{chr(0x1D400 + index)}" for index, name in enumerate(strange)}  # SymPy escapes nothing
+    vector = vector.xreplace(
+        {s: sp.Symbol(stand_ins[s.name], real=True) for s in vector.free_symbols if s.name in stand_ins}
+    )
     metres = (1000 * vector).expand()
     decimals = {number: sp.Float(number, digits) for number in metres.atoms(sp.Rational) if not number.is_Integer}
     names = sp.symbols("r_x r_y r_z")
     equations = [sp.Eq(name, side, evaluate=False) for name, side in zip(names, metres.xreplace(decimals), strict=True)]
     bodies = [str(cast(Any, to_mathml)(equation, printer="presentation")) for equation in equations]
     bodies = [body.replace("<mo>&InvisibleTimes;</mo>", '<mspace width="0.17em"/>') for body in bodies]
+    for name, stand_in in stand_ins.items():
+        printed = stand_in.encode("ascii", "xmlcharrefreplace").decode()
+        bodies = [body.replace(printed, escape(name)) for body in bodies]
     return tuple(f'<math xmlns="http://www.w3.org/1998/Math/MathML">{body}</math>' for body in bodies)
 
 
@@ -150,10 +172,11 @@ class LimitExpressions:
 
     def latex(self, digits: int = 6) -> str:
         """Return `q = aligned +- half_width + period k` as LaTeX, numbers as decimals in metres and radians."""
-        head = sp.latex(sp.Symbol(self.coordinate))
+        head = latex(sp.Matrix([sp.Symbol(self.coordinate)]), entry=True)
         aligned = latex(sp.Matrix([self.aligned]), digits, entry=True)
         width = "" if self.half_width == 0 else rf" \pm {latex(sp.Matrix([self.half_width]), digits, entry=True)}"
-        return rf"{head} = {aligned}{width} + {sp.latex(self.period)} k, \quad k \in \mathbb{{Z}}"
+        period = latex(sp.Matrix([self.period]), digits, entry=True)
+        return rf"{head} = {aligned}{width} + {period} k, \quad k \in \mathbb{{Z}}"
 
 
 def limit_expressions(path: RelativePath, index: int, coordinates: Sequence[str], threshold: float) -> LimitExpressions:

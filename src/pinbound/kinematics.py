@@ -1,0 +1,81 @@
+"""Links and joints of a robot as its URDF declares them: immutable records, in file order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["JOINT_TYPES", "MOVING_TYPES", "Joint", "JointType", "Kinematics", "Link", "Mimic"]
+
+JointType = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
+JOINT_TYPES: tuple[str, ...] = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+MOVING_TYPES = ("revolute", "continuous", "prismatic")
+"""Joint types with one coordinate: the ones that a boundary can depend on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mimic:
+    """`theta = multiplier * theta_primary + offset`, as a `<mimic>` element says it."""
+
+    primary: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A link: its name, and whether there is a body behind it."""
+
+    name: str
+    has_inertia: bool
+    has_geometry: bool
+    line: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A joint as declared: `T_parent_child = (rotation, translation) * motion(axis, theta)`.
+
+    Attributes:
+        name: Joint name.
+        type: One of the six URDF types.
+        parent: Parent link.
+        child: Child link.
+        rotation: (3, 3), from the origin's rpy.
+        translation: (3,) [m], the origin's xyz.
+        axis: (3,) unit vector in the child's frame.
+        lower: Lower limit [rad or m], -inf where the type has none.
+        upper: Upper limit [rad or m], +inf where the type has none.
+        mimic: The joint that it follows, or None.
+        line: Line of the element in the file.
+    """
+
+    name: str
+    type: JointType
+    parent: str
+    child: str
+    rotation: NDArray[np.float64]
+    translation: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    lower: float
+    upper: float
+    mimic: Mimic | None = None
+    line: int | None = None
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has exactly one coordinate."""
+        return self.type in MOVING_TYPES
+
+
+@dataclass(frozen=True, slots=True)
+class Kinematics:
+    """Links and joints of a URDF, in file order, each checked."""
+
+    name: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    notes: tuple[str, ...]

@@ -1,0 +1,284 @@
+"""load(): a robot from its files, every fault of them told at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.annotations import Annotations, Line, Plane, RawItem, raw_items, read_inline, validate
+from pinbound.boundary import Boundary
+from pinbound.boundary_set import BoundarySet
+from pinbound.closures import Closure, joint_errors, place_error
+from pinbound.contact import stop_fault
+from pinbound.coupling import Coupling, LinearLimit, couple, linear_limits, narrowed_by_mimics
+from pinbound.document import Document, read_document
+from pinbound.exceptions import (
+    Problems,
+    UnsupportedError,
+    name_hint,
+)
+from pinbound.home import feasible_start
+from pinbound.loop_errors import carry, narrowed
+from pinbound.normalise import normalise
+from pinbound.parallelograms import settle
+from pinbound.path import absolute_chain, relative_path
+from pinbound.pinocchio_model import compare_with_pinocchio
+from pinbound.robot import Robot
+from pinbound.tolerances import CONTACT, HOME, NEAR_STOP
+from pinbound.tree import Tree
+from pinbound.urdf import Mimic, read_kinematics
+
+if TYPE_CHECKING:
+    from pinbound.interpreters.kernel import CommonMark
+
+__all__ = ["AnnotationSource", "load"]
+
+Array = NDArray[np.float64]
+AnnotationSource = str | Path | Annotations
+
+
+def load(
+    robot: str | Path,
+    annotations: AnnotationSource | Sequence[AnnotationSource] | None = None,
+    package_dirs: Sequence[str | Path] = (),
+    xacro_args: Mapping[str, Any] | None = None,
+    trust: str = "xacro",
+) -> Robot:
+    """Load a robot with its boundaries.
+
+    Args:
+        robot: Name of a packaged robot (e.g. ``"minervabot_v3"``), or a path to a `.urdf` or `.xacro`.
+        annotations: Path of a YAML sidecar or of an .srdf with spheres, or `Annotations`, or several of these in a
+            sequence; they add to what is inline, and to each other. By default `NAME.pinbound.yaml` beside the file,
+            where it exists.
+        package_dirs: Folders that hold ROS packages, or are packages: for `package://` of meshes, and for
+            `$(find name)` of xacro, which also looks in `ROS_PACKAGE_PATH`, `AMENT_PREFIX_PATH` and beside the file.
+        xacro_args: Arguments of a xacro file, declared in it or in what it includes.
+        trust: `"urdf-only"` refuses xacro files: a xacro file can run code. Packaged robots are read all the same.
+
+    Returns:
+        The robot, every closure proven to close and home proven to be free.
+
+    Raises:
+        InputError: If anything is wrong with the files: all faults at once, each with its line and remedy.
+
+    Example:
+        >>> robot = load("minervabot_v3")
+        >>> robot.coordinates, robot.boundaries["beta_5"].coordinates
+        (('q1', 'q2', 'q3'), ('q3',))
+        >>> load("minervabot_v3", xacro_args={"bridge": "as_printed"}).boundaries["beta_5"].coordinates
+        ('q2',)
+    """
+    arguments = {key: str(value) for key, value in (xacro_args or {}).items()}
+    document = normalise(read_document(robot, arguments, package_dirs, trust))
+    problems = Problems(document.label)
+    given, said = _given_items(document, annotations, problems)
+    items = [*read_inline(document.root, problems), *given]
+    links, joints = ([str(e.get("name")) for e in document.root.findall(tag)] for tag in ("link", "joint"))
+    marks = validate(items, problems, links, joints)
+    faults = len(problems.found)
+    kinematics = read_kinematics(
+        document,
+        problems,
+        limits={mark.joint: (mark.lower, mark.upper) for mark in marks.limits},
+        followers={mark.joint: Mimic(mark.primary, mark.multiplier, mark.offset) for mark in marks.followers},
+        places={m.joint: (m.line, marks.sources.get(f"follower {m.joint}")) for m in marks.followers},
+    )
+    if len(problems.found) > faults:
+        problems.raise_if_any()
+    tree = Tree(kinematics, {mark.link for mark in marks.marks.values()})
+    replaced = {mark.joint for mark in marks.limits}, {mark.joint for mark in marks.followers}
+    compare_with_pinocchio(document, tree, problems, *replaced)
+    settled = settle(tree, couple(tree.moving_joints), marks, problems)
+    coupling = settled.coupling
+    limits = linear_limits(tree.moving_joints, coupling)
+    closures, errors = carry(tree, settled, marks, limits, problems)
+    limits = narrowed(limits, coupling, joint_errors(coupling, closures))
+    home, notes = _home(tree, coupling, marks, limits, problems)
+    boundaries, stops = _boundaries(tree, coupling, marks, home, problems, limits, closures)
+    problems.raise_if_any()
+    return Robot(
+        document=document,
+        tree=tree,
+        annotations=marks,
+        coupling=coupling,
+        linear_limits=limits,
+        closures=closures,
+        boundaries=BoundarySet(
+            boundaries, coupling.coordinates, limits, home, partial(_common_marks, tree, coupling, boundaries)
+        ),
+        home=home,
+        notes=(
+            *kinematics.notes,
+            *said,
+            *settled.notes,
+            *errors,
+            *narrowed_by_mimics(tree.moving_joints, coupling, limits),
+            *notes,
+            *stops,
+        ),
+        package_dirs=tuple(map(str, package_dirs)),
+    )
+
+
+def _given_items(
+    document: Document, given: AnnotationSource | Sequence[AnnotationSource] | None, problems: Problems
+) -> tuple[list[RawItem], list[str]]:
+    """Return the items of the annotations beside the document, and notes on what of them was not used."""
+    if given is None:
+        stem = document.path.name
+        for suffix in (".xacro", ".urdf"):
+            stem = stem[: -len(suffix)] if stem.lower().endswith(suffix) else stem
+        beside = document.path.with_name(f"{stem}.pinbound.yaml")
+        given = beside if beside.is_file() else ()
+    items, notes = list[RawItem](), list[str]()
+    for source in [given] if isinstance(given, str | Path | Annotations) else given:
+        found, said = _read_annotations(source, document, problems)
+        items += found
+        notes += said
+    return items, notes
+
+
+def _read_annotations(
+    given: AnnotationSource, document: Document, problems: Problems
+) -> tuple[Sequence[RawItem], Sequence[str]]:
+    from pinbound.annotations.sidecar import read_sidecar
+    from pinbound.annotations.srdf import read_srdf
+
+    if isinstance(given, Annotations):
+        items = raw_items(given, "annotations")
+        return items if given.contact_tolerance != CONTACT else items[1:], ()  # the default is no wish
+    path = Path(given)
+    if path.suffix.lower() == ".srdf":
+        srdf = read_srdf(path, problems, document.root)
+        return srdf.items, srdf.notes
+    return read_sidecar(path, problems), ()
+
+
+def _home(
+    tree: Tree, coupling: Coupling, marks: Annotations, limits: Sequence[LinearLimit], problems: Problems
+) -> tuple[Array, list[str]]:
+    """Return home within all limits: what is marked, and of the other coordinates what `feasible_start` says."""
+    names, joints = coupling.coordinates, {joint.name: joint for joint in tree.moving_joints}
+    source = marks.sources.get("home")
+    for name in marks.home:
+        if name not in names and (name not in joints or joints[name].mimic is not None):
+            what = "follows another joint" if name in joints else "does not exist"
+            problems.add(f"home names {name!r}, which {what}", name_hint(name, names), marks.home_line, source)
+    fixed = np.array([marks.home.get(name, math.nan) for name in names], dtype=np.float64)
+    home, reasons = feasible_start(limits, fixed, names)
+    notes: list[str] = []
+    if home is None:
+        home, where = np.nan_to_num(fixed), marks.home_line if marks.home else None
+        for limit in limits:
+            if not limit.holds(home[None])[0]:
+                value, ends = float(limit.values(home[None])[0]), f"[{limit.lower:.6g}, {limit.upper:.6g}]"
+                message = f"home is outside the limits of {limit.joint!r}: {value:.6g} is not in {ends}"
+                remedy = "Choose a home inside all limits"
+                if not marks.home:
+                    message = f"no configuration keeps all joint limits: at zero {limit.joint!r} is {value:.6g}"
+                    message += f", which is not in {ends}"
+                    remedy = "Mend the limits, or the multipliers and offsets of mimic joints"
+                problems.add(message, remedy, where, source)
+    else:
+        notes += [
+            f"home of {name!r} is {home[names.index(name)]:.6g}, {reason}: zero is outside them"
+            for name, reason in reasons.items()
+        ]
+    for name, value in marks.home.items():
+        if name in names or name not in joints or joints[name].mimic is not None:
+            continue
+        coefficients, offset = coupling.row(name)
+        expected = float(coefficients @ home) + offset
+        if abs(value - expected) > HOME:
+            message = f"home has {name!r} at {value:.9g}, but the closed loops put it at {expected:.9g}"
+            problems.add(message, "Leave it out, or give the assembled pose exactly", marks.home_line, source)
+    home.flags.writeable = False
+    return home, notes
+
+
+def _boundaries(
+    tree: Tree,
+    coupling: Coupling,
+    marks: Annotations,
+    home: Array,
+    problems: Problems,
+    limits: Sequence[LinearLimit],
+    closures: Sequence[Closure],
+) -> tuple[list[Boundary], list[str]]:
+    """Return the boundaries and what is to be said of their stops; those that are in contact at home are faults."""
+    boundaries: list[Boundary] = []
+    notes: list[str] = []
+    for mark in marks.boundaries:
+        a, b = marks.marks[mark.a], marks.marks[mark.b]
+        source = marks.sources.get(f"boundary {mark.name}")
+        try:
+            path = relative_path(tree, coupling, a, b)
+            error = place_error(tree, coupling, limits, closures, a, b)
+        except UnsupportedError as refused:
+            problems.add(f"boundary {mark.name!r}: {refused}", "Choose other points", mark.line, source)
+            continue
+        if not math.isfinite(error):
+            message = f"boundary {mark.name!r} lies across a slide without limits and a loop whose sides differ"
+            remedy = "Give the slide limits"
+            problems.add(f"{message}: how far its marks may be off has no bound", remedy, mark.line, source)
+            continue
+        boundary = Boundary(
+            name=mark.name,
+            point_a=a,
+            point_b=b,
+            min_distance=mark.min_distance,
+            path=path,
+            robot_coordinates=coupling.coordinates,
+            contact_tolerance=marks.contact_tolerance,
+            place_error=error,
+            home=home,
+            stop=mark.stop,
+        )
+        boundaries.append(boundary)
+        fault = stop_fault(boundary.rule) if mark.stop else None
+        if fault is not None:
+            problems.add(f"boundary {mark.name!r} is declared as a stop, but {fault[0]}", fault[1], mark.line, source)
+            continue
+        notes += _stop_notes(boundary)
+        refusal = boundary.rule.refusal_at_home()
+        if refusal is not None:
+            message = f"home is outside the feasible region: {mark.name!r} {refusal}"
+            remedy = "Choose a free home, or mend the points and distances of this boundary"
+            place = (marks.home_line, marks.sources.get("home")) if marks.home else (mark.line, source)
+            problems.add(message, remedy, *place)
+    return boundaries, notes
+
+
+def _stop_notes(boundary: Boundary) -> list[str]:
+    """Return by how much the arms of a stop miss each other, or that a boundary misses to be a stop by a little."""
+    miss, names = boundary.rule.miss, f"{boundary.point_a.name} and {boundary.point_b.name} ({boundary.name})"
+    if miss is None or miss <= boundary.contact_tolerance:
+        return []
+    said = f"{names} miss each other by {1e3 * miss:.3g} mm"
+    if boundary.is_stop:
+        return [f"{said} where their arms align: contact is there all the same, they are declared as a stop"]
+    return [f'{said}; if this is a stop, declare it: stop="true"'] if miss <= NEAR_STOP else []
+
+
+def _common_marks(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]) -> dict[str, CommonMark] | None:
+    """Return every mark's chains in the root's frame; None if a joint of several coordinates lies between."""
+    from pinbound.interpreters.kernel import CommonMark
+
+    marks = {mark.name: mark for boundary in boundaries for mark in (boundary.point_a, boundary.point_b)}
+    try:
+        return {
+            name: CommonMark(
+                tuple(absolute_chain(tree, coupling, mark.link, xyz) for xyz in mark.anchors),
+                "line" if isinstance(mark, Line) else "plane" if isinstance(mark, Plane) else None,
+            )
+            for name, mark in marks.items()
+        }
+    except UnsupportedError:
+        return None

@@ -1,0 +1,280 @@
+"""Expand xacro files in a process of its own: started by `expansion`, spoken to by its pipes, never imported by it.
+
+xacro keeps arguments, file names and macros in module globals, and evaluates Python expressions of the file. So one
+process that has xacro loaded waits here, and each file is expanded in a fork of it: a fresh state, a time limit, a
+memory limit, and nothing that a file does is left behind. Without `fork` (Windows) files are expanded one after
+another in this process, and `expansion` ends it when the time is up.
+
+A message is its length in four bytes, then JSON. This file imports the standard library and xacro only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import importlib
+import io
+import json
+import os
+import struct
+import sys
+import xml.dom.expatbuilder
+import xml.dom.minidom
+from typing import Any, BinaryIO
+from xml.parsers.expat import ExpatError
+
+__all__ = ["find_package", "serve"]
+
+_DEEPEST = 6
+_MOST_TEXT = 64 * 2**20
+_SKIPPED = ("build", "log", "node_modules", "__pycache__")
+
+
+def serve(requests: BinaryIO, answers: BinaryIO) -> None:
+    """Answer one request after the other until the other side closes its end."""
+    while (request := _read(requests)) is not None:
+        answer = _in_fork(request) if hasattr(os, "fork") else json.dumps(_expand(request)).encode()
+        answers.write(struct.pack(">I", len(answer)) + answer)
+        answers.flush()
+
+
+def _read(stream: BinaryIO) -> dict[str, Any] | None:
+    head = stream.read(4)
+    if len(head) < 4:
+        return None
+    return dict(json.loads(stream.read(struct.unpack(">I", head)[0])))
+
+
+def _in_fork(request: dict[str, Any]) -> bytes:
+    """Expand in a fork that the kernel ends when its time is up; return its answer, or what ended it."""
+    import signal
+
+    ours, theirs = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
+            signal.setitimer(signal.ITIMER_REAL, float(request["seconds"]))
+            _limit_memory(int(request["memory"]))
+            gc.disable()  # the process ends soon
+            nothing = os.open(os.devnull, os.O_RDWR)
+            for descriptor in (0, 1, 2):  # what a file prints reaches nobody
+                os.dup2(nothing, descriptor)
+            with open(theirs, "wb") as stream:
+                stream.write(json.dumps(_expand(request)).encode())
+        finally:
+            os._exit(0)
+    os.close(theirs)
+    with open(ours, "rb") as stream:
+        answer = stream.read()
+    _, status = os.waitpid(child, 0)
+    if os.WIFSIGNALED(status) or not answer:
+        ended = "time" if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM else "end"
+        return json.dumps({"error": ended}).encode()
+    return answer
+
+
+def _limit_memory(size: int) -> None:
+    import resource
+
+    with contextlib.suppress(OSError, ValueError):  # macOS knows this limit and does not set it
+        resource.setrlimit(resource.RLIMIT_AS, (size, size))
+
+
+class _Arguments(dict[str, str]):
+    """Arguments that know which names `<xacro:arg>` has declared: xacro asks whether each is given."""
+
+    def __init__(self, given: dict[str, str]) -> None:
+        super().__init__(given)
+        self.declared: set[str] = set()
+
+    def __contains__(self, name: object) -> bool:
+        self.declared.add(str(name))
+        return super().__contains__(name)
+
+
+class _RefusedError(Exception):
+    """A file that is not read at all: it has a DOCTYPE."""
+
+
+def _expand(request: dict[str, Any]) -> dict[str, Any]:
+    """Return the expanded text, what xacro warned of, and the declared arguments; or what is wrong, and where."""
+    xacro: Any = importlib.import_module("xacro")
+    os.chdir(request["folder"])
+    os.environ.clear()
+    os.environ.update(request["environment"])
+    arguments, guessed, warned = _Arguments(request["arguments"]), dict[str, str](), io.StringIO()
+    _teach(xacro, request, guessed)
+    answer: dict[str, Any] = {}
+    try:
+        with contextlib.redirect_stderr(warned), contextlib.redirect_stdout(io.StringIO()):
+            text = str(xacro.process_file(request["path"], mappings=arguments).toprettyxml(indent="  "))
+        answer = {"text": text} if len(text) <= _MOST_TEXT else {"error": "size"}
+    except Exception as error:  # expressions of a file raise whatever they like
+        answer = {"error": _reason(error), "refused": isinstance(error, _RefusedError)} | _where(error, xacro)
+    lines = [line.strip() for line in warned.getvalue().splitlines()]
+    return answer | {"declared": sorted(arguments.declared), "guessed": guessed, "warned": _plain(lines)}
+
+
+def _plain(lines: list[str]) -> list[str]:
+    import re
+
+    return [line for line in (re.sub(r"\x1b\[[0-9;]*m", "", line) for line in lines) if line]
+
+
+def _reason(error: BaseException) -> str:
+    inner = getattr(error, "exc", None) or error  # xacro wraps what an expression raises
+    if isinstance(inner, MemoryError):
+        return "memory"
+    if isinstance(inner, RecursionError):
+        return "macros or properties refer to themselves"
+    said = " ".join(str(error).split())
+    name = type(error).__name__
+    return said if name in ("XacroException", "_RefusedError") and said else f"{name}: {said}" if said else name
+
+
+def _where(error: BaseException, xacro: Any) -> dict[str, Any]:
+    """Return file and line of the innermost element that was being evaluated; of XML faults, their own line."""
+    found: dict[str, Any] = {}
+    trace = error.__traceback__
+    while trace is not None:
+        for name in ("node", "elt", "tag"):
+            element = trace.tb_frame.f_locals.get(name)
+            while element is not None and not hasattr(element, "pinbound_line"):
+                element = getattr(element, "parentNode", None)
+            if element is not None:
+                found = {"file": element.pinbound_file, "line": element.pinbound_line}
+        trace = trace.tb_next
+    if isinstance(error, ExpatError | _RefusedError):
+        found = {"file": str(xacro.filestack[-1]) if xacro.filestack else "", "line": getattr(error, "lineno", None)}
+    return found
+
+
+def _teach(xacro: Any, request: dict[str, Any], guessed: dict[str, str]) -> None:
+    """Let xacro read files of any encoding with their lines, refuse a DOCTYPE, and find packages without ROS."""
+
+    def parse(inp: Any, filename: str | None = None) -> Any:
+        if inp is not None:
+            return xml.dom.minidom.parseString(inp)
+        path = os.path.join(getattr(xacro, "root_dir", ".") or ".", str(filename))
+        try:
+            with open(path, "rb") as stream:
+                data = stream.read()
+        except OSError as error:
+            xacro.filestack.pop()
+            raise xacro.XacroException(f"{error.strerror}: {error.filename}", exc=error) from error
+        return _parsed(data, str(filename))
+
+    xacro.parse = parse
+    with contextlib.suppress(ImportError):
+        substitution_args: Any = importlib.import_module("xacro.substitution_args")
+        stock = substitution_args._eval_find
+
+        def find(name: str) -> str:
+            found = find_package(name, request["package_dirs"], request["path"], os.environ)
+            if found is None:
+                with contextlib.suppress(Exception):  # what ROS's own index raises depends on its version
+                    return str(stock(name))
+                looked = "package_dirs, ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, CMAKE_PREFIX_PATH and beside the file"
+                raise xacro.XacroException(f"there is no package {name!r} in {looked}")
+            folder, is_guess = found
+            if is_guess:
+                guessed[name] = folder
+            return folder
+
+        substitution_args._eval_find = find
+        substitution_args._eval_dict["find"] = find
+
+
+def _parsed(data: bytes, name: str) -> Any:
+    """Return the DOM of a file, each element with its line and file."""
+    builder: Any = xml.dom.expatbuilder.ExpatBuilderNS()
+    parser = builder.getParser()
+    start = builder.start_element_handler
+
+    def started(tag: str, attributes: Any) -> None:
+        start(tag, attributes)
+        builder.curNode.pinbound_line, builder.curNode.pinbound_file = parser.CurrentLineNumber, name
+
+    def doctype(*_: object) -> None:
+        raise _RefusedError("has a DOCTYPE")
+
+    parser.StartElementHandler, parser.StartDoctypeDeclHandler = started, doctype
+    return builder.parseString(data)
+
+
+def find_package(name: str, given: list[str], file: str, environment: Any) -> tuple[str, bool] | None:
+    """Return the folder of a ROS package, and whether it was guessed from where the file lies.
+
+    In this order: folders that are given (a package, or a folder that holds packages at any depth), those of
+    `ROS_PACKAGE_PATH` likewise, `share` of `AMENT_PREFIX_PATH` and `CMAKE_PREFIX_PATH`, and, as a guess, the packages
+    that the file lies in, and those beside them.
+    """
+    paths = {key: [p for p in environment.get(key, "").split(os.pathsep) if p] for key in _VARIABLES}
+    for folder in [*given, *paths["ROS_PACKAGE_PATH"]]:
+        found = _within(folder, name)
+        if found is not None:
+            return os.path.abspath(found), False
+    for prefix in [*paths["AMENT_PREFIX_PATH"], *paths["CMAKE_PREFIX_PATH"]]:
+        folder = os.path.join(prefix, "share", name)
+        if os.path.isdir(folder):
+            return os.path.abspath(folder), False
+    above = os.path.dirname(os.path.abspath(file))
+    while True:
+        if _package_name(above) is not None:
+            beside = os.path.join(os.path.dirname(above), name)
+            for folder in (above, beside):
+                if _is_package(folder, name):
+                    return folder, True
+        if os.path.dirname(above) == above:
+            return None
+        above = os.path.dirname(above)
+
+
+_VARIABLES = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
+
+
+def _within(folder: str, name: str) -> str | None:
+    """Return the folder of a package in or below a folder."""
+    for candidate in (folder, os.path.join(folder, name), os.path.join(folder, "share", name)):
+        if _is_package(candidate, name):
+            return candidate
+    level = [folder]
+    for _ in range(_DEEPEST):
+        below: list[str] = []
+        for parent in level:
+            with contextlib.suppress(OSError), os.scandir(parent) as entries:
+                below += sorted(e.path for e in entries if e.is_dir() and e.name[0] != "." and e.name not in _SKIPPED)
+        for candidate in below:
+            if _package_name(candidate) == name:
+                return candidate
+        level = [candidate for candidate in below if _package_name(candidate) is None]
+    plain = os.path.join(folder, name)
+    return plain if os.path.isdir(plain) else None
+
+
+def _is_package(folder: str, name: str) -> bool:
+    found = _package_name(folder)
+    return found == name or (found == "" and os.path.basename(os.path.abspath(folder)) == name)
+
+
+def _package_name(folder: str) -> str | None:
+    """Return the name in a folder's package.xml, "" if it has none that can be read; None without such a file."""
+    path = os.path.join(folder, "package.xml")
+    if not os.path.isfile(path):
+        return None
+    try:
+        with open(path, "rb") as stream:
+            root = _parsed(stream.read(), path).documentElement
+    except (OSError, ExpatError, ValueError, LookupError, _RefusedError):
+        return ""
+    for element in root.getElementsByTagName("name"):
+        if element.parentNode is root and element.firstChild is not None:
+            return str(element.firstChild.data).strip()
+    return ""
+
+
+if __name__ == "__main__":
+    with contextlib.suppress(ImportError):
+        importlib.import_module("xacro.substitution_args")  # before the first fork, not in each
+    serve(sys.stdin.buffer, sys.stdout.buffer)

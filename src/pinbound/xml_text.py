@@ -1,0 +1,120 @@
+"""XML and numbers out of text: read safely, no entity resolved, one message for what cannot be read."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from xml.parsers.expat import ExpatError, ParserCreate
+
+from lxml import etree
+
+from pinbound.exceptions import InputError, Problem
+
+__all__ = ["local_name", "parse_bytes", "parse_file", "parse_floats", "refusal", "xml_parser"]
+
+
+def refusal(source: str, message: str, remedy: str, line: int | None = None) -> InputError:
+    """Return the error of a file with one fault."""
+    return InputError([Problem(message, remedy, source, line)])
+
+
+def xml_parser() -> etree.XMLParser:
+    """Return a parser that resolves no entity, opens no other file, and drops comments and processing instructions."""
+    return etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
+    )
+
+
+def parse_file(path: Path) -> etree._Element:
+    """Return the root of an XML file, entities refused.
+
+    Raises:
+        InputError: If it cannot be read, is not well-formed, or has a DOCTYPE.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise refusal(str(path), f"cannot be read ({error.strerror})", "Check the path and its permissions") from error
+    return parse_bytes(data, path.name)
+
+
+def parse_bytes(data: bytes, label: str) -> etree._Element:
+    """Return the root of XML text, entities refused.
+
+    Raises:
+        InputError: If it is not well-formed, has a DOCTYPE, or is in an encoding that XML readers disagree about.
+    """
+    if b"<!DOCTYPE" in data or b"\0" in data:  # bytes of zero: UTF-16 or UTF-32, in which it reads otherwise
+        _refuse_doctype(data, label)
+    try:
+        root = etree.fromstring(data, xml_parser())
+    except etree.XMLSyntaxError as error:
+        line = error.lineno if error.lineno else None
+        message = f"is not well-formed XML: {error.msg}"
+        remedy = "Mend the XML; every element must be closed, every prefix declared, its encoding be the declared one"
+        raise refusal(label, message, remedy, line) from error
+    except (ValueError, LookupError) as error:
+        raise refusal(label, f"cannot be read as XML: {error}", "Save it as UTF-8") from error
+    facts = root.getroottree().docinfo
+    if facts.doctype or facts.internalDTD is not None:  # written in an encoding of which expat knows nothing
+        raise refusal(label, "has a DOCTYPE", _NO_DOCTYPE)
+    encoding = (facts.encoding or "utf-8").lower()
+    if not encoding.startswith(_ENCODINGS):
+        raise refusal(label, f"is written in the encoding {facts.encoding!r}", "Save it as UTF-8", 1)
+    return root
+
+
+_ENCODINGS = ("utf-8", "utf8", "utf-16", "utf-32", "ucs-", "us-ascii", "ascii", "iso-8859-", "windows-125", "latin")
+"""Encodings that every XML reader decodes in one way; in others `\\`, `~` and stray bytes depend on the reader."""
+
+_NO_DOCTYPE = "Remove it: pinbound resolves no entities, neither internal nor external ones"
+
+
+class _DoctypeError(Exception):
+    """A document type declaration was met."""
+
+
+def _refuse_doctype(data: bytes, label: str) -> None:
+    """Refuse a DOCTYPE before any reader could expand an entity that it declares."""
+
+    def found(*_: object) -> None:
+        raise _DoctypeError
+
+    parser = ParserCreate()
+    parser.StartDoctypeDeclHandler = found
+    try:
+        parser.Parse(data, True)
+    except _DoctypeError:
+        raise refusal(label, "has a DOCTYPE", _NO_DOCTYPE, parser.CurrentLineNumber) from None
+    except (ExpatError, ValueError, LookupError):
+        return  # an encoding that expat does not know, or no XML: lxml says what is wrong
+
+
+def local_name(element: etree._Element) -> str:
+    """Return an element's name without its namespace."""
+    return etree.QName(element).localname
+
+
+def parse_floats(text: str, count: int) -> tuple[float, ...] | str:
+    """Return `count` finite numbers, or what is wrong with the text.
+
+    Example:
+        >>> parse_floats("1 2e-3 0", 3)
+        (1.0, 0.002, 0.0)
+        >>> parse_floats("1 nan 0", 3)
+        "'1 nan 0' holds a number that is not finite"
+        >>> parse_floats("1 2", 3)
+        "'1 2' holds 2 numbers, not 3"
+    """
+    words = text.split()
+    try:
+        if not text.isascii() or "_" in text:  # float() would read other scripts' digits, and 1_000
+            raise ValueError
+        numbers = tuple(map(float, words))
+    except ValueError:
+        return f"{text!r} is not {'a number' if count == 1 else f'{count} numbers'}"
+    if len(numbers) != count:
+        return f"{text!r} holds {len(numbers)} numbers, not {count}"
+    if not all(map(math.isfinite, numbers)):
+        return f"{text!r} holds a number that is not finite"
+    return numbers
