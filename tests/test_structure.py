@@ -11,7 +11,7 @@ import pinbound
 
 PACKAGE = Path(pinbound.__file__).parent
 FLOORS = [
-    ("exceptions", "tolerances"),
+    ("exceptions", "tolerances", "values"),
     ("tables",),
     ("xml_text", "xacro_child"),
     ("expansion",),

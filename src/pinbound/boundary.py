@@ -18,14 +18,15 @@ from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import separation, univariate
 from pinbound.path import Kind, RelativePath
 from pinbound.tolerances import ROOT
+from pinbound.values import Value
 
 __all__ = ["Boundary", "ContactAngle", "one_configuration"]
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class ContactAngle:
+@dataclass(frozen=True, eq=False)
+class ContactAngle(Value):
     """Where a boundary of one effective angle `phi = coefficients @ q` is in contact.
 
     Attributes:
@@ -56,8 +57,8 @@ class ContactAngle:
         return univariate.gap_around(self.angle, self.half_width, phi)
 
 
-@dataclass(frozen=True)
-class Boundary:
+@dataclass(frozen=True, eq=False)
+class Boundary(Value):
     """Two marks that must keep a distance: `signed_clearance(q) > 0`.
 
     The norm is the distance of two points, of a point and a segment, or of two segments; the distance of a point or

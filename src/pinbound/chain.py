@@ -16,13 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.tolerances import REDUCTION
+from pinbound.values import Value
 
 __all__ = ["Chain", "Swept", "are_parallel", "drop_head", "reduce_chain", "rotation_matrix", "split"]
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Chain:
     """`b_0 + R_1(b_1 + R_2(b_2 + ...))` with k rotations, over n active coordinates.
 
@@ -73,8 +74,8 @@ class Chain:
         return all(are_parallel(self.axes[0], axis) for axis in self.axes[1:])
 
 
-@dataclass(frozen=True)
-class Swept:
+@dataclass(frozen=True, eq=False)
+class Swept(Value):
     """A point, or a point that slides along straight ways: `chain + sum_i t_i direction_i`, t_i in [0, 1].
 
     Attributes:

@@ -25,6 +25,7 @@ from pinbound.interpreters.swept_bounds import swept_bundle
 from pinbound.path import RelativePath, relative_path
 from pinbound.tolerances import CLOSURE_SHARE, EXACT_LOOP, INFLATION, REDUCTION
 from pinbound.tree import Tree
+from pinbound.values import Value
 
 __all__ = ["Closure", "Deviation", "augmented", "close", "joint_errors", "place_error"]
 
@@ -51,7 +52,7 @@ class Deviation:
 
 
 @dataclass(frozen=True, eq=False)
-class Closure:
+class Closure(Value):
     """A pin between two links, with the path around its loop.
 
     Attributes:

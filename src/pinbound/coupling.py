@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.tolerances import FOLLOWS, LIMIT, UNIT_ROUNDOFF
 from pinbound.urdf import Joint, Mimic
+from pinbound.values import Value
 
 __all__ = [
     "Coupling",
@@ -33,8 +34,8 @@ _LARGEST = float(np.finfo(np.float64).max)
 _BLOCK = 1 << 13  # rows at a time: they stay in the cache
 
 
-@dataclass(frozen=True)
-class Coupling:
+@dataclass(frozen=True, eq=False)
+class Coupling(Value):
     """The affine map from active coordinates to tree joints.
 
     Attributes:
@@ -94,8 +95,8 @@ def linear_text(coefficients: NDArray[np.float64], names: Sequence[str], offset:
     return " ".join(words).removeprefix("+ ")
 
 
-@dataclass(frozen=True)
-class LinearLimit:
+@dataclass(frozen=True, eq=False)
+class LinearLimit(Value):
     """`lower <= coefficients @ q + offset <= upper`: the limits of one tree joint, said of q.
 
     Attributes:
@@ -127,7 +128,7 @@ class LinearLimit:
 
 
 @dataclass(frozen=True, eq=False)
-class Intervals:
+class Intervals(Value):
     """Closed intervals of linear combinations of q, all of which must hold; and q must be finite.
 
     The one rule for what "within a limit" means: a joint's value `c . q + o` may pass an end of its limits by

@@ -25,6 +25,7 @@ from pinbound.interpreters import numeric
 from pinbound.path import absolute_chain
 from pinbound.robot import Robot
 from pinbound.tolerances import LIMIT, REACHED
+from pinbound.values import Value
 
 __all__ = ["Ending", "InverseKinematics", "solve_ik"]
 
@@ -43,8 +44,8 @@ class Ending(Enum):
     NO_TARGET = "the target is not finite"
 
 
-@dataclass(frozen=True)
-class InverseKinematics:
+@dataclass(frozen=True, eq=False)
+class InverseKinematics(Value):
     """Configurations found for a sequence of targets.
 
     Attributes:

@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.values import Value
+
 __all__ = ["JOINT_TYPES", "MOVING_TYPES", "Joint", "JointType", "Kinematics", "Link", "Mimic"]
 
 JointType = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
@@ -35,8 +37,8 @@ class Link:
     line: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Joint:
+@dataclass(frozen=True, eq=False, slots=True)
+class Joint(Value):
     """A joint as declared: `T_parent_child = (rotation, translation) * motion(axis, theta)`.
 
     Attributes:

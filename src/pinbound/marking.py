@@ -26,6 +26,7 @@ from pinbound.interpreters import separation
 from pinbound.path import relative_path
 from pinbound.robot import Robot
 from pinbound.tolerances import FOLDING, UNIT_ROUNDOFF
+from pinbound.values import Value
 
 __all__ = ["SHAPES", "Proposal", "left_out_marks", "propose_marks"]
 
@@ -44,7 +45,7 @@ _ALWAYS = "in contact in all of"
 
 
 @dataclass(frozen=True)
-class Proposal:
+class Proposal(Value):
     """Marks for a robot, and what they leave out.
 
     Attributes:

@@ -18,6 +18,7 @@ from pinbound.robot import Robot
 from pinbound.tables import open_table, read_table
 from pinbound.tables.text import TextTable
 from pinbound.tolerances import FOLLOWS
+from pinbound.values import Value
 
 __all__ = ["Motion", "MotionHistory", "history", "read_motion"]
 
@@ -27,8 +28,8 @@ _TIME = "time"
 _MOST_FAULTS = 8
 
 
-@dataclass(frozen=True)
-class Motion:
+@dataclass(frozen=True, eq=False)
+class Motion(Value):
     """Waypoints of one robot, straight in q between them.
 
     Attributes:
@@ -40,8 +41,8 @@ class Motion:
     times: Array | None
 
 
-@dataclass(frozen=True)
-class MotionHistory:
+@dataclass(frozen=True, eq=False)
+class MotionHistory(Value):
     """A motion sampled over time, for figures and tables; certificates do not sample.
 
     Attributes:

@@ -20,6 +20,7 @@ from pinbound.exceptions import Problems, UnsupportedError
 from pinbound.planar_loops import Refusal, parallelogram
 from pinbound.tolerances import REDUCTION
 from pinbound.tree import Tree
+from pinbound.values import Value
 
 __all__ = ["Settled", "couple_parallelogram", "passive_coordinates", "settle"]
 
@@ -29,7 +30,7 @@ _RESIDUAL_SAMPLES = 2000
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class Settled(Value):
     """What `settle` found.
 
     Attributes:

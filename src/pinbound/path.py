@@ -23,6 +23,7 @@ from pinbound.exceptions import UnsupportedError
 from pinbound.tolerances import REDUCTION
 from pinbound.tree import Tree
 from pinbound.urdf import MOVING_TYPES, Joint
+from pinbound.values import Value
 
 __all__ = ["Kind", "RelativePath", "absolute_chain", "minimal_chain", "relative_path"]
 
@@ -40,8 +41,8 @@ class Kind(Enum):
     COINCIDENT_BRANCHED = "coincident branched"
 
 
-@dataclass(frozen=True)
-class RelativePath:
+@dataclass(frozen=True, eq=False)
+class RelativePath(Value):
     """The path between two marks, reduced.
 
     Attributes:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pinbound.chain import Chain
 from pinbound.closures import Closure
 from pinbound.tolerances import CLOSURE_SHARE, EXACT_LOOP, FLAT, INFLATION, REDUCTION
+from pinbound.values import Value
 
 __all__ = ["Parallelogram", "Refusal", "Side", "apart_along", "deviations", "parallelogram"]
 
@@ -29,7 +30,7 @@ _MEND = "Couple the joints of the loop by <mimic>, or mend its pins"
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
+class Side(Value):
     """One side of a planar loop: `R(angle . q) vector`.
 
     Attributes:
@@ -55,7 +56,7 @@ class Refusal:
 
 
 @dataclass(frozen=True, eq=False)
-class Parallelogram:
+class Parallelogram(Value):
     """A loop whose opposite sides stay parallel, but for what its sides differ by.
 
     Attributes:

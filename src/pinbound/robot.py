@@ -27,6 +27,7 @@ from pinbound.interpreters import numeric
 from pinbound.path import absolute_chain
 from pinbound.pinocchio_model import build_model
 from pinbound.tree import Tree
+from pinbound.values import Value
 
 if TYPE_CHECKING:
     pass
@@ -36,8 +37,8 @@ __all__ = ["Robot"]
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Robot:
+@dataclass(frozen=True, eq=False)
+class Robot(Value):
     """A robot with its coupling, closures and boundaries. Made by `load`; never changed afterwards.
 
     Attributes:
@@ -99,9 +100,11 @@ class Robot:
         """Return whether a joint's value is an angle [rad], not a length [m]."""
         return any(one.name == joint and one.type != "prismatic" for one in self.tree.moving_joints)
 
-    @cached_property
+    @property
     def model(self) -> Any:
         """The `pinocchio.Model` of the whole tree, one coordinate a moving joint, in `coupling.joints`' order.
+
+        Each access returns a copy of its own: what is changed in it changes nothing here.
 
         Example:
             >>> import pinbound as pb
@@ -109,6 +112,10 @@ class Robot:
             >>> robot.model.nq == len(robot.coupling.joints) == 11
             True
         """
+        return self._model.copy()
+
+    @cached_property
+    def _model(self) -> Any:
         model = build_model(self.document, self.tree.kinematics)
         if tuple(model.names)[1:] != self.coupling.joints:
             raise PinboundError(f"Pinocchio orders the joints as {tuple(model.names)[1:]}, not {self.coupling.joints}")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pinbound.coupling import Coupling
 from pinbound.tolerances import REDUCTION
 from pinbound.urdf import Joint, Kinematics, Link
+from pinbound.values import FrozenDict
 
 __all__ = ["Tree"]
 
@@ -42,25 +43,29 @@ class Tree:
     """
 
     kinematics: Kinematics
-    marked_links: Collection[str] = ()
+    marked_links: Collection[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        """Keep the names of marked links as they are now."""
+        object.__setattr__(self, "marked_links", frozenset(self.marked_links))
 
     @cached_property
-    def links(self) -> dict[str, Link]:
+    def links(self) -> FrozenDict[str, Link]:
         """Links by name, in file order."""
-        return {link.name: link for link in self.kinematics.links}
+        return FrozenDict({link.name: link for link in self.kinematics.links})
 
     @cached_property
-    def parent_joint(self) -> dict[str, Joint]:
+    def parent_joint(self) -> FrozenDict[str, Joint]:
         """The joint above each link; the root has none."""
-        return {joint.child: joint for joint in self.kinematics.joints}
+        return FrozenDict({joint.child: joint for joint in self.kinematics.joints})
 
     @cached_property
-    def children(self) -> dict[str, list[Joint]]:
+    def children(self) -> FrozenDict[str, tuple[Joint, ...]]:
         """The joints below each link, sorted by name: the order in which Pinocchio visits them."""
         children: dict[str, list[Joint]] = {name: [] for name in self.links}
         for joint in sorted(self.kinematics.joints, key=lambda joint: joint.name):
             children[joint.parent].append(joint)
-        return children
+        return FrozenDict({name: tuple(joints) for name, joints in children.items()})
 
     @cached_property
     def root(self) -> str:

@@ -10,6 +10,7 @@ from typing import Any, cast
 from pinbound.annotations.marks import Line, Mark, Plane, Point, Segment, Sweep, Vector
 from pinbound.exceptions import Problems
 from pinbound.tolerances import CLOSURE, CONTACT
+from pinbound.values import FrozenDict, Value
 
 __all__ = [
     "FIELDS",
@@ -123,7 +124,7 @@ class LeftOutMark:
 
 
 @dataclass(frozen=True, slots=True)
-class RawItem:
+class RawItem(Value):
     """One element or YAML entry before validation: its kind, its fields as written, its place.
 
     Fields are text; `passive` given as a list is a tuple of names, which may hold spaces.
@@ -136,7 +137,7 @@ class RawItem:
 
 
 @dataclass(frozen=True)
-class Annotations:
+class Annotations(Value):
     """Everything that pinbound needs beside the URDF proper.
 
     Attributes:
@@ -166,9 +167,9 @@ class Annotations:
     sources: Mapping[str, str] = field(default_factory=dict[str, str], compare=False, repr=False)
 
     @property
-    def points(self) -> dict[str, Point]:
+    def points(self) -> FrozenDict[str, Point]:
         """Marked points by name."""
-        return {name: mark for name, mark in self.marks.items() if isinstance(mark, Point)}
+        return FrozenDict({name: mark for name, mark in self.marks.items() if isinstance(mark, Point)})
 
     @classmethod
     def of(cls, marks: Iterable[Mark], boundaries: Iterable[BoundaryMark] = (), **others: Any) -> Annotations:

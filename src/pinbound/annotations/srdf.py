@@ -13,6 +13,7 @@ from lxml import etree
 from pinbound.annotations.records import RawItem
 from pinbound.document import parse_file, parse_floats
 from pinbound.exceptions import Problems
+from pinbound.values import Value
 
 __all__ = ["RIGID", "Srdf", "read_srdf"]
 
@@ -24,7 +25,7 @@ _NAMED = 5  # how many pairs or links a note names
 
 
 @dataclass(frozen=True)
-class Srdf:
+class Srdf(Value):
     """What an SRDF says about spheres and pairs.
 
     Attributes:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError
+from pinbound.values import Value
 
 __all__ = [
     "BoxCertificate",
@@ -71,8 +72,8 @@ class Budget:
             raise DimensionError(f"a budget of {self.boxes} boxes and {self.seconds} seconds; give numbers, 0 or more")
 
 
-@dataclass(frozen=True, slots=True)
-class Contact:
+@dataclass(frozen=True, eq=False, slots=True)
+class Contact(Value):
     """The first moment at which a boundary is touched, or a limit passed.
 
     Attributes:
@@ -88,8 +89,8 @@ class Contact:
     clearance: float
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+@dataclass(frozen=True, eq=False, slots=True)
+class Finding(Value):
     """What was found about one boundary or one joint limit, over the whole motion.
 
     Attributes:
@@ -219,8 +220,8 @@ class Certificate(_NoTruth):
         return Contact(min(first.after, *others), first.after, first.q, first.clearance)
 
 
-@dataclass(frozen=True, slots=True)
-class OpenBox:
+@dataclass(frozen=True, eq=False, slots=True)
+class OpenBox(Value):
     """A box that was not decided: corners (n,), the boundary or limit, a lower bound, and why."""
 
     name: str
@@ -230,8 +231,8 @@ class OpenBox:
     reason: Reason
 
 
-@dataclass(frozen=True, slots=True)
-class BoxCertificate(_NoTruth):
+@dataclass(frozen=True, eq=False, slots=True)
+class BoxCertificate(_NoTruth, Value):
     """What was proven about a box of configurations.
 
     Attributes:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pinbound.contact.rule import ContactRule, signed_share
 from pinbound.coupling import Intervals, LinearLimit, combination
 from pinbound.interpreters import separation
+from pinbound.values import read_only
 
 if TYPE_CHECKING:
     from pinbound.interpreters.kernel import Backend, CommonMark, Kernel, MixedKernel, Pair
@@ -51,7 +52,7 @@ class SignedKernel:
 
         self.rules, self.marks, self.n, self.limits = tuple(rules), tuple(marks), n, tuple(limits)
         is_stop = np.array([rule.is_stop for rule in rules], dtype=np.bool_)
-        self.areas, self.stops = np.flatnonzero(~is_stop), np.flatnonzero(is_stop)
+        self.areas, self.stops = read_only(np.flatnonzero(~is_stop)), read_only(np.flatnonzero(is_stop))
         reference = Reference(separation.separations, separation.gradients)
         self.kernel: Kernel | MixedKernel = kernel_of(
             [self.pairs[k] for k in self.areas.tolist()], n, reference, common
@@ -78,7 +79,7 @@ class SignedKernel:
     @cached_property
     def thresholds(self) -> NDArray[np.float64]:
         """(m,) [m]: what is taken off the separation; of stops zero."""
-        return np.array([0.0 if rule.stop else rule.distance for rule in self.rules])
+        return read_only(np.array([0.0 if rule.stop else rule.distance for rule in self.rules]))
 
     @cached_property
     def _open(self) -> Intervals:

@@ -34,6 +34,7 @@ from pinbound.interpreters import separation, univariate
 from pinbound.interpreters.univariate import AllowedArcsTable, Strip
 from pinbound.path import RelativePath
 from pinbound.tolerances import REDUCTION, STOP_MISS
+from pinbound.values import Value
 
 __all__ = ["ContactRule", "Stop", "contact_distance", "stop_fault"]
 
@@ -48,7 +49,7 @@ def contact_distance(path: RelativePath, threshold: float, tolerance: float) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class Stop:
+class Stop(Value):
     """Two arms that stop a robot where they align.
 
     Attributes:
@@ -122,7 +123,7 @@ def share_slope(depth: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactRule:
+class ContactRule(Value):
     """What contact is for one boundary.
 
     Attributes:

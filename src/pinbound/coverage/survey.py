@@ -29,6 +29,7 @@ from pinbound.covers import covers
 from pinbound.exceptions import UnknownNameError
 from pinbound.tolerances import SAME_BODY
 from pinbound.tree import Tree
+from pinbound.values import FrozenDict
 
 __all__ = ["Coverage"]
 
@@ -92,9 +93,9 @@ class Coverage:
         return self._parts[wanted]
 
     @cached_property
-    def links(self) -> dict[str, LinkCoverage]:
+    def links(self) -> FrozenDict[str, LinkCoverage]:
         """All links by name, with their bodies, the marks that hold these, and which are not held and why."""
-        return dict(self._survey.links)
+        return FrozenDict(self._survey.links)
 
     @property
     def bodies(self) -> tuple[BodyCoverage, ...]:

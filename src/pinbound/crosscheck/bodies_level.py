@@ -22,6 +22,7 @@ from pinbound.crosscheck.engine import Engine, blocks, body_shapes, sample
 from pinbound.crosscheck.sweep import sweep
 from pinbound.robot import Robot
 from pinbound.tolerances import CROSSCHECK_BODY, CROSSCHECK_STOP
+from pinbound.values import Value
 
 __all__ = ["BodyLevel", "LinkPair", "check_bodies"]
 
@@ -30,8 +31,8 @@ Array = NDArray[np.float64]
 _MOST_WAYS = 200
 
 
-@dataclass(frozen=True)
-class LinkPair:
+@dataclass(frozen=True, eq=False)
+class LinkPair(Value):
     """The bodies of two links, and the boundaries between them.
 
     Attributes:
@@ -72,7 +73,7 @@ class LinkPair:
 
 
 @dataclass(frozen=True)
-class BodyLevel:
+class BodyLevel(Value):
     """The model: marked points against collision bodies.
 
     Attributes:

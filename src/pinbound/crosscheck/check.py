@@ -16,6 +16,7 @@ from pinbound.crosscheck.regions_level import RegionLevel, check_region
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.region import Region
 from pinbound.robot import Robot
+from pinbound.values import Value
 
 __all__ = ["LEVELS", "CrossCheck", "Level", "cross_check"]
 
@@ -24,7 +25,7 @@ LEVELS: tuple[Level, ...] = ("points", "boundaries", "bodies", "region")
 
 
 @dataclass(frozen=True)
-class CrossCheck:
+class CrossCheck(Value):
     """What coal says of a robot's boundaries, level by level.
 
     The first two levels judge the mathematics, the other two the model: whether the marked points stand for the bodies.

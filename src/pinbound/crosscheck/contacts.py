@@ -20,6 +20,7 @@ from pinbound.crosscheck.engine import Engine, pair_engine, sample
 from pinbound.interpreters.univariate import AllowedArcs
 from pinbound.robot import Robot
 from pinbound.tolerances import CROSSCHECK_ANGLE, CROSSCHECK_GRAZING, CROSSCHECK_POINT, CROSSCHECK_SOLID
+from pinbound.values import Value
 
 __all__ = ["BoundaryLevel", "RayCheck", "check_contacts"]
 
@@ -31,8 +32,8 @@ _LEAST_RATE = 0.05  # of an effective angle along a ray: less would make the ray
 _BISECTION = 1e-14
 
 
-@dataclass(frozen=True)
-class RayCheck:
+@dataclass(frozen=True, eq=False)
+class RayCheck(Value):
     """One boundary along many rays.
 
     Attributes:
@@ -57,7 +58,7 @@ class RayCheck:
 
 
 @dataclass(frozen=True)
-class BoundaryLevel:
+class BoundaryLevel(Value):
     """Contacts in closed form against contacts found on coal's distance.
 
     Attributes:

@@ -17,6 +17,7 @@ from pinbound.coupling import Intervals
 from pinbound.exceptions import UnsupportedError
 from pinbound.robot import Robot
 from pinbound.tolerances import REDUCTION
+from pinbound.values import Value
 
 __all__ = [
     "Engine",
@@ -41,8 +42,8 @@ _ITERATED = ("box", "cylinder", "hull")
 _LINE = 1e3  # metres: the capsule that stands for a line
 
 
-@dataclass(frozen=True)
-class Shape:
+@dataclass(frozen=True, eq=False)
+class Shape(Value):
     """A convex shape fixed to a link.
 
     Attributes:

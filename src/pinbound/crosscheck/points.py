@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from pinbound.crosscheck.engine import blocks, point_engine, sample
 from pinbound.robot import Robot
 from pinbound.tolerances import CLOSURE, CROSSCHECK_POINT, CROSSCHECK_SOLID
+from pinbound.values import Value
 
 __all__ = ["PointLevel", "check_points"]
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class PointLevel:
+@dataclass(frozen=True, eq=False)
+class PointLevel(Value):
     """The mathematics of the clearances, against an independent engine.
 
     Attributes:

@@ -20,6 +20,7 @@ from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.region import Region, feasible_region
 from pinbound.robot import Robot
 from pinbound.tolerances import CROSSCHECK_BODY, CROSSCHECK_STOP
+from pinbound.values import Value
 
 __all__ = ["RegionLevel", "check_region"]
 
@@ -32,8 +33,8 @@ _HALVINGS = 30
 Cell = tuple[int, int]
 
 
-@dataclass(frozen=True)
-class RegionLevel:
+@dataclass(frozen=True, eq=False)
+class RegionLevel(Value):
     """The region in the joint plane, against what coal lets a robot reach.
 
     Attributes:

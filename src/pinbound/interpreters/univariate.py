@@ -25,6 +25,7 @@ from pinbound.chain import Chain
 from pinbound.interpreters import numeric
 from pinbound.path import RelativePath
 from pinbound.tolerances import REDUCTION
+from pinbound.values import Value
 
 __all__ = [
     "AllowedArcs",
@@ -56,8 +57,8 @@ class Strip:
     smallest: float
 
 
-@dataclass(frozen=True)
-class AllowedArcs:
+@dataclass(frozen=True, eq=False)
+class AllowedArcs(Value):
     """The allowed values of one coordinate, the others fixed.
 
     Attributes:
@@ -93,8 +94,8 @@ class AllowedArcs:
         return self.around(value) is not None
 
 
-@dataclass(frozen=True)
-class AllowedArcsTable:
+@dataclass(frozen=True, eq=False)
+class AllowedArcsTable(Value):
     """The allowed values of one coordinate, for many configurations of the others.
 
     Attributes:

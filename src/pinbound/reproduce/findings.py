@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pinbound.values import Value
+
 __all__ = ["Equation", "Erratum", "Table"]
 
 
@@ -50,7 +52,7 @@ class Equation:
 
 
 @dataclass(frozen=True)
-class Erratum:
+class Erratum(Value):
     """One fault of the print, as a computation.
 
     Attributes:

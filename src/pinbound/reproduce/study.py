@@ -20,6 +20,7 @@ from pinbound.region.workspace import Section, workspace_section
 from pinbound.reproduce.printed import BOUNDARIES, RECURSION, Constants, constants
 from pinbound.robot import Robot
 from pinbound.tolerances import AS_PRINTED
+from pinbound.values import Value
 
 __all__ = ["FACTOR", "SAMPLES", "SEED", "TOOL", "Study", "ToolPath"]
 
@@ -35,8 +36,8 @@ _LEG = 60
 _GRID = 221
 
 
-@dataclass(frozen=True)
-class ToolPath:
+@dataclass(frozen=True, eq=False)
+class ToolPath(Value):
     """The tool path, defined in space, and its inverse kinematics.
 
     Attributes:

@@ -16,6 +16,7 @@ from pinbound.interpreters.kernel.compiled import MachineCode, compile_source, h
 from pinbound.interpreters.kernel.program import CommonMark, Pair, Program, Reference, compile_program
 from pinbound.interpreters.kernel.source import kernel_source, scalar_source
 from pinbound.interpreters.kernel.vectorised import LinearProgram, VectorisedProgram
+from pinbound.values import read_only
 
 __all__ = ["BACKENDS", "Backend", "Kernel", "buffer", "real"]
 
@@ -83,7 +84,7 @@ class Kernel:
     @cached_property
     def thresholds(self) -> NDArray[np.float64]:
         """(m,) [m]."""
-        return np.array([pair.threshold for pair in self.pairs])
+        return read_only(np.array([pair.threshold for pair in self.pairs]))
 
     @cached_property
     def _used(self) -> list[int]:

@@ -1,0 +1,92 @@
+"""Values are values: what a record holds cannot be written to, and is not shared with the caller's arrays."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Hashable, Mapping
+from typing import Any, NoReturn, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["FrozenDict", "Value", "read_only"]
+
+K = TypeVar("K", bound=Hashable)
+V = TypeVar("V")
+
+
+class FrozenDict(dict[K, V]):
+    """A dict that cannot be changed; it compares as a dict, and hashes if its values do.
+
+    Example:
+        >>> marks = FrozenDict({"p": 1})
+        >>> marks["p"], marks == {"p": 1}
+        (1, True)
+        >>> marks["q"] = 2
+        Traceback (most recent call last):
+        TypeError: this mapping cannot be changed; make a new one, e.g. {**mapping, "name": value}
+    """
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError('this mapping cannot be changed; make a new one, e.g. {**mapping, "name": value}')
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse  # type: ignore[assignment]
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        """Return a hash of the items, whatever their order.
+
+        Raises:
+            TypeError: If a value does not hash.
+        """
+        return hash(frozenset(self.items()))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how to make it again, for pickle and copy."""
+        return FrozenDict, (dict(self),)
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """Return the array itself if it cannot be written to, else a copy that cannot.
+
+    Example:
+        >>> q = np.zeros(2)
+        >>> kept = read_only(q)
+        >>> q[0] = 1.0
+        >>> kept.tolist(), kept.flags.writeable, read_only(kept) is kept
+        ([0.0, 0.0], False, True)
+    """
+    if not array.flags.writeable:
+        return array
+    copy = array.copy(order="K")
+    copy.flags.writeable = False
+    return copy
+
+
+class Value:
+    """Base of frozen dataclasses: their arrays, mappings and lists become such as cannot be changed."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        """Freeze the fields."""
+        for one in dataclasses.fields(cast(Any, self)):
+            given = getattr(self, one.name)
+            kept = _frozen(given)
+            if kept is not given:
+                object.__setattr__(self, one.name, kept)
+
+
+def _frozen(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return read_only(cast(NDArray[Any], value))
+    if isinstance(value, Mapping) and not isinstance(value, FrozenDict):
+        return FrozenDict({key: _frozen(entry) for key, entry in cast(Mapping[Any, Any], value).items()})
+    if isinstance(value, list):
+        return tuple(_frozen(entry) for entry in cast(list[Any], value))
+    if isinstance(value, tuple):
+        parts = cast(tuple[Any, ...], value)
+        kept = [_frozen(entry) for entry in parts]
+        changed = any(a is not b for a, b in zip(kept, parts, strict=True))
+        return tuple(kept) if changed and type(parts) is tuple else parts
+    return value
