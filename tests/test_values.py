@@ -93,7 +93,7 @@ def reach(root: Any) -> dict[str, Any]:
 
 
 def attributes(value: Any) -> dict[str, Any]:
-    names = {name for name in vars(value)} if hasattr(value, "__dict__") else set()
+    names = set(vars(value)) if hasattr(value, "__dict__") else set()
     names |= {one.name for one in dataclasses.fields(value)} if dataclasses.is_dataclass(value) else set()
     kinds = type(value)
     names |= {name for name in dir(kinds) if isinstance(getattr(kinds, name, None), (property, cached_property))}
@@ -141,8 +141,8 @@ def test_writing_where_a_verdict_comes_from_is_refused(minerva: pb.Robot) -> Non
         lambda: minerva.home.__setitem__(0, 9.0),
         lambda: minerva.boundaries[0].path.minimal.offsets.__setitem__(0, 0.0),
         lambda: minerva.linear_limits[0].coefficients.__setitem__(0, 0.0),
-        lambda: minerva.annotations.marks.clear(),
-        lambda: minerva.tree.children.popitem(),
+        minerva.annotations.marks.clear,
+        minerva.tree.children.popitem,
     ):
         with pytest.raises((ValueError, TypeError)):
             attempt()
@@ -182,7 +182,7 @@ CALLS: dict[str, Callable[[pb.Robot, Any], Any]] = {
     "beyond": lambda robot, q: robot.boundaries.beyond(q[0]),
     "limits": lambda robot, q: robot.boundaries.limits(robot.coordinates[0], q[0]),
     "limits_table": lambda robot, q: robot.boundaries.limits_table(robot.coordinates[0], q),
-    "certify": lambda robot, q: pb.certify(robot, q),
+    "certify": pb.certify,
     "certify_box": lambda robot, q: pb.certify_box(robot, np.minimum(q[0], q[1]), np.maximum(q[0], q[1])),
     "certified_box": lambda robot, q: pb.certified_box(robot, q[0]),
     "region": lambda robot, q: pb.feasible_region(robot, at=q[0]),
