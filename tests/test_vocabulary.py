@@ -159,6 +159,11 @@ def test_words_of_urdf_that_pinbound_does_not_need_are_no_note() -> None:
     assert problems.found == []
 
 
+def test_expressions_of_xacro_in_names_are_noted(load_text: Load) -> None:
+    robot = load_text(ARM.replace('"head"', '"${prefix}head"').replace('"swing"', '"$(arg side)_swing"'))
+    assert any("'${prefix}head', '$(arg side)_swing'" in note for note in robot.notes)
+
+
 def test_no_word_of_urdf_is_a_near_miss_of_another_in_its_place() -> None:
     for place, word in WORDS.items():
         for other in word.ignored:

@@ -92,6 +92,9 @@ class _Reader:
                     self.notes.append(
                         f"{joint.type} joint {name!r} cannot move: its {thing} in the annotations do nothing"
                     )
+        unexpanded = [repr(name) for name in (*self.links, *self.joints) if "${" in name or "$(" in name]
+        if unexpanded:
+            self.notes.append(f"names hold expressions of xacro, which nothing expands here: {listed(unexpanded)}")
         if self.soft:
             self.notes.append(f"the soft limits of safety_controller are ignored, <limit> counts: {listed(self.soft)}")
         if self.unmoved:
