@@ -17,7 +17,7 @@ from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import separation, univariate
 from pinbound.path import Kind, RelativePath
 
-__all__ = ["Boundary", "ContactAngle", "one_configuration"]
+__all__ = ["Boundary", "ContactAngle", "checked_window", "one_configuration"]
 
 Array = NDArray[np.float64]
 
@@ -224,8 +224,8 @@ class Boundary:
 
         Raises:
             UnknownNameError: If the robot has no such coordinate.
-            DimensionError: If q is not finite or of another shape.
-            UnsupportedError: If a window is needed and not given.
+            DimensionError: If q is not finite or of another shape, or the window is none.
+            UnsupportedError: If a window is needed and not given, or is so wide that contacts are too many to list.
 
         Example:
             >>> import pinbound as pb
@@ -238,6 +238,8 @@ class Boundary:
         points = as_configurations(q, self.robot_coordinates)
         if not np.all(np.isfinite(points)):
             raise DimensionError("q holds a number that is not finite")
+        if window is not None:
+            window = checked_window(window)
         index = self.robot_coordinates.index(coordinate)
         rows = points.reshape(-1, len(self.robot_coordinates))
         table = univariate.allowed_arcs_table(
@@ -253,20 +255,18 @@ class Boundary:
         """
         index = self.robot_coordinates.index(coordinate)
         low, high = within
-        if (
-            self.path.is_plain
-            or (self.path.is_signed and not self.path.swept.directions)
-            or not np.isfinite(high - low)
-        ):
-            arcs: univariate.AllowedArcs = self.limits(coordinate, q, within)
-            span, (low, high) = arcs.around(float(q[index])), arcs.window
-        else:
-            from pinbound.interpreters.swept_isolation import around
-
-            span = around(self.path, index, coordinate, q, self.contact_distance, within)
+        span = univariate.around(self.path, index, coordinate, q, self.threshold, self.contact_tolerance, within)
         if span is None:
             return None
         return -math.inf if span[0] <= low else span[0], math.inf if span[1] >= high else span[1]
+
+    def spans(self, coordinate: str, Q: Array, within: tuple[float, float]) -> Array:
+        """Return `span` for many q (N, n): (N, 2), NaN where q is in contact."""
+        index = self.robot_coordinates.index(coordinate)
+        found = univariate.arounds(self.path, index, coordinate, Q, self.threshold, self.contact_tolerance, within)
+        found[found[:, 0] <= within[0], 0] = -math.inf
+        found[found[:, 1] >= within[1], 1] = math.inf
+        return found
 
     def limit_expressions(self, coordinate: str) -> Any:
         """Return the two contacts of one coordinate in terms of the others, in SymPy and LaTeX: Eqs. (18)-(20).
@@ -287,6 +287,25 @@ class Boundary:
             raise UnknownNameError("coordinate", coordinate, self.robot_coordinates)
         index = self.robot_coordinates.index(coordinate)
         return symbolic.limit_expressions(self.path, index, self.robot_coordinates, self.threshold)
+
+
+def checked_window(window: Any) -> tuple[float, float]:
+    """Return a window as two numbers, the lower one first.
+
+    Raises:
+        DimensionError: If it is something else.
+
+    Example:
+        >>> checked_window([-1, 2])
+        (-1.0, 2.0)
+    """
+    try:
+        low, high = (float(end) for end in window)
+    except (TypeError, ValueError) as error:
+        raise DimensionError(f"the window {window!r} is not two numbers; give window=(lower, upper)") from error
+    if not low < high:  # also if one is NaN
+        raise DimensionError(f"the window ({low}, {high}) holds nothing; give window=(lower, upper), the lower end first")
+    return low, high
 
 
 def one_configuration(q: ArrayLike, coordinates: Sequence[str]) -> Array:

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.boundary import Boundary, one_configuration
+from pinbound.boundary import Boundary, checked_window, one_configuration
 from pinbound.coupling import LinearLimit, as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import separation
-from pinbound.interpreters.univariate import AllowedArcsTable
 
 if TYPE_CHECKING:
     from pinbound.interpreters.kernel import Backend, CommonMark, Kernel, MixedKernel
@@ -218,11 +217,16 @@ class BoundarySet(Sequence[Boundary]):
     ) -> Array:
         array = as_configurations(Q, self._coordinates)
         if array.ndim == 1:
+            if threads != 1 or backend != "auto":
+                from pinbound.interpreters.kernel import check_choices
+
+                check_choices(threads, backend)
             if mode != "gradients" and out is None and dtype is np.float64:
                 found = self.kernel.one(array, mode)
                 if found is not None:
                     return found
-            return self.kernel.rows(array[None], mode, None if out is None else out[None], 1, backend, dtype)[0]
+            given = out[None] if isinstance(out, np.ndarray) else out
+            return self.kernel.rows(array[None], mode, given, threads, backend, dtype)[0]
         return self.kernel.rows(array, mode, out, threads, backend, dtype)
 
     def smallest(
@@ -247,7 +251,9 @@ class BoundarySet(Sequence[Boundary]):
         """
         array = as_configurations(Q, self._coordinates)
         if array.ndim == 1:
-            clearances = self.clearances(array, backend=backend, dtype=dtype)
+            if out is not None:
+                raise DimensionError("out is for many q (N, n); the smallest clearance of one q is returned as a float")
+            clearances = self.clearances(array, threads=threads, backend=backend, dtype=dtype)
             if not len(clearances):
                 return Smallest(float("inf"), -1)
             index = int(np.argmin(clearances))  # the first NaN, if there is one
@@ -267,7 +273,7 @@ class BoundarySet(Sequence[Boundary]):
         """
         array = as_configurations(Q, self._coordinates)
         if array.ndim == 1:
-            return bool(np.all(self.clearances(array, backend=backend) > 0.0))
+            return bool(np.all(self.clearances(array, threads=threads, backend=backend) > 0.0))
         least, _ = self.kernel.smallest(array, False, None, threads, backend)
         return least > 0.0
 
@@ -307,8 +313,8 @@ class BoundarySet(Sequence[Boundary]):
 
         Raises:
             UnknownNameError: If the robot has no such coordinate.
-            DimensionError: If q is not one finite configuration.
-            UnsupportedError: If a window is needed and not given.
+            DimensionError: If q is not one finite configuration, or the window is none, or does not hold q's value.
+            UnsupportedError: If contacts never repeat and none is near.
 
         Example:
             >>> import pinbound as pb
@@ -321,13 +327,17 @@ class BoundarySet(Sequence[Boundary]):
         point = one_configuration(q, self._coordinates)
         index = self._coordinates.index(coordinate)
         value = float(point[index])
+        if window is not None:
+            window = checked_window(window)
+            if not window[0] <= value <= window[1]:
+                raise DimensionError(f"{coordinate!r} is {value:.9g}, outside the window {window}; let the window hold it")
         spans = [(limit.joint, _linear_span(limit, index, point)) for limit in self._limits]
         if window is None:
             held = [span for _, span in spans if span]
             window = max((s[0] for s in held), default=-math.inf), min((s[1] for s in held), default=math.inf)
         low, high = window
         for boundary in self:
-            span = boundary.span(coordinate, point, (low, high) if low < value < high else window)
+            span = boundary.span(coordinate, point, (low, high) if low <= value <= high else (-math.inf, math.inf))
             if span is not None:  # what lies beyond a stop that is known stops nothing
                 low, high = max(low, span[0]), min(high, span[1])
             spans.append((boundary.name, span))
@@ -381,15 +391,18 @@ class BoundarySet(Sequence[Boundary]):
         stops = np.full((len(rows), 2), "", dtype=object)
         for limit in self._limits:
             _tighten(ends, stops, limit.joint, _linear_spans(limit, index, rows))
-        held = float(np.fmin.reduce(ends[:, 0], initial=math.inf)), float(np.fmax.reduce(ends[:, 1], initial=-math.inf))
+        held = _hull(ends, value)
         for boundary in self:
-            arcs: AllowedArcsTable = boundary.limits(coordinate, rows, held)
-            spans = arcs.around(value)
-            low, high = arcs.window
-            spans[spans[:, 0] <= low, 0] = -math.inf
-            spans[spans[:, 1] >= high, 1] = math.inf
+            spans = boundary.spans(coordinate, rows, held)
             _tighten(ends, stops, boundary.name, spans)
         return ends, stops.astype(np.str_)
+
+
+def _hull(ends: Array, values: Array) -> tuple[float, float]:
+    """Return the least interval that holds all intervals (N, 2), but for NaN, and all values (N,)."""
+    low = np.fmin.reduce(np.append(ends[:, 0], values), initial=math.inf)
+    high = np.fmax.reduce(np.append(ends[:, 1], values), initial=-math.inf)
+    return float(low), float(high)
 
 
 def _tighten(ends: Array, stops: NDArray[np.object_], name: str, spans: Array) -> None:

@@ -27,7 +27,7 @@ from pinbound.exceptions import (
 )
 from pinbound.interpreters import numeric
 from pinbound.parallelograms import settle
-from pinbound.path import absolute_chain, relative_path
+from pinbound.path import absolute_chain, direction_chain, relative_path
 from pinbound.tolerances import HOME
 from pinbound.tree import Tree
 from pinbound.urdf import Mimic, build_model, read_kinematics
@@ -338,18 +338,16 @@ def _boundaries(tree: Tree, coupling: Coupling, marks: Annotations, home: Array,
     return boundaries
 
 
-def _common_marks(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]) -> dict[str, CommonMark] | None:
-    """Return every mark's chains in the root's frame; None if a joint of several coordinates lies between."""
+def _common_marks(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]) -> dict[str, CommonMark]:
+    """Return every mark's chains in the root's frame; of lines and planes a point and the unit direction."""
     from pinbound.interpreters.kernel import CommonMark
 
+    def placed(mark: Mark) -> CommonMark:
+        if isinstance(mark, Line | Plane):
+            point = absolute_chain(tree, coupling, mark.link, mark.xyz)
+            unit = direction_chain(tree, coupling, mark.link, mark.upright)
+            return CommonMark((point, unit), "line" if isinstance(mark, Line) else "plane")
+        return CommonMark(tuple(absolute_chain(tree, coupling, mark.link, xyz) for xyz in mark.anchors))
+
     marks = {mark.name: mark for boundary in boundaries for mark in (boundary.point_a, boundary.point_b)}
-    try:
-        return {
-            name: CommonMark(
-                tuple(absolute_chain(tree, coupling, mark.link, xyz) for xyz in mark.anchors),
-                "line" if isinstance(mark, Line) else "plane" if isinstance(mark, Plane) else None,
-            )
-            for name, mark in marks.items()
-        }
-    except UnsupportedError:
-        return None
+    return {name: placed(mark) for name, mark in marks.items()}

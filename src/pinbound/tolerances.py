@@ -23,6 +23,8 @@ __all__ = [
     "INFLATION",
     "KERNEL_CONSTANT",
     "LIMIT",
+    "LONGEST",
+    "LONGEST_SINGLE",
     "MESH_CHORD",
     "ON_CONTOUR",
     "OVERLAP",
@@ -127,6 +129,13 @@ of this half-width, it is taken for contact: the width at which rounding hides a
 KERNEL_CONSTANT: Final = 2.0**-52
 """Relative to the length of a path, and absolute for entries of rotations: constants of the batch kernel that differ
 by this, the last digit of a float64, are one constant, so that what they stand for is computed once."""
+LONGEST: Final = 1e75
+"""Metres. Longest offset, and longest slide, that is taken: nearest points of segments need products of four lengths,
+which overflow float64 from 1e77 m on."""
+
+LONGEST_SINGLE: Final = 1e9
+"""Metres, the same for float32, in which products of four lengths overflow from 4e9 m on."""
+
 CROSSCHECK_POINT: Final = 1e-12
 """Metres. Largest difference between a clearance and coal's distance of two spheres: a few hundred roundings of
 lengths of a few metres, far below any length that matters."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pinbound.exceptions import UnsupportedError
 from pinbound.interpreters import separation
 from pinbound.interpreters.bounds import Expansion
-from pinbound.interpreters.isolation import common_period, wrapped
+from pinbound.interpreters.isolation import check_turns, common_period, holding, outward, wrapped
 from pinbound.interpreters.swept_bounds import Bounds, SweptBundle, along_motion, rounding_bound, swept_bundle
 from pinbound.path import RelativePath
 from pinbound.tolerances import PRECISION, ROOT
@@ -32,7 +32,7 @@ Ints = NDArray[np.int64]
 
 _PIECES = 5  # 2^5 pieces to begin with
 _FINEST = 50  # 2^50 steps in all
-_MOST_OPEN = 1 << 16  # pieces a configuration: more are a contact that is flat along an interval
+_MOST_OPEN = 1 << 14  # pieces a configuration: more are a separation that is the threshold along a stretch
 _ROWS = 64  # configurations at a time, to bound memory
 _WIDENINGS, _WIDER, _LAST_BIT = 14, 8.0, 4e-16  # from the width of a root to any wall, and back to the last bit
 
@@ -42,8 +42,11 @@ def arcs(
 ) -> tuple[list[Array], float, tuple[float, float]]:
     """Return the free intervals (k, 2) of coordinate `index` for each row of Q (N, n), their period, and the window.
 
+    Where the separation is the threshold to rounding along a whole stretch, the stretch counts as contact.
+
     Raises:
-        UnsupportedError: If nothing repeats and there is no finite window, or contact is flat along an interval.
+        UnsupportedError: If nothing repeats and there is no finite window, or the coordinate turns the path more than
+            `isolation.MOST_TURNS` times over it.
     """
     used = path.minimal.coefficients[:, index]
     used = used[used != 0.0]
@@ -57,11 +60,11 @@ def arcs(
             "contacts cannot all be listed: give window=(lower, upper)"
         )
     low, high = (-period / 2, period / 2) if period is not None else window or (-math.inf, math.inf)
+    check_turns(name, used, low, high)
     found: list[Array] = []
     for start in range(0, len(Q), _ROWS):
         rows = Q[start : start + _ROWS]
-        free, open_too = _free(path, index, name, rows, threshold, low, high)
-        found += _polished(path, index, rows, threshold, free, open_too, (low, high))
+        found += _found(path, index, rows, threshold, (low, high))
     if period is None:
         return found, math.inf, (low, high)
     return [wrapped(one, low, high, period)[0] for one in found], period, (-math.inf, math.inf)
@@ -75,13 +78,25 @@ def around(
     Ends of the domain are returned as they are: nothing is in contact up to there.
 
     Raises:
-        UnsupportedError: If contact is flat along an interval.
+        UnsupportedError: If nothing is met over `isolation.MOST_TURNS` turns.
     """
-    free, open_too = _free(path, index, name, q[None], threshold, *domain)
-    for low, high in _polished(path, index, q[None], threshold, free, open_too, domain)[0].tolist():
-        if low < q[index] < high or low == q[index] == domain[0] or high == q[index] == domain[1]:
-            return low, high
-    return None
+    used = path.minimal.coefficients[:, index]
+
+    def find(low: float, high: float) -> tuple[float, float] | None:
+        found = _found(path, index, q[None], threshold, (low, high))[0]
+        return holding(found, float(q[index]), (low, high))
+
+    slides = bool(np.any(path.minimal.slides[:, :, index]))
+    return outward(find, name, float(q[index]), domain, used[used != 0.0], slides)
+
+
+def _found(path: RelativePath, index: int, Q: Array, threshold: float, domain: tuple[float, float]) -> list[Array]:
+    """Return the free intervals (k, 2) of a finite domain for each row of Q."""
+    if not domain[0] < domain[1]:  # a joint that its limits hold
+        apart = separation.separations(path, Q) > threshold
+        return [np.array([domain] if one else []).reshape(-1, 2) for one in apart]
+    free, open_too, level = _free(path, index, Q, threshold, *domain)
+    return _polished(path, index, Q, level, free, open_too, domain)
 
 
 def turn_arcs(path: RelativePath, threshold: float) -> Array:
@@ -136,11 +151,13 @@ def _bound(swept: SweptBundle, Q: Array, index: int, middle: Array, half: float,
 
 
 def _free(
-    path: RelativePath, index: int, name: str, Q: Array, threshold: float, low: float, high: float
-) -> tuple[list[Array], list[Array]]:
+    path: RelativePath, index: int, Q: Array, threshold: float, low: float, high: float
+) -> tuple[list[Array], list[Array], float]:
     """Return the intervals (k, 2) of [low, high] that are proven free, a row of Q at a time; and those not in contact.
 
-    Between two of the latter everything is proven to be in contact.
+    Between two of the latter everything is proven to be in contact. Last comes the separation up to which there is
+    contact: above the threshold by the rounding bound, where the separation is the threshold to rounding along a
+    stretch, in which rounding alone would otherwise say where contact ends.
     """
     ends = Q.min(axis=0), Q.max(axis=0)
     ends[0][index], ends[1][index] = low, high
@@ -163,10 +180,12 @@ def _free(
         undecided.append((row[doubtful], start[doubtful], size))
         row, start = row[left], start[left]
         if len(row) and int(np.bincount(row).max()) > _MOST_OPEN:
-            raise UnsupportedError(f"{name!r} stays at exactly the contact distance over a whole interval")
+            undecided.append((row, start, size))
+            threshold += 4.0 * error
+            break
         size >>= 1
         row, start = np.concatenate((row, row)), np.concatenate((start, start + size))
-    return _joined(kept, len(Q), low, high), _joined([*kept, *undecided], len(Q), low, high)
+    return _joined(kept, len(Q), low, high), _joined([*kept, *undecided], len(Q), low, high), threshold
 
 
 def _polished(
