@@ -32,7 +32,8 @@ Ints = NDArray[np.int64]
 
 _PIECES = 5  # 2^5 pieces to begin with
 _FINEST = 50  # 2^50 steps in all
-_MOST_OPEN = 1 << 14  # pieces a configuration: more are a separation that is the threshold along a stretch
+_MOST_OPEN = 1 << 15  # pieces a configuration: more are a separation that is all but the threshold along a stretch
+_STRETCH = 64  # pieces in a row, all at the threshold: so many are no end of a contact
 _ROWS = 64  # configurations at a time, to bound memory
 _WIDENINGS, _WIDER, _LAST_BIT = 14, 8.0, 4e-16  # from the width of a root to any wall, and back to the last bit
 
@@ -64,7 +65,7 @@ def arcs(
     found: list[Array] = []
     for start in range(0, len(Q), _ROWS):
         rows = Q[start : start + _ROWS]
-        found += _found(path, index, rows, threshold, (low, high))
+        found += _found(path, index, name, rows, threshold, (low, high))
     if period is None:
         return found, math.inf, (low, high)
     return [wrapped(one, low, high, period)[0] for one in found], period, (-math.inf, math.inf)
@@ -83,20 +84,22 @@ def around(
     used = path.minimal.coefficients[:, index]
 
     def find(low: float, high: float) -> tuple[float, float] | None:
-        found = _found(path, index, q[None], threshold, (low, high))[0]
+        found = _found(path, index, name, q[None], threshold, (low, high))[0]
         return holding(found, float(q[index]), (low, high))
 
     slides = bool(np.any(path.minimal.slides[:, :, index]))
     return outward(find, name, float(q[index]), domain, used[used != 0.0], slides)
 
 
-def _found(path: RelativePath, index: int, Q: Array, threshold: float, domain: tuple[float, float]) -> list[Array]:
+def _found(
+    path: RelativePath, index: int, name: str, Q: Array, threshold: float, domain: tuple[float, float]
+) -> list[Array]:
     """Return the free intervals (k, 2) of a finite domain for each row of Q."""
     if not domain[0] < domain[1]:  # a joint that its limits hold
         apart = separation.separations(path, Q) > threshold
         return [np.array([domain] if one else []).reshape(-1, 2) for one in apart]
-    free, open_too, level = _free(path, index, Q, threshold, *domain)
-    return _polished(path, index, Q, level, free, open_too, domain)
+    free, open_too = _free(path, index, name, Q, threshold, *domain)
+    return _polished(path, index, Q, threshold, free, open_too, domain)
 
 
 def turn_arcs(path: RelativePath, threshold: float) -> Array:
@@ -151,13 +154,12 @@ def _bound(swept: SweptBundle, Q: Array, index: int, middle: Array, half: float,
 
 
 def _free(
-    path: RelativePath, index: int, Q: Array, threshold: float, low: float, high: float
-) -> tuple[list[Array], list[Array], float]:
+    path: RelativePath, index: int, name: str, Q: Array, threshold: float, low: float, high: float
+) -> tuple[list[Array], list[Array]]:
     """Return the intervals (k, 2) of [low, high] that are proven free, a row of Q at a time; and those not in contact.
 
-    Between two of the latter everything is proven to be in contact. Last comes the separation up to which there is
-    contact: above the threshold by the rounding bound, where the separation is the threshold to rounding along a
-    stretch, in which rounding alone would otherwise say where contact ends.
+    Between two of the latter everything counts as contact: it is proven to be, or the separation is the threshold,
+    to rounding, along a whole stretch, as of faces that slide along each other.
     """
     ends = Q.min(axis=0), Q.max(axis=0)
     ends[0][index], ends[1][index] = low, high
@@ -175,17 +177,36 @@ def _free(
         free = found.lower > threshold
         kept.append((row[free], start[free], size))
         stuck = (found.upper - found.lower <= 4.0 * error) | (half <= ROOT * max(1.0, abs(low), abs(high)))
-        left = ~free & ~(found.upper <= threshold) & ~stuck
-        doubtful = ~free & ~(found.upper <= threshold) & stuck
+        hit = found.upper <= max(threshold, 4.0 * error)  # a distance of zero is known to rounding only
+        left, doubtful = ~free & ~hit & ~stuck, ~free & ~hit & stuck
         undecided.append((row[doubtful], start[doubtful], size))
-        row, start = row[left], start[left]
+        at_threshold = np.abs(found.value[left] - threshold) <= 4.0 * error
+        kept_open = ~_inside_stretches(row[left], start[left], size, at_threshold)
+        row, start = row[left][kept_open], start[left][kept_open]
         if len(row) and int(np.bincount(row).max()) > _MOST_OPEN:
-            undecided.append((row, start, size))
-            threshold += 4.0 * error
-            break
+            gap, place = float(np.median(np.abs(found.value[left] - threshold))), float(middle[left][0])
+            raise UnsupportedError(
+                f"around {place:.6g} the separation stays within {gap:.1e} m of the contact distance over a whole stretch "
+                f"of {name!r}, too near to be told from contact; change the distance to keep by more than that"
+            )
         size >>= 1
         row, start = np.concatenate((row, row)), np.concatenate((start, start + size))
-    return _joined(kept, len(Q), low, high), _joined([*kept, *undecided], len(Q), low, high), threshold
+    return _joined(kept, len(Q), low, high), _joined([*kept, *undecided], len(Q), low, high)
+
+
+def _inside_stretches(row: Ints, start: Ints, size: int, flat: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which pieces lie inside a long run of neighbours that all are at the threshold, its ends left out."""
+    order = np.lexsort((start, row))
+    flat = flat[order]
+    follows = np.zeros(len(row), dtype=np.bool_)
+    follows[1:] = (row[order][1:] == row[order][:-1]) & (np.diff(start[order]) == size) & flat[1:] & flat[:-1]
+    run = np.cumsum(~follows)
+    first = np.searchsorted(run, run)
+    last = np.searchsorted(run, run, side="right") - 1
+    place = np.arange(len(row))
+    inside = np.zeros(len(row), dtype=np.bool_)
+    inside[order] = flat & (last - first >= _STRETCH) & (place > first + 1) & (place < last - 1)
+    return inside
 
 
 def _polished(

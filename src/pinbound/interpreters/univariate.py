@@ -372,7 +372,12 @@ def allowed_arcs_table(
     if not len(turned):
         from pinbound.interpreters.swept_sliding import intervals as sliding
 
-        return AllowedArcsTable(name, sliding(path, index, Q, distance), np.full(len(Q), math.inf))
+        found, never = sliding(path, index, Q, distance), np.full(len(Q), math.inf)
+        if window is None:
+            return AllowedArcsTable(name, found, never)
+        found = np.clip(found, *window)
+        found[found[:, :, 0] >= found[:, :, 1]] = np.nan
+        return AllowedArcsTable(name, np.take_along_axis(found, np.argsort(found, axis=1), axis=1), never, window)
     if path.is_plain:
         from pinbound.interpreters import isolation
 
