@@ -28,9 +28,9 @@ from pinbound.exceptions import (
 from pinbound.interpreters import numeric
 from pinbound.parallelograms import settle
 from pinbound.path import absolute_chain, direction_chain, relative_path
-from pinbound.tolerances import HOME
+from pinbound.tolerances import HOME, LONGEST
 from pinbound.tree import Tree
-from pinbound.urdf import Mimic, build_model, read_kinematics
+from pinbound.urdf import Kinematics, Mimic, build_model, read_kinematics
 
 if TYPE_CHECKING:
     from pinbound.interpreters.kernel import CommonMark
@@ -132,6 +132,8 @@ class Robot:
 
     def positions(self, link: str, Q: ArrayLike, xyz: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
         """Return where a point of a link is, in the root link's frame: (3,) or (N, 3) [m].
+
+        Floating and planar joints are held at their origin, as `model` holds them.
 
         Args:
             link: Name of the link.
@@ -246,6 +248,7 @@ def load(
         limits={mark.joint: (mark.lower, mark.upper) for mark in marks.limits},
         followers={mark.joint: Mimic(mark.primary, mark.multiplier, mark.offset) for mark in marks.followers},
     )
+    _check_lengths(kinematics, marks, problems)
     if len(problems.found) > faults:
         problems.raise_if_any()
     tree = Tree(kinematics, {mark.link for mark in marks.marks.values()})
@@ -281,6 +284,21 @@ def _given_items(document: Document, given: str | Path | Annotations | None, pro
     from pinbound.annotations.srdf import read_srdf
 
     return read_srdf(path, problems) if path.suffix == ".srdf" else read_sidecar(path, problems)
+
+
+def _check_lengths(kinematics: Kinematics, marks: Annotations, problems: Problems) -> None:
+    """Refuse lengths whose squares, and products of four, overflow."""
+    remedy = f"Give metres; lengths up to {LONGEST:.0e} m can be measured"
+    for joint in kinematics.joints:
+        longest = max(map(abs, joint.translation.tolist()))
+        if joint.type == "prismatic" and joint.mimic is not None:
+            longest = max(longest, abs(joint.mimic.offset))
+        if longest > LONGEST:
+            problems.add(f"joint {joint.name!r} has an offset of {longest:.3g} m", remedy, joint.line)
+    for mark in marks.marks.values():
+        longest = max(max(map(abs, anchor)) for anchor in mark.anchors)
+        if longest > LONGEST:
+            problems.add(f"mark {mark.name!r} is {longest:.3g} m from the origin of its link", remedy, mark.line)
 
 
 def _home(
