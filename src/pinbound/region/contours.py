@@ -15,6 +15,7 @@ moved onto the curve, until its distance to the curve is provably within the acc
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,7 +147,34 @@ class HeightFunction:
         return np.broadcast_to(self.arms.second, (len(half), 2, 2))
 
 
-Traced = ContactFunction | HeightFunction
+class Traced(Protocol):
+    """A smooth function of two coordinates with bounds of its derivatives, whose zeros can be traced."""
+
+    @property
+    def arms(self) -> LeverArms:
+        """Bounds over the window: of what the threshold is taken from, and its first and second derivatives."""
+        ...
+
+    @property
+    def threshold(self) -> float:
+        """What `parts`' third value is on the curve."""
+        ...
+
+    def value(self, X: Array) -> Array:
+        """Return g (N,)."""
+        ...
+
+    def value_gradient(self, X: Array) -> tuple[Array, Array]:
+        """Return g (N,) and its gradient (N, 2)."""
+        ...
+
+    def parts(self, X: Array) -> tuple[Array, Array, Array, Array]:
+        """Return g, its gradient, what the threshold is taken from, and the sizes of the latter's slopes."""
+        ...
+
+    def curvature(self, length: Array, slopes: Array, half: Array) -> Array:
+        """Return bounds (N, 2, 2) of g's Hessian over boxes of half-sides `half` (N, 2)."""
+        ...
 
 
 @dataclass(frozen=True)
