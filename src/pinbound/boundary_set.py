@@ -217,7 +217,7 @@ class BoundarySet(Sequence[Boundary]):
     ) -> Array:
         array = as_configurations(Q, self._coordinates)
         if array.ndim == 1:
-            if threads != 1 or backend != "auto":
+            if type(threads) is not int or threads != 1 or backend != "auto":
                 from pinbound.interpreters.kernel import check_choices
 
                 check_choices(threads, backend)
@@ -225,7 +225,7 @@ class BoundarySet(Sequence[Boundary]):
                 found = self.kernel.one(array, mode)
                 if found is not None:
                     return found
-            given = out[None] if isinstance(out, np.ndarray) else out
+            given = None if out is None else np.asarray(out)[None] if isinstance(out, np.ndarray) else out
             return self.kernel.rows(array[None], mode, given, threads, backend, dtype)[0]
         return self.kernel.rows(array, mode, out, threads, backend, dtype)
 
@@ -330,7 +330,9 @@ class BoundarySet(Sequence[Boundary]):
         if window is not None:
             window = checked_window(window)
             if not window[0] <= value <= window[1]:
-                raise DimensionError(f"{coordinate!r} is {value:.9g}, outside the window {window}; let the window hold it")
+                raise DimensionError(
+                    f"{coordinate!r} is {value:.9g}, outside the window {window}; let the window hold it"
+                )
         spans = [(limit.joint, _linear_span(limit, index, point)) for limit in self._limits]
         if window is None:
             held = [span for _, span in spans if span]

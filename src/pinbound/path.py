@@ -216,7 +216,7 @@ class _Builder:
     """Collect joints along a path into a chain, constant rotations folded into what follows them."""
 
     def __init__(self, coupling: Coupling, held: bool = False) -> None:
-        """Start at a link's frame; `held` leaves joints of several coordinates at their origin, else they are refused."""
+        """Start at a link's frame; joints of several coordinates are left at their origin (`held`), or refused."""
         self.coupling, self.held = coupling, held
         self.rotation = np.eye(3)
         n = len(coupling.coordinates)

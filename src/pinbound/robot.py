@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.annotations import Annotations, Line, Plane, RawItem, raw_items, read_inline, validate
+from pinbound.annotations import Annotations, Line, Mark, Plane, RawItem, raw_items, read_inline, validate
 from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
 from pinbound.closures import Closure
@@ -290,7 +290,7 @@ def _check_lengths(kinematics: Kinematics, marks: Annotations, problems: Problem
     """Refuse lengths whose squares, and products of four, overflow."""
     remedy = f"Give metres; lengths up to {LONGEST:.0e} m can be measured"
     for joint in kinematics.joints:
-        longest = max(map(abs, joint.translation.tolist()))
+        longest = float(np.abs(joint.translation).max())
         if joint.type == "prismatic" and joint.mimic is not None:
             longest = max(longest, abs(joint.mimic.offset))
         if longest > LONGEST:

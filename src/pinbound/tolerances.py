@@ -138,8 +138,8 @@ LONGEST_SINGLE: Final = 1e9
 """Metres, the same for float32, in which products of four lengths overflow from 4e9 m on."""
 
 CROSSCHECK_POINT: Final = 1e-12
-"""Metres, a metre of the path's length. Largest difference between a clearance and coal's distance of two spheres: a few
-hundred roundings, far below any length that matters."""
+"""Metres, a metre of the path's length. Largest difference between a clearance and coal's distance of two spheres: a
+few hundred roundings, far below any length that matters."""
 
 CROSSCHECK_INFLATION: Final = 1e-10
 """Relative to a box's sides. Coal makes a box larger by half of this where it looks along one of its faces."""
@@ -156,7 +156,8 @@ CROSSCHECK_BODY: Final = 1e-6
 """Metres. How well coal (GJK, EPA) knows the distance of bodies other than spheres: its own default tolerance."""
 
 CROSSCHECK_SOLID: Final = 1e-8
-"""Metres, a metre of the path's length. How well coal's iteration, asked for 1e-9 m, knows the distance of boxes and prisms."""
+"""Metres, a metre of the path's length. How well coal's iteration, asked for 1e-9 m, knows the distance of boxes and
+prisms."""
 
 CROSSCHECK_STOP: Final = 1e-4
 """Metres. A boundary of zero threshold says that bodies first touch at the marked points: a gap left when they meet

@@ -49,9 +49,7 @@ def crosscheck(
         typer.Option(help="NAME=LOWER:UPPER [rad or m]: where the region level looks; for coordinates without limits."),
     ] = None,
     step: Annotated[float | None, typer.Option(help="Grid of the region level [rad or m].")] = None,
-    accuracy: Annotated[
-        float, typer.Option(help="Of the region level's curved edges [rad or m].")
-    ] = REGION_ACCURACY,
+    accuracy: Annotated[float, typer.Option(help="Of the region level's curved edges [rad or m].")] = REGION_ACCURACY,
     out: Annotated[Path | None, typer.Option(help="Figure of the region level, .png and .svg.")] = None,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,

@@ -148,9 +148,7 @@ def _engine(robot: Robot) -> tuple[Engine, str, _Pairs] | str:
 class _Flood:
     """A flood fill over nodes `home + step * (i, j)`."""
 
-    def __init__(
-        self, robot: Robot, engine: Engine, columns: list[int], step: float, window: Array | None
-    ) -> None:
+    def __init__(self, robot: Robot, engine: Engine, columns: list[int], step: float, window: Array | None) -> None:
         """Fill from home; outside a window (2, 2), rows lower and upper, as outside the limits."""
         self.robot, self.engine, self.columns, self.step, self.window = robot, engine, columns, step, window
         self.reached: set[Cell] = set()

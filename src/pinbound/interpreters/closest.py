@@ -96,9 +96,7 @@ def overlap(w: Array, ways: Array) -> Array:
     units = np.divide(normals, areas[:, :, None], out=np.zeros_like(normals), where=faces[:, :, None])
     middle = np.einsum("ni,fni->fn", w, units)
     products = np.einsum("kni,fni->kfn", ways, units)
-    least = np.minimum(
-        middle + np.maximum(products, 0.0).sum(axis=0), -middle - np.minimum(products, 0.0).sum(axis=0)
-    )
+    least = np.minimum(middle + np.maximum(products, 0.0).sum(axis=0), -middle - np.minimum(products, 0.0).sum(axis=0))
     depth = np.where(faces, least, np.inf).min(axis=0)
     left_out = 2.0 * k * np.where(faces, 0.0, sines).max(axis=0) * lengths.sum(axis=0)
     rounding = _FACE * UNIT_ROUNDOFF * size / np.where(faces, sines, 1.0).min(axis=0)

@@ -111,7 +111,8 @@ def around(
     used = line.coefficients[np.any(line.coefficients, axis=1), 0]
     value = float(q[index])
 
-    if not len(used) and not np.any(line.slides) or not domain[0] < domain[1]:
+    stands_still = not len(used) and not np.any(line.slides)
+    if stands_still or not domain[0] < domain[1]:
         return domain if float(numeric.norm(numeric.positions(line, np.array([[value]])))[0]) > threshold else None
 
     def find(low: float, high: float) -> tuple[float, float] | None:

@@ -170,6 +170,7 @@ def _free(
     start = np.tile(np.arange(1 << _PIECES, dtype=np.int64) * size, len(Q))
     kept: list[tuple[Ints, Ints, int]] = []
     undecided: list[tuple[Ints, Ints, int]] = []
+    reached = threshold if path.is_signed else max(threshold, 4.0 * error)  # a distance of zero is known to rounding
     while len(row):
         half = size * step / 2.0
         middle: Any = low + step * start + half
@@ -177,7 +178,7 @@ def _free(
         free = found.lower > threshold
         kept.append((row[free], start[free], size))
         stuck = (found.upper - found.lower <= 4.0 * error) | (half <= ROOT * max(1.0, abs(low), abs(high)))
-        hit = found.upper <= max(threshold, 4.0 * error)  # a distance of zero is known to rounding only
+        hit = found.upper <= reached
         left, doubtful = ~free & ~hit & ~stuck, ~free & ~hit & stuck
         undecided.append((row[doubtful], start[doubtful], size))
         at_threshold = np.abs(found.value[left] - threshold) <= 4.0 * error
@@ -186,8 +187,8 @@ def _free(
         if len(row) and int(np.bincount(row).max()) > _MOST_OPEN:
             gap, place = float(np.median(np.abs(found.value[left] - threshold))), float(middle[left][0])
             raise UnsupportedError(
-                f"around {place:.6g} the separation stays within {gap:.1e} m of the contact distance over a whole stretch "
-                f"of {name!r}, too near to be told from contact; change the distance to keep by more than that"
+                f"around {place:.6g} the separation stays within {gap:.1e} m of the contact distance over a whole "
+                f"stretch of {name!r}, too near to be told from contact; change the distance to keep by more than that"
             )
         size >>= 1
         row, start = np.concatenate((row, row)), np.concatenate((start, start + size))

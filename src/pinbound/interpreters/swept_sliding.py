@@ -6,8 +6,8 @@ f is least where r is nearest to the line along d: with P the projection across 
 
     m = min_t |P (w + sum_i t_i e_i)|,     x* = -d . (w + sum_i t*_i e_i) / |d|^2.
 
-From outside, Newton's steps `x - (f - T) / f'` never pass the end of the contact, since a convex function lies above its
-tangents; the last bits are halved. A height above a plane is affine in x. No window is needed. `docs/segments.md`.
+From outside, Newton's steps `x - (f - T) / f'` never pass the end of the contact, since a convex function lies above
+its tangents; the last bits are halved. A height above a plane is affine in x. No window is needed. `docs/segments.md`.
 """
 
 from __future__ import annotations
@@ -82,7 +82,9 @@ def intervals(path: RelativePath, index: int, Q: Array, threshold: float) -> Arr
     reach = (level + 2.0 * size[rows]) / speed[rows] * (1.0 + 1e-9)
     found[rows, 0, 0], found[rows, 1, 1] = -math.inf, math.inf
     for side, slot in ((-1.0, (0, 1)), (1.0, (1, 0))):
-        found[rows, *slot] = _end(path, index, Q[rows], (w[rows], ways[:, rows], d[rows]), level, lowest, side * reach)
+        found[rows, slot[0], slot[1]] = _end(
+            path, index, Q[rows], (w[rows], ways[:, rows], d[rows]), level, lowest, side * reach
+        )
     return found
 
 
@@ -95,7 +97,7 @@ def _end(
     lowest: Array,
     reach: Array,
 ) -> Array:
-    """Return where f first exceeds the level (N,) on the way from its least (N,) to `lowest + reach`, seen from outside."""
+    """Return where f first exceeds the level (N,) on the way from its least (N,) to `lowest + reach`, from outside."""
     w, ways, d = line
     x = lowest + reach
     scale = np.abs(lowest) + np.abs(reach)
@@ -124,7 +126,10 @@ def _end(
         if not np.any(far | near):
             break
         width = 4.0 * width
-        outside, inside = np.where(far, outside + outward * width, outside), np.where(near, inside - outward * width, inside)
+        outside, inside = (
+            np.where(far, outside + outward * width, outside),
+            np.where(near, inside - outward * width, inside),
+        )
     for _ in range(_MOST_HALVINGS):
         middle = 0.5 * (inside + outside)
         if np.all((middle == inside) | (middle == outside)):

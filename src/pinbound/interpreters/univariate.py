@@ -260,7 +260,7 @@ def contact_distance(path: RelativePath, threshold: float, tolerance: float) -> 
 
 
 def _is_closed(path: RelativePath, index: int) -> bool:
-    """Return whether all contacts of a coordinate are known at once: it turns one rotation of points, or only slides."""
+    """Return whether a coordinate's contacts are known at once: it turns one rotation of points, or only slides."""
     turned = np.count_nonzero(path.minimal.coefficients[:, index])
     slides = bool(np.any(path.minimal.slides[:, :, index]))
     points = path.is_plain or (path.is_signed and not path.swept.directions)
@@ -276,7 +276,7 @@ def around(
     tolerance: float,
     domain: tuple[float, float],
 ) -> tuple[float, float] | None:
-    """Return the allowed interval of coordinate `index` around q's (n,) own value, within a domain that holds the value.
+    """Return the allowed interval of coordinate `index` around q's (n,) own value, within a domain that holds it.
 
     What `allowed_arcs_table(...).around(...)` says, but looked for outwards from the value, however wide the domain is.
     None if the value is in contact. Ends of the domain are no contacts, and count as allowed.

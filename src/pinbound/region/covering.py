@@ -1,9 +1,9 @@
 """What a map covers that folds, or lays a region over itself: the places of its image, each counted once.
 
 Cut a region along its folds. On each part the Jacobian keeps its sign, so that the winding number of the image of the
-part's contour about a place is, up to that sign, how many points of the part lie there: the part covers the places where
-it is not zero, however often the image overlaps itself. The images of all contours and folds together cut the plane
-into faces, in each of which no winding number changes, and one point a face decides. `docs/workspace.md`.
+part's contour about a place is, up to that sign, how many points of the part lie there: the part covers the places
+where it is not zero, however often the image overlaps itself. The images of all contours and folds together cut the
+plane into faces, in each of which no winding number changes, and one point a face decides. `docs/workspace.md`.
 """
 
 from __future__ import annotations
@@ -114,8 +114,9 @@ def cut_along_folds(image: PlanarImage, polygon: Any) -> Parts:
     """
     west, south, east, north = polygon.bounds
     wide = np.array([east - west, north - south]) * 1e-3 + REDUCTION
-    window = np.array([[west, south] - wide, [east, north] + wide])
-    grid: Any = np.stack(np.meshgrid(*np.linspace(*window, _GRID).T), axis=-1).reshape(-1, 2)
+    window = np.array([[west - wide[0], south - wide[1]], [east + wide[0], north + wide[1]]])
+    sides = [np.linspace(low, high, _GRID) for low, high in window.T.tolist()]
+    grid: Any = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
     values = image.determinant(grid)
     size = float(image.first_bound[0] * image.first_bound[1])
     if float(np.abs(values).max()) <= 1e3 * REDUCTION * size:
@@ -129,7 +130,7 @@ def cut_along_folds(image: PlanarImage, polygon: Any) -> Parts:
                 "take a smaller region"
             ) from error
         folds = ()  # it touches zero, and keeps its sign: nothing folds
-    noded = sh.union_all([polygon.boundary, *map(shapely.LineString, folds)])
+    noded = sh.union_all([polygon.boundary, *(shapely.LineString(fold) for fold in folds)])
     faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(noded)))
     shapely.prepare(polygon)
     own = [face for face in faces.tolist() if polygon.contains(face.representative_point())]
@@ -157,7 +158,7 @@ def covered(image: PlanarImage, parts: Parts, chord: float, finer: int = 1) -> t
     faces = np.array(shapely.get_parts(shapely.polygonize(shapely.get_parts(sh.union_all(curves)))))
     if not len(faces):
         return shapely.Polygon(), 0.0
-    areas = shapely.area(faces)
+    areas: Any = sh.area(faces)
     small = areas <= _LEAST_FACE * float(areas.sum())
     left_out = float(areas[small].sum())
     faces = faces[~small]
@@ -175,7 +176,7 @@ def covered(image: PlanarImage, parts: Parts, chord: float, finer: int = 1) -> t
 
 def subdivided(image: PlanarImage, ring: Array, chord: float, finer: int = 1) -> Array:
     """Return a polyline with points added until the image's chords are within `chord`: `h^2 |p''| / 8`."""
-    pieces = list[Array]()
+    pieces: list[Any] = []
     steps = np.abs(np.diff(ring, axis=0))
     bends = np.einsum("ni,ij,nj->n", steps, image.second_bound, steps)
     counts = finer * np.maximum(1, np.ceil(np.sqrt(bends / (8.0 * chord)))).astype(int)

@@ -164,7 +164,7 @@ def _normal(chain: Chain) -> Array:
     length = float(np.linalg.norm(across))
     if length <= REDUCTION:
         raise UnsupportedError(
-            "these two coordinates move this frame along a line, or not at all, so that it covers no area; choose others"
+            "these two coordinates move this frame along a line, or not at all, so it covers no area; choose others"
         )
     return across / length
 

@@ -9,4 +9,14 @@ from pinbound.interpreters.kernel.engine import BACKENDS, Backend, Kernel, check
 from pinbound.interpreters.kernel.mixed import MixedKernel, kernel_of
 from pinbound.interpreters.kernel.program import CommonMark, Pair, Reference
 
-__all__ = ["BACKENDS", "Backend", "CommonMark", "Kernel", "MixedKernel", "Pair", "Reference", "check_choices", "kernel_of"]
+__all__ = [
+    "BACKENDS",
+    "Backend",
+    "CommonMark",
+    "Kernel",
+    "MixedKernel",
+    "Pair",
+    "Reference",
+    "check_choices",
+    "kernel_of",
+]

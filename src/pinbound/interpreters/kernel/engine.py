@@ -168,8 +168,8 @@ class Kernel:
         kind = real(dtype)
         if kind == np.float32 and self._length > LONGEST_SINGLE:
             raise UnsupportedError(
-                f"the paths are {self._length:.3g} m long, and squares of lengths above {LONGEST_SINGLE:.0e} m overflow "
-                "float32; use dtype=np.float64"
+                f"the paths are {self._length:.3g} m long, and products of lengths above {LONGEST_SINGLE:.0e} m "
+                "overflow float32; use dtype=np.float64"
             )
         return kind
 
@@ -207,7 +207,9 @@ class Kernel:
             with ThreadPoolExecutor(count) as pool:
                 irregular = sum(pool.map(work, ends[:-1], ends[1:]))
         slides = np.flatnonzero(self._rates[self._used])
-        if irregular or (len(slides) and not np.all(np.abs(Q[:, self._used][:, slides]) <= self._regular(dtype)[slides])):
+        if len(slides) and not irregular:
+            irregular = not np.all(np.abs(Q[:, self._used][:, slides]) <= self._regular(dtype)[slides])
+        if irregular:
             with np.errstate(all="ignore"):
                 self._mend(Q, mode, out, index, dtype)
 
@@ -384,7 +386,7 @@ def _shares(out: Array, source: Array) -> bool:
     if not np.may_share_memory(out, source):
         return False
     try:
-        return np.shares_memory(out, source, max_work=_MOST_WORK)
+        return cast(Any, np).shares_memory(out, source, max_work=_MOST_WORK)
     except TooHardError:
         return True
 
