@@ -12,7 +12,7 @@ import pytest
 
 import pinbound as pb
 from pinbound.interpreters.kernel import engine
-from pinbound.interpreters.kernel.program import compile_program
+from pinbound.interpreters.kernel.program import _common_program, compile_program
 from pinbound.robot import Robot
 
 BACKENDS = [
@@ -325,3 +325,116 @@ def test_without_numba_there_is_one_notice(
     assert len(caplog.records) == 1
     with pytest.raises(pb.UnsupportedError, match=r"pinbound\[fast\]"):
         B.norms(np.ones((50, 3)), backend="compiled")
+
+
+FAR_APART = """<robot name="far" xmlns:pinbound="urn:pinbound:1"><link name="base"/><link name="a"/><link name="b"/>
+  <joint name="q1" type="continuous"><parent link="base"/><child link="a"/><origin xyz="1e5 2e5 -3e5"/>
+    <axis xyz="0.36 0.48 0.8"/></joint>
+  <joint name="q2" type="continuous"><parent link="base"/><child link="b"/><origin xyz="-4e5 1e5 2e5" rpy="1 2 3"/>
+    <axis xyz="0.6 0 0.8"/></joint>
+  <pinbound:annotations contact_tolerance="1">
+    <pinbound:plane name="wall" link="b" xyz="1e5 -9e5 -7e5" normal="0.48 0.6 0.64"/>
+    <pinbound:line name="pole" link="b" xyz="-3e5 5e5 1e5" direction="0.6 0.64 0.48"/>
+    <pinbound:segment name="bar" link="a" xyz_a="2e5 4e5 1e4" xyz_b="-8e5 5e5 -8e5"/>
+    <pinbound:point name="tip" link="a" xyz="5e5 -3e5 6e5"/>
+    <pinbound:sweep name="plate" link="a" xyz="1e5 1e5 1e5" ways="2e5 0 1e5  0 3e5 0"/>
+    {pairs}
+  </pinbound:annotations></robot>"""
+
+
+def test_normals_and_directions_are_turned_and_not_subtracted(tmp_path: Path) -> None:
+    """On a robot of 1000 km a normal of 1 m, taken as a difference, would be off by 1e-10, and heights by 0.1 mm."""
+    pairs = [(flat, mark) for flat in ("wall", "pole") for mark in ("bar", "tip", "plate")]
+    marked = "".join(f'<pinbound:boundary name="{a}_{b}" a="{a}" b="{b}"/>' for a, b in pairs)
+    path = tmp_path / "far.urdf"
+    path.write_text(FAR_APART.format(pairs=marked + '<pinbound:home q1="0.3" q2="2.2"/>'))
+    robot = pb.load(path)
+    kernel = robot.boundaries.kernel
+    Q = np.random.default_rng(5).uniform(-200.0, 200.0, (200, 2))
+    expected = np.column_stack([boundary.norm(Q) for boundary in robot.boundaries])
+    length = max(boundary.path.minimal.scale for boundary in robot.boundaries)
+    for program in (kernel.program, _common_program(kernel.pairs, 2, robot.boundaries._common())):
+        kernel.__dict__ |= {"program": program, "_scalar": {}, "_compiled": {}}
+        for name in ("_linear", "_values"):
+            kernel.__dict__.pop(name, None)
+        assert np.abs(robot.boundaries.norms(Q, backend="numpy") - expected).max() < 1e-14 * length
+        assert np.abs(robot.boundaries.norms(Q[0]) - expected[0]).max() < 1e-14 * length
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("mode", ["norms", "clearances", "gradients", "smallest"])
+def test_out_must_have_memory_of_its_own(robots: dict[str, Robot], backend: Any, mode: str) -> None:
+    """Shifted, reversed, interleaved with q, or laid over itself: refused, and what is apart still works."""
+    B = robots["slider"].boundaries
+    m, n, count = len(B), 4, 300
+    shape = {"norms": (count, m), "clearances": (count, m), "gradients": (count, m, n), "smallest": (count,)}[mode]
+    ask, size = getattr(B, mode), int(np.prod(shape))
+    memory = np.random.default_rng(3).uniform(-1.0, 1.0, size + count * n)
+    Q = memory[: count * n].reshape(count, n)
+    right = ask(Q.copy(), backend=backend)
+    right = right.clearance if mode == "smallest" else right
+    for start in (0, 1, n, count * n - 1):
+        with pytest.raises(pb.DimensionError, match="shares memory"):
+            ask(Q, out=memory[start : start + size].reshape(shape), backend=backend)
+        with pytest.raises(pb.DimensionError, match="shares memory"):
+            ask(Q[::-1], out=memory[start : start + size].reshape(shape), backend=backend)
+    apart = memory[count * n :].reshape(shape)
+    found = ask(Q, out=apart, backend=backend)
+    assert np.array_equal(apart, right)
+    assert (found.clearance if mode == "smallest" else found) is apart
+    over_itself = np.lib.stride_tricks.as_strided(np.zeros(size), shape, (0,) * len(shape))
+    with pytest.raises(pb.DimensionError, match="in several places"):
+        ask(Q, out=over_itself, backend=backend)
+    frozen = np.zeros(shape)
+    frozen.flags.writeable = False
+    for wrong in (frozen, np.zeros(shape, dtype=np.float32), np.zeros((*shape, 1)), [0.0]):
+        with pytest.raises(pb.DimensionError, match="out is"):
+            ask(Q, out=wrong, backend=backend)
+
+
+def test_q_and_out_may_take_turns_in_one_block(robots: dict[str, Robot]) -> None:
+    """Bounds alone would say that they overlap; no number is in both."""
+    B = robots["slider"].boundaries
+    block = np.zeros((50, 4 + len(B)))
+    block[:, :4] = np.random.default_rng(1).uniform(-1.0, 1.0, (50, 4))
+    right = B.norms(block[:, :4].copy())
+    assert np.abs(B.norms(block[:, :4], out=block[:, 4:]) - right).max() < 1e-12
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_a_type_cannot_hold_is_no_number(robots: dict[str, Robot], backend: Any) -> None:
+    """float32 ends at 3.4e38; a slide of 1e200 m has no square. Neither is a clearance of infinity."""
+    B = robots["slider"].boundaries
+    for dtype, value, used in ((np.float32, 1e39, 3), (np.float32, -3.5e38, 0), (np.float64, 1e200, 1)):
+        Q = np.zeros((40, 4))
+        Q[3, used] = Q[37, used] = value
+        norms = B.norms(Q, backend=backend, dtype=dtype)
+        depends = np.array([("q1", "q2", "q3", "q4")[used] in boundary.coordinates for boundary in B])
+        assert np.any(depends)
+        for row in (3, 37):
+            assert np.array_equal(np.isnan(norms[row]), depends)
+        assert np.all(np.isfinite(np.delete(norms, (3, 37), axis=0)))
+        gradients = B.gradients(Q, backend=backend, dtype=dtype)
+        assert np.array_equal(np.isnan(gradients[3]).all(axis=1), depends)
+        least = B.smallest(Q, backend=backend, dtype=dtype)
+        assert np.isnan(least.clearance[[3, 37]]).all()
+        assert least.index[[3, 37]].tolist() == [-1, -1]
+        assert np.all(least.index[4:37] >= 0)
+        if dtype is np.float64:
+            assert not np.any(B.free(Q, backend=backend)[[3, 37]])
+            assert not B.free(Q[3])
+            assert np.array_equal(np.isnan(B.norms(Q[3])), depends)
+
+
+def test_choices_are_checked_however_few_rows_there_are(robots: dict[str, Robot]) -> None:
+    B = robots["slider"].boundaries
+    for Q in (np.zeros((0, 4)), np.zeros(4), np.zeros((3, 4))):
+        for ask in (B.norms, B.clearances, B.gradients, B.smallest, B.free):
+            for threads in (0, 1.5, True):
+                with pytest.raises(pb.DimensionError, match="whole number"):
+                    ask(Q, threads=threads)
+            with pytest.raises(pb.UnknownNameError, match="backend"):
+                ask(Q, backend="fortran")
+    with pytest.raises(pb.DimensionError, match="out is for many q"):
+        B.smallest(np.zeros(4), out=np.zeros(1))
+    assert B.norms(np.zeros((0, 4)), out=np.zeros((0, len(B)))).shape == (0, len(B))

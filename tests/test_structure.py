@@ -59,6 +59,7 @@ KNOWN = {
     ("minimum_norm", "kernel"),  # where there is no closed form, and what a swept path's bounds are made of
     ("univariate", "isolation"),
     ("univariate", "swept_isolation"),
+    ("univariate", "swept_sliding"),
     ("swept_isolation", "isolation"),
     ("swept_isolation", "swept_bounds"),
     ("swept_isolation", "bounds"),

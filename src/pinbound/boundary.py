@@ -20,7 +20,7 @@ from pinbound.path import Kind, RelativePath
 from pinbound.tolerances import ROOT
 from pinbound.values import Value
 
-__all__ = ["Boundary", "ContactAngle", "one_configuration"]
+__all__ = ["Boundary", "ContactAngle", "checked_window", "one_configuration"]
 
 Array = NDArray[np.float64]
 
@@ -290,8 +290,8 @@ class Boundary(Value):
 
         Raises:
             UnknownNameError: If the robot has no such coordinate.
-            DimensionError: If q is not finite or of another shape.
-            UnsupportedError: If a window is needed and not given.
+            DimensionError: If q is not finite or of another shape, or the window is none.
+            UnsupportedError: If a window is needed and not given, or is so wide that contacts are too many to list.
 
         Example:
             >>> import pinbound as pb
@@ -304,6 +304,8 @@ class Boundary(Value):
         points = as_configurations(q, self.robot_coordinates)
         if not np.all(np.isfinite(points)):
             raise DimensionError("q holds a number that is not finite")
+        if window is not None:
+            window = checked_window(window)
         index = self.robot_coordinates.index(coordinate)
         table = self.rule.arcs(index, coordinate, points.reshape(-1, len(self.robot_coordinates)), window)
         return table if points.ndim > 1 else table[0]
@@ -317,30 +319,30 @@ class Boundary(Value):
         """
         if not self.signed_clearance(q) > 0.0:
             return None
-        index = self.robot_coordinates.index(coordinate)
-        value, (low, high) = float(q[index]), within
-        if (
-            self.path.is_plain
-            or (self.path.is_signed and not self.path.swept.directions)
-            or not np.isfinite(high - low)
-        ):
-            arcs: univariate.AllowedArcs = self.limits(coordinate, q, within)
-            span, (low, high) = arcs.around(value) or _touching(arcs, value), arcs.window
+        index, (low, high) = self.robot_coordinates.index(coordinate), within
+        if self.is_stop or univariate.is_closed(self.path, index):
+            span = _around(self.rule.arcs(index, coordinate, q[None])[0], float(q[index]))
+        elif not low < high:
+            return -math.inf, math.inf
         else:
-            from pinbound.interpreters.swept_isolation import around
-
-            span = around(self.path, index, coordinate, q, self.contact_distance, within) or (value, value)
+            value = float(q[index])
+            span = univariate.around(self.path, index, coordinate, q, self.rule.distance, 0.0, within) or (value, value)
         return -math.inf if span[0] <= low else span[0], math.inf if span[1] >= high else span[1]
 
     def spans(self, coordinate: str, Q: Array, within: tuple[float, float]) -> Array:
         """Return what `span` says for each of many q (N, n): (N, 2), NaN where q itself is in contact."""
-        index = self.robot_coordinates.index(coordinate)
+        index, (low, high) = self.robot_coordinates.index(coordinate), within
         value = Q[:, index]
-        arcs: univariate.AllowedArcsTable = self.limits(coordinate, Q, within)
-        found = arcs.around(value)
-        for row in np.flatnonzero(np.isnan(found[:, 0])):
-            found[row] = _touching(arcs[int(row)], float(value[row]))
-        low, high = arcs.window
+        if self.is_stop or univariate.is_closed(self.path, index):
+            arcs = self.rule.arcs(index, coordinate, Q)
+            found = arcs.around(value)
+            for row in np.flatnonzero(np.isnan(found[:, 0])):
+                found[row] = _around(arcs[int(row)], float(value[row]))
+        elif low < high:
+            found = univariate.arounds(self.path, index, coordinate, Q, self.rule.distance, 0.0, within)
+            found = np.where(np.isnan(found), value[:, None], found)
+        else:
+            found = np.tile([-math.inf, math.inf], (len(Q), 1))
         found[found[:, 0] <= low, 0] = -math.inf
         found[found[:, 1] >= high, 1] = math.inf
         found[~(self.signed_clearance(Q) > 0.0)] = np.nan
@@ -367,14 +369,35 @@ class Boundary(Value):
         return symbolic.limit_expressions(self.path, index, self.robot_coordinates, self.threshold)
 
 
-def _touching(arcs: univariate.AllowedArcs, value: float) -> tuple[float, float]:
-    """Return the arc that has a free value at its end, to rounding; only the value itself if there is none."""
+def _around(arcs: univariate.AllowedArcs, value: float) -> tuple[float, float]:
+    """Return the arc that holds a free value, also at its end, to rounding; only the value itself if there is none."""
     near = ROOT * max(1.0, abs(value))
-    for nearby in (value + near, value - near):
+    for nearby in (value, value + near, value - near):
         found = arcs.around(nearby)
         if found is not None:
             return min(found[0], value), max(found[1], value)
     return value, value
+
+
+def checked_window(window: Any) -> tuple[float, float]:
+    """Return a window as two numbers, the lower one first.
+
+    Raises:
+        DimensionError: If it is something else.
+
+    Example:
+        >>> checked_window([-1, 2])
+        (-1.0, 2.0)
+    """
+    try:
+        low, high = (float(end) for end in window)
+    except (TypeError, ValueError) as error:
+        raise DimensionError(f"the window {window!r} is not two numbers; give window=(lower, upper)") from error
+    if not low < high:  # also if one is NaN
+        raise DimensionError(
+            f"the window ({low}, {high}) holds nothing; give window=(lower, upper), the lower end first"
+        )
+    return low, high
 
 
 def one_configuration(q: ArrayLike, coordinates: Sequence[str]) -> Array:

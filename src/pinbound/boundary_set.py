@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.boundary import Boundary, one_configuration
+from pinbound.boundary import Boundary, checked_window, one_configuration
 from pinbound.contact import SignedKernel
 from pinbound.coupling import LinearLimit, as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
@@ -247,11 +247,16 @@ class BoundarySet(Sequence[Boundary]):
     ) -> Array:
         array = as_configurations(Q, self._coordinates)
         if array.ndim == 1:
+            if type(threads) is not int or threads != 1 or backend != "auto":
+                from pinbound.interpreters.kernel import check_choices
+
+                check_choices(threads, backend)
             if mode != "gradients" and out is None and dtype is np.float64:
                 found = self.kernel.one(array, mode)
                 if found is not None:
                     return found
-            return self.kernel.rows(array[None], mode, None if out is None else out[None], 1, backend, dtype)[0]
+            given = None if out is None else np.asarray(out)[None] if isinstance(out, np.ndarray) else out
+            return self.kernel.rows(array[None], mode, given, threads, backend, dtype)[0]
         return self.kernel.rows(array, mode, out, threads, backend, dtype)
 
     def smallest(
@@ -277,7 +282,9 @@ class BoundarySet(Sequence[Boundary]):
         """
         array = as_configurations(Q, self._coordinates)
         if array.ndim == 1:
-            clearances = self.signed_clearances(array, backend=backend, dtype=dtype)
+            if out is not None:
+                raise DimensionError("out is for many q (N, n); the smallest clearance of one q is returned as a float")
+            clearances = self.signed_clearances(array, threads=threads, backend=backend, dtype=dtype)
             if not len(clearances):
                 return Smallest(float("inf"), -1)
             index = int(np.argmin(clearances))  # the first NaN, if there is one
@@ -349,8 +356,8 @@ class BoundarySet(Sequence[Boundary]):
 
         Raises:
             UnknownNameError: If the robot has no such coordinate.
-            DimensionError: If q is not one finite configuration.
-            UnsupportedError: If a window is needed and not given.
+            DimensionError: If q is not one finite configuration, or the window is none, or does not hold q's value.
+            UnsupportedError: If contacts never repeat and none is near.
 
         Example:
             >>> import pinbound as pb
@@ -363,6 +370,12 @@ class BoundarySet(Sequence[Boundary]):
         point = one_configuration(q, self._coordinates)
         index = self._coordinates.index(coordinate)
         value = float(point[index])
+        if window is not None:
+            window = checked_window(window)
+            if not window[0] <= value <= window[1]:
+                raise DimensionError(
+                    f"{coordinate!r} is {value:.9g}, outside the window {window}; let the window hold it"
+                )
         spans = [(limit.joint, linear_span(limit, index, point)) for limit in self._limits]
         if window is None:
             held = [span for _, span in spans if span]
@@ -374,7 +387,7 @@ class BoundarySet(Sequence[Boundary]):
                 clear = boundary.signed_clearance(point) > 0.0
                 spans.append((boundary.name, (-math.inf, math.inf) if clear else None))
                 continue
-            span = boundary.span(coordinate, point, (low, high) if low < value < high else window)
+            span = boundary.span(coordinate, point, (low, high) if low <= value <= high else (-math.inf, math.inf))
             if span is not None:  # what lies beyond a stop that is known stops nothing
                 low, high = max(low, span[0]), min(high, span[1])
             spans.append((boundary.name, span))

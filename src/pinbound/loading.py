@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.annotations import Annotations, Line, Plane, RawItem, raw_items, read_inline, validate
+from pinbound.annotations import Annotations, Line, Mark, Plane, RawItem, raw_items, read_inline, validate
 from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
 from pinbound.closures import Closure, joint_errors, place_error
@@ -24,13 +24,14 @@ from pinbound.exceptions import (
     name_hint,
 )
 from pinbound.home import feasible_start
+from pinbound.kinematics import Kinematics
 from pinbound.loop_errors import carry, narrowed
 from pinbound.normalise import normalise
 from pinbound.parallelograms import settle
-from pinbound.path import absolute_chain, relative_path
+from pinbound.path import absolute_chain, direction_chain, relative_path
 from pinbound.pinocchio_model import compare_with_pinocchio
 from pinbound.robot import Robot
-from pinbound.tolerances import CONTACT, HOME, NEAR_STOP
+from pinbound.tolerances import CONTACT, HOME, LONGEST, NEAR_STOP
 from pinbound.tree import Tree
 from pinbound.urdf import Mimic, read_kinematics
 
@@ -90,6 +91,7 @@ def load(
         followers={mark.joint: Mimic(mark.primary, mark.multiplier, mark.offset) for mark in marks.followers},
         places={m.joint: (m.line, marks.sources.get(f"follower {m.joint}")) for m in marks.followers},
     )
+    _check_lengths(kinematics, marks, problems)
     if len(problems.found) > faults:
         problems.raise_if_any()
     tree = Tree(kinematics, {mark.link for mark in marks.marks.values()})
@@ -159,6 +161,21 @@ def _read_annotations(
         srdf = read_srdf(path, problems, document.root)
         return srdf.items, srdf.notes
     return read_sidecar(path, problems), ()
+
+
+def _check_lengths(kinematics: Kinematics, marks: Annotations, problems: Problems) -> None:
+    """Refuse lengths whose squares, and products of four, overflow."""
+    remedy = f"Give metres; lengths up to {LONGEST:.0e} m can be measured"
+    for joint in kinematics.joints:
+        longest = float(np.abs(joint.translation).max())
+        if joint.type == "prismatic" and joint.mimic is not None:
+            longest = max(longest, abs(joint.mimic.offset))
+        if longest > LONGEST:
+            problems.add(f"joint {joint.name!r} has an offset of {longest:.3g} m", remedy, joint.line)
+    for mark in marks.marks.values():
+        longest = max(max(map(abs, anchor)) for anchor in mark.anchors)
+        if longest > LONGEST:
+            problems.add(f"mark {mark.name!r} is {longest:.3g} m from the origin of its link", remedy, mark.line)
 
 
 def _home(
@@ -267,18 +284,16 @@ def _stop_notes(boundary: Boundary) -> list[str]:
     return [f'{said}; if this is a stop, declare it: stop="true"'] if miss <= NEAR_STOP else []
 
 
-def _common_marks(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]) -> dict[str, CommonMark] | None:
-    """Return every mark's chains in the root's frame; None if a joint of several coordinates lies between."""
+def _common_marks(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]) -> dict[str, CommonMark]:
+    """Return every mark's chains in the root's frame; of lines and planes a point and the unit direction."""
     from pinbound.interpreters.kernel import CommonMark
 
+    def placed(mark: Mark) -> CommonMark:
+        if isinstance(mark, Line | Plane):
+            point = absolute_chain(tree, coupling, mark.link, mark.xyz)
+            unit = direction_chain(tree, coupling, mark.link, mark.upright)
+            return CommonMark((point, unit), "line" if isinstance(mark, Line) else "plane")
+        return CommonMark(tuple(absolute_chain(tree, coupling, mark.link, xyz) for xyz in mark.anchors))
+
     marks = {mark.name: mark for boundary in boundaries for mark in (boundary.point_a, boundary.point_b)}
-    try:
-        return {
-            name: CommonMark(
-                tuple(absolute_chain(tree, coupling, mark.link, xyz) for xyz in mark.anchors),
-                "line" if isinstance(mark, Line) else "plane" if isinstance(mark, Plane) else None,
-            )
-            for name, mark in marks.items()
-        }
-    except UnsupportedError:
-        return None
+    return {name: placed(mark) for name, mark in marks.items()}

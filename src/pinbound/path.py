@@ -10,7 +10,7 @@ more coordinate, and afterwards a *direction*, the chain's derivative by it. `do
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -25,7 +25,7 @@ from pinbound.tree import Tree
 from pinbound.urdf import MOVING_TYPES, Joint
 from pinbound.values import Value
 
-__all__ = ["Kind", "RelativePath", "absolute_chain", "minimal_chain", "relative_path"]
+__all__ = ["Kind", "RelativePath", "absolute_chain", "direction_chain", "minimal_chain", "relative_path"]
 
 Array = NDArray[np.float64]
 
@@ -162,9 +162,9 @@ def _across(first: Mark) -> Array | None:
     return None
 
 
-def _branch(coupling: Coupling, joints: Sequence[Joint], placed: Array) -> Swept:
+def _branch(coupling: Coupling, joints: Sequence[Joint], placed: Array, held: bool = False) -> Swept:
     """Return a point and its directions (3, 1 + k) of the last joint's link, in the ancestor's frame."""
-    builder = _Builder(coupling)
+    builder = _Builder(coupling, held)
     for joint in joints:
         builder.down(joint)
     return split(reduce_chain(builder.chain(placed)), len(coupling.coordinates))
@@ -179,21 +179,30 @@ def _upright(coupling: Coupling, joints: Sequence[Joint], mark: Mark) -> Chain |
 def absolute_chain(tree: Tree, coupling: Coupling, link: str, xyz: Sequence[float], reduced: bool = True) -> Chain:
     """Return the chain of a point's position in the root link's frame.
 
+    A joint of several coordinates (floating, planar) is held at its origin, as `Robot.model` holds it.
+
     Args:
         tree: The robot's tree.
         coupling: `theta = S q + o`.
         link: The link that the point is fixed to.
         xyz: The point in the link's frame [m].
         reduced: False leaves one rotation a joint, as Eq. (5) of the paper does.
-
-    Raises:
-        UnsupportedError: If a floating or planar joint lies between.
     """
-    builder = _Builder(coupling)
+    builder = _Builder(coupling, held=True)
     for joint in tree.descent(tree.root, link):
         builder.down(joint)
     chain = builder.chain(np.array(xyz, dtype=np.float64)[:, None])
     return reduce_chain(chain) if reduced else chain
+
+
+def direction_chain(tree: Tree, coupling: Coupling, link: str, unit: Sequence[float]) -> Chain:
+    """Return the chain of a link's unit vector in the root link's frame: rotations alone, so that no length rounds it.
+
+    Joints of several coordinates are held at their origin, as `absolute_chain` does.
+    """
+    placed = np.column_stack((np.zeros(3), np.array(unit, dtype=np.float64)))
+    way = _branch(coupling, tree.descent(tree.root, link), placed, held=True).ways[0]
+    return replace(way, scale=1.0)
 
 
 def _moves(joints: list[Joint]) -> bool:
@@ -223,8 +232,9 @@ def _offset_at_zero(tree: Tree, ancestor: str, link: str) -> Array:
 class _Builder:
     """Collect joints along a path into a chain, constant rotations folded into what follows them."""
 
-    def __init__(self, coupling: Coupling) -> None:
-        self.coupling = coupling
+    def __init__(self, coupling: Coupling, held: bool = False) -> None:
+        """Start at a link's frame; joints of several coordinates are left at their origin (`held`), or refused."""
+        self.coupling, self.held = coupling, held
         self.rotation = np.eye(3)
         n = len(coupling.coordinates)
         self.offsets: list[Array] = [np.zeros(3)]
@@ -252,6 +262,8 @@ class _Builder:
         if joint.type == "fixed":
             return
         if joint.type not in MOVING_TYPES:
+            if self.held:
+                return
             message = f"joint {joint.name!r} is {joint.type} and lies between the two points of a boundary"
             raise UnsupportedError(f"{message}; take points on one side of it, or model it by single joints")
         coefficients, offset = self.coupling.row(joint.name)

@@ -150,6 +150,8 @@ class Robot(Value):
     def positions(self, link: str, Q: ArrayLike, xyz: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
         """Return where a point of a link is, in the root link's frame: (3,) or (N, 3) [m].
 
+        Floating and planar joints are held at their origin, as `model` holds them.
+
         Args:
             link: Name of the link.
             Q: One q (n,) or many (N, n).

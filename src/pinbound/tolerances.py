@@ -14,6 +14,7 @@ __all__ = [
     "CROSSCHECK_ANGLE",
     "CROSSCHECK_BODY",
     "CROSSCHECK_GRAZING",
+    "CROSSCHECK_INFLATION",
     "CROSSCHECK_POINT",
     "CROSSCHECK_SOLID",
     "CROSSCHECK_STOP",
@@ -32,6 +33,8 @@ __all__ = [
     "KERNEL_CONSTANT",
     "LARGEST_BODY",
     "LIMIT",
+    "LONGEST",
+    "LONGEST_SINGLE",
     "MESH_CHORD",
     "NEAR_STOP",
     "NEVER_MEETS",
@@ -211,9 +214,19 @@ of this half-width, it is taken for contact: the width at which rounding hides a
 KERNEL_CONSTANT: Final = 2.0**-52
 """Relative to the length of a path, and absolute for entries of rotations: constants of the batch kernel that differ
 by this, the last digit of a float64, are one constant, so that what they stand for is computed once."""
+LONGEST: Final = 1e75
+"""Metres. Longest offset, and longest slide, that is taken: nearest points of segments need products of four lengths,
+which overflow float64 from 1e77 m on."""
+
+LONGEST_SINGLE: Final = 1e9
+"""Metres, the same for float32, in which products of four lengths overflow from 4e9 m on."""
+
 CROSSCHECK_POINT: Final = 1e-12
-"""Metres. Largest difference between a clearance and coal's distance of two spheres: a few hundred roundings of
-lengths of a few metres, far below any length that matters."""
+"""Metres, a metre of the path's length. Largest difference between a clearance and coal's distance of two spheres: a
+few hundred roundings, far below any length that matters."""
+
+CROSSCHECK_INFLATION: Final = 1e-10
+"""Relative to a box's sides. Coal makes a box larger by half of this where it looks along one of its faces."""
 
 CROSSCHECK_ANGLE: Final = 1e-9
 """Radians (metres for slides). Largest difference between a contact in closed form and the one found on coal's
@@ -227,7 +240,8 @@ CROSSCHECK_BODY: Final = 1e-6
 """Metres. How well coal (GJK, EPA) knows the distance of bodies other than spheres: its own default tolerance."""
 
 CROSSCHECK_SOLID: Final = 1e-8
-"""Metres. How well coal's iteration, asked for 1e-9 m, knows the distance of boxes and prisms."""
+"""Metres, a metre of the path's length. How well coal's iteration, asked for 1e-9 m, knows the distance of boxes and
+prisms."""
 
 CROSSCHECK_STOP: Final = 1e-4
 """Metres. A boundary of zero threshold says that bodies first touch at the marked points: a gap left when they meet

@@ -33,6 +33,7 @@ from pinbound.crosscheck import (
 )
 from pinbound.exceptions import InputError, Problem
 from pinbound.robot import Robot
+from pinbound.tolerances import REGION_ACCURACY
 
 __all__ = ["crosscheck"]
 
@@ -43,6 +44,13 @@ def crosscheck(
     rays: Annotated[int, typer.Option(help="Rays of the boundary level.")] = 1_000,
     seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
     levels: Annotated[str, typer.Option(help="Levels, separated by commas.")] = ",".join(LEVELS),
+    coordinates: Annotated[str | None, typer.Option(help="The two of the region level, e.g. q2,q3.")] = None,
+    window: Annotated[
+        list[str] | None,
+        typer.Option(help="NAME=LOWER:UPPER [rad or m]: where the region level looks; for coordinates without limits."),
+    ] = None,
+    step: Annotated[float | None, typer.Option(help="Grid of the region level [rad or m].")] = None,
+    accuracy: Annotated[float, typer.Option(help="Of the region level's curved edges [rad or m].")] = REGION_ACCURACY,
     out: Annotated[Path | None, typer.Option(help="Figure of the region level, .png and .svg.")] = None,
     require_coverage_: RequireCoverage = False,
     annotations: Annotations = None,
@@ -61,7 +69,8 @@ def crosscheck(
     if out is not None and "region" not in chosen:
         raise InputError([Problem("is drawn from the region level", "Add it to --levels", "--out")])
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
-    found = cross_check(loaded, samples, seed, chosen, rays)
+    plane = None if coordinates is None else [name.strip() for name in coordinates.split(",")]
+    found = cross_check(loaded, samples, seed, chosen, rays, step, plane, _windows(window or []), accuracy)
     if as_json:
         emit_json(found.to_dict())
     else:
@@ -77,6 +86,20 @@ def crosscheck(
         raise typer.Exit(1)
 
 
+def _windows(words: list[str]) -> dict[str, tuple[float, float]]:
+    """Return windows by coordinate from words NAME=LOWER:UPPER."""
+    found: dict[str, tuple[float, float]] = {}
+    for word in words:
+        name, _, ends = word.partition("=")
+        try:
+            lower, upper = (float(end) for end in ends.split(":"))
+        except ValueError as error:
+            problem = Problem(f"{word!r} is no window", "Write NAME=LOWER:UPPER, e.g. q2=-1.5:1.5", "--window")
+            raise InputError([problem]) from error
+        found[name.strip()] = lower, upper
+    return found
+
+
 def _print(robot: Robot, found: CrossCheck) -> None:
     for level in found.levels.values():
         if isinstance(level, PointLevel):
@@ -86,7 +109,7 @@ def _print(robot: Robot, found: CrossCheck) -> None:
         elif isinstance(level, BodyLevel):
             _print_bodies(robot, level)
         else:
-            _print_region(level)
+            _print_region(robot, level)
     said = console()
     for name, reason in found.not_checked.items():
         said.print(f"Not checked: {name}: {reason}.", markup=False)
@@ -99,7 +122,7 @@ def _print_points(level: PointLevel) -> None:
     rows = [(name, f"{value:.1e}") for name, value in level.differences.items()]
     rows += [(f"pin of closure {name}", f"{gap:.1e}") for name, gap in level.pins.items()]
     title = f"Points: clearances against coal's shapes, {level.samples} configurations"
-    allowed = f"Allowed: {level.tolerance:.0e} m." + _solid(level)
+    allowed = f"Allowed: {level.tolerance:.0e} m a metre of path." + _solid(level)
     print_table(title, ("boundary", "worst difference [m]"), rows, allowed)
 
 
@@ -114,7 +137,7 @@ def _print_boundaries(level: BoundaryLevel) -> None:
     ]
     columns = ("boundary", "compared with", "rays []", "free []", "grazing []", "worst [rad]", "worst [m]")
     title = f"Contacts: closed form against bisection on coal's distance, {level.rays} rays"
-    allowed = f"Allowed: {level.tolerance:.0e} rad, {level.metres_tolerance:.0e} m." + _solid(level)
+    allowed = f"Allowed: {level.tolerance:.0e} rad, {level.metres_tolerance:.0e} m a metre of path." + _solid(level)
     print_table(title, columns, rows, allowed)
 
 
@@ -152,21 +175,24 @@ def _print_bodies(robot: Robot, level: BodyLevel) -> None:
         said.print(f"Not compared: {link} {reason}.", markup=False)
 
 
-def _print_region(level: RegionLevel) -> None:
-    degrees = [f"{np.degrees(value):.2e}" for value in (level.contour_inside, level.contour_outside, level.tolerance)]
+def _print_region(robot: Robot, level: RegionLevel) -> None:
+    turning = {robot.turns(name) for name in level.coordinates}
+    # Distances in a plane of an angle and a length have no unit of their own.
+    unit, factor = ("deg", np.degrees(1.0)) if turning == {True} else ("m" if turning == {False} else "rad or m", 1.0)
+    amounts = [f"{factor * value:.2e}" for value in (level.contour_inside, level.contour_outside, level.tolerance)]
     rows = [
         ("nodes of the grid", level.nodes),
         ("nodes in the region that coal does not reach", level.unsafe),
         ("nodes outside the region that coal reaches", level.refused),
         ("places where coal stopped", len(level.contour)),
-        ("furthest of them inside the region [deg]", degrees[0]),
-        ("furthest of them outside the region [deg]", degrees[1]),
-        ("allowed [deg]", degrees[2]),
+        (f"furthest of them inside the region [{unit}]", amounts[0]),
+        (f"furthest of them outside the region [{unit}]", amounts[1]),
+        (f"allowed [{unit}]", amounts[2]),
     ]
     rows += [("left out, for they touch at home", " - ".join(pair)) for pair in level.ignored]
     plane = ", ".join(level.coordinates)
     title = f"Region ({plane}): membership against a flood fill by coal on {level.shapes}"
-    note = f"Step of the grid: {np.degrees(level.step):.3f} deg." + ("" if level.complete else " It came to no end.")
+    note = f"Step of the grid: {factor * level.step:.3f} {unit}." + ("" if level.complete else " It came to no end.")
     print_table(title, ("what", "value []"), rows, note)
 
 

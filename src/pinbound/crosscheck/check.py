@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, Literal, cast
 
@@ -16,6 +16,7 @@ from pinbound.crosscheck.regions_level import RegionLevel, check_region
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.region import Region
 from pinbound.robot import Robot
+from pinbound.tolerances import REGION_ACCURACY
 from pinbound.values import Value
 
 __all__ = ["LEVELS", "CrossCheck", "Level", "cross_check"]
@@ -94,6 +95,9 @@ def cross_check(
     levels: Collection[Level] = LEVELS,
     rays: int = 1_000,
     step: float | None = None,
+    coordinates: Sequence[str] | None = None,
+    window: Mapping[str, tuple[float, float]] | None = None,
+    accuracy: float = REGION_ACCURACY,
 ) -> CrossCheck:
     """Compare a robot's boundaries with coal, an independent collision engine, on up to four levels.
 
@@ -103,7 +107,10 @@ def cross_check(
         seed: Of all random numbers; the same seed gives the same answer.
         levels: Of ``"points"``, ``"boundaries"``, ``"bodies"``, ``"region"``.
         rays: Rays of the boundary level, shared among the boundaries.
-        step: [rad], the grid of the region level; None: about 20,000 nodes over the region.
+        step: [rad or m], the grid of the region level; None: about 20,000 nodes over the region.
+        coordinates: The two coordinates of the region level; None: those that the boundaries use.
+        window: Ends of the region level's plane, by coordinate [rad or m]; needed for coordinates without limits.
+        accuracy: [rad or m], of the curved edges of the region level.
 
     Returns:
         What was seen, with a witness configuration for every worst case. `holds` is False if a level disagrees by
@@ -138,7 +145,7 @@ def cross_check(
         "points": lambda: check_points(robot, samples, streams[0]),
         "boundaries": lambda: check_contacts(robot, rays, streams[1]),
         "bodies": lambda: check_bodies(robot, samples, streams[2]),
-        "region": lambda: check_region(robot, step),
+        "region": lambda: check_region(robot, step, coordinates, window, accuracy),
     }
     answers = {level: questions[level]() if level in levels else None for level in LEVELS}
     reasons = {level: answer for level, answer in answers.items() if isinstance(answer, str)}

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.boundary import Boundary, ContactAngle
-from pinbound.crosscheck.engine import Engine, pair_engine, sample
+from pinbound.crosscheck.engine import Engine, is_iterated, pair_engine, sample, tolerances_of
 from pinbound.interpreters.univariate import AllowedArcs
 from pinbound.robot import Robot
 from pinbound.tolerances import CROSSCHECK_ANGLE, CROSSCHECK_GRAZING, CROSSCHECK_POINT, CROSSCHECK_SOLID
@@ -64,6 +64,7 @@ class BoundaryLevel(Value):
     Attributes:
         rays: How many rays in all.
         boundaries: What was seen, by boundary.
+        allowed: [m], by boundary: what its difference may be. It grows with the length of the boundary's path.
         solid: Boundaries of boxes and prisms, which coal measures by iteration: compared in metres.
         tolerance: [rad].
         metres_tolerance: [m].
@@ -72,6 +73,7 @@ class BoundaryLevel(Value):
 
     rays: int
     boundaries: Mapping[str, RayCheck]
+    allowed: Mapping[str, float]
     solid: tuple[str, ...] = ()
     tolerance: float = CROSSCHECK_ANGLE
     metres_tolerance: float = CROSSCHECK_POINT
@@ -85,13 +87,9 @@ class BoundaryLevel(Value):
     @property
     def holds(self) -> bool:
         """Whether all differences are within the tolerances."""
-        thin = [one for name, one in self.boundaries.items() if name not in self.solid]
-        solid = [one for name, one in self.boundaries.items() if name in self.solid]
-        metres, rough = (max((one.metres for one in part), default=0.0) for part in (thin, solid))
-        seen = all(math.isfinite(one.angle) for one in solid)
-        return (
-            self.worst <= self.tolerance and metres <= self.metres_tolerance and rough <= self.solid_tolerance and seen
-        )
+        seen = all(math.isfinite(one.angle) for one in self.boundaries.values())
+        near = all(one.metres <= self.allowed[name] for name, one in self.boundaries.items())
+        return seen and near and self.worst <= self.tolerance
 
 
 @dataclass(frozen=True)
@@ -146,8 +144,9 @@ def check_contacts(robot: Robot, rays: int, rng: np.random.Generator) -> Boundar
             max(one.metres for one in seen),
             worst.place,
         )
-    solid = tuple(boundary.name for boundary in robot.boundaries if boundary.path.is_solid)
-    return BoundaryLevel(sum(one.rays for one in found.values()), found, solid)
+    allowed = {boundary.name: tolerances_of(boundary) for boundary in robot.boundaries}
+    solid = tuple(boundary.name for boundary in robot.boundaries if is_iterated(boundary))
+    return BoundaryLevel(sum(one.rays for one in found.values()), found, allowed, solid)
 
 
 def _claim(robot: Robot, boundary: Boundary, start: Array, rng: np.random.Generator) -> _Claim:

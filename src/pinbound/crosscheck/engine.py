@@ -16,7 +16,7 @@ from pinbound.boundary import Boundary
 from pinbound.coupling import Intervals
 from pinbound.exceptions import UnsupportedError
 from pinbound.robot import Robot
-from pinbound.tolerances import REDUCTION
+from pinbound.tolerances import CROSSCHECK_INFLATION, CROSSCHECK_POINT, CROSSCHECK_SOLID, REDUCTION
 from pinbound.values import Value
 
 __all__ = [
@@ -24,10 +24,13 @@ __all__ = [
     "Shape",
     "blocks",
     "body_shapes",
+    "is_iterated",
     "mark_shape",
     "pair_engine",
     "point_engine",
     "sample",
+    "size_of",
+    "tolerances_of",
     "within_limits",
 ]
 
@@ -39,7 +42,8 @@ _MOST_DRAWS = 50
 _SOLID = 3  # dimensions
 _GJK = 1e-9  # metres
 _ITERATED = ("box", "cylinder", "hull")
-_LINE = 1e3  # metres: the capsule that stands for a line
+_LINE = 1e3  # metres, or as many path lengths: the capsule that stands for a line
+_INFLATED = ("box",)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +99,10 @@ class Engine:
         for first, second in pairs:
             self._geometry.addCollisionPair(self._pin.CollisionPair(first, second))
         self._geometry_data = self._pin.GeometryData(self._geometry)
+        size = max((size_of(boundary) for boundary in robot.boundaries), default=1.0)
         if any(shape.kind in _ITERATED for shape in shapes):
             for request in self._geometry_data.distanceRequests:  # coal's own 1e-6 m is what it may be off by
-                request.gjk_tolerance = _GJK
+                request.gjk_tolerance = _GJK * size
 
     def distances(self, Q: Array) -> Array:
         """Return coal's distance (N, pairs) [m] at every row of Q (N, n)."""
@@ -163,13 +168,37 @@ def pair_engine(robot: Robot, boundary: Boundary) -> Engine:
 def _of_marks(robot: Robot, boundaries: Sequence[Boundary]) -> Engine:
     shapes: list[Shape] = []
     for boundary in boundaries:
-        first, second = boundary.point_a, boundary.point_b
-        shapes += [mark_shape(first, boundary.min_distance), mark_shape(second, 0.0)]
+        shapes += _shapes_of(boundary)
     return Engine(robot, shapes, [(2 * index, 2 * index + 1) for index in range(len(boundaries))])
 
 
-def mark_shape(mark: Mark, more: float) -> Shape:
-    """Return a mark as a shape that is thicker by `more` [m]; a line is a capsule that is longer than any robot."""
+def _shapes_of(boundary: Boundary) -> tuple[Shape, Shape]:
+    size = size_of(boundary)
+    return mark_shape(boundary.point_a, boundary.min_distance, size), mark_shape(boundary.point_b, 0.0, size)
+
+
+def size_of(boundary: Boundary) -> float:
+    """Return the length of a boundary's path [m], 1 at least, with which roundings and tolerances grow."""
+    return max(1.0, boundary.path.minimal.scale)
+
+
+def is_iterated(boundary: Boundary) -> bool:
+    """Return whether coal finds a boundary's distance by iteration: of boxes and hulls, but for half-spaces."""
+    kinds = {shape.kind for shape in _shapes_of(boundary)}
+    return "halfspace" not in kinds and not kinds.isdisjoint(_ITERATED)
+
+
+def tolerances_of(boundary: Boundary) -> float:
+    """Return how far coal's distance of a boundary's marks may be from the clearance [m]."""
+    size, shapes = size_of(boundary), _shapes_of(boundary)
+    if is_iterated(boundary):
+        return CROSSCHECK_SOLID * size
+    inflated = max((max(shape.size) for shape in shapes if shape.kind in _INFLATED), default=0.0)
+    return CROSSCHECK_POINT * size + CROSSCHECK_INFLATION * inflated
+
+
+def mark_shape(mark: Mark, more: float, reach: float = 1.0) -> Shape:
+    """Return a mark as a shape that is thicker by `more` [m]; a line is a capsule that is longer than `reach` [m]."""
     first, thick = np.array(mark.anchors[0]), mark.radius + more
     if isinstance(mark, Sweep):
         lengths = np.linalg.norm(mark.ways, axis=1)
@@ -191,7 +220,7 @@ def mark_shape(mark: Mark, more: float) -> Shape:
     if isinstance(mark, Plane):
         return Shape(mark.link, "halfspace", (more,), rotation, first)
     if isinstance(mark, Line):
-        return Shape(mark.link, "capsule", (thick, _LINE), rotation, first)
+        return Shape(mark.link, "capsule", (thick, _LINE * reach), rotation, first)
     return Shape(mark.link, "capsule", (thick, length), rotation, first + along / 2)
 
 

@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.crosscheck.engine import blocks, point_engine, sample
+from pinbound.crosscheck.engine import blocks, is_iterated, point_engine, sample, tolerances_of
 from pinbound.robot import Robot
 from pinbound.tolerances import CLOSURE, CROSSCHECK_POINT, CROSSCHECK_SOLID
 from pinbound.values import Value
@@ -28,8 +28,9 @@ class PointLevel(Value):
         differences: [m], worst `|clearance - coal|` by boundary.
         witnesses: (n,), by boundary, where that was.
         pins: [m], worst gap of every closure, its ends placed by Pinocchio.
+        allowed: [m], by boundary: what its difference may be. It grows with the length of the boundary's path.
         solid: Boundaries of boxes and prisms, which coal measures by iteration.
-        tolerance: [m], for the differences.
+        tolerance: [m], for the differences, for paths of up to 1 m.
         solid_tolerance: [m], for those of `solid`.
         pin_tolerance: [m], for the pins.
     """
@@ -38,6 +39,7 @@ class PointLevel(Value):
     differences: Mapping[str, float]
     witnesses: Mapping[str, Array]
     pins: Mapping[str, float]
+    allowed: Mapping[str, float]
     solid: tuple[str, ...] = ()
     tolerance: float = CROSSCHECK_POINT
     solid_tolerance: float = CROSSCHECK_SOLID
@@ -51,21 +53,19 @@ class PointLevel(Value):
     @property
     def holds(self) -> bool:
         """Whether every difference and every pin is within its tolerance."""
-        allowed = {name: self.solid_tolerance if name in self.solid else self.tolerance for name in self.differences}
         pins = max(self.pins.values(), default=0.0) <= self.pin_tolerance
-        return pins and all(self.differences[name] <= allowed[name] for name in allowed)
+        return pins and all(value <= self.allowed[name] for name, value in self.differences.items())
 
 
 def check_points(robot: Robot, samples: int, rng: np.random.Generator) -> PointLevel:
     """Compare clearances at random configurations within the limits.
 
-    Where boxes or prisms overlap, coal measures how deeply, pinbound a distance of zero.
+    Where bodies overlap, or a line goes through one, coal measures how deeply, pinbound a distance of zero.
     """
     Q, engine = sample(robot, samples, rng), point_engine(robot)
     worst = np.zeros(len(robot.boundaries))
     where = np.tile(robot.home, (len(robot.boundaries), 1))
-    solid = np.array([boundary.path.is_solid for boundary in robot.boundaries], dtype=np.bool_)
-    floor = np.where(solid, [-boundary.threshold for boundary in robot.boundaries], -np.inf)
+    floor = np.array([-np.inf if one.path.is_signed else -one.threshold for one in robot.boundaries])
     for block in blocks(len(Q)):
         coal = np.maximum(engine.distances(Q[block]), floor)
         difference = np.abs(robot.boundaries.clearances(Q[block]) - coal)
@@ -80,7 +80,8 @@ def check_points(robot: Robot, samples: int, rng: np.random.Generator) -> PointL
         dict(zip(names, worst.tolist(), strict=True)),
         dict(zip(names, where, strict=True)),
         _pin_gaps(robot, Q[: min(len(Q), 1000)]),
-        tuple(name for name, is_solid in zip(names, solid, strict=True) if is_solid),
+        {boundary.name: tolerances_of(boundary) for boundary in robot.boundaries},
+        tuple(boundary.name for boundary in robot.boundaries if is_iterated(boundary)),
         pin_tolerance=max((closure.mark.tolerance for closure in robot.closures), default=CLOSURE),
     )
 

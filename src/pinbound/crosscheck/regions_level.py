@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -19,7 +20,7 @@ from pinbound.crosscheck.engine import Engine, body_shapes, point_engine, within
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.region import Region, feasible_region
 from pinbound.robot import Robot
-from pinbound.tolerances import CROSSCHECK_BODY, CROSSCHECK_STOP
+from pinbound.tolerances import CROSSCHECK_BODY, CROSSCHECK_STOP, REGION_ACCURACY
 from pinbound.values import Value
 
 __all__ = ["RegionLevel", "check_region"]
@@ -93,10 +94,16 @@ class RegionLevel(Value):
         return self.complete and safe and (exact or not self.stops)
 
 
-def check_region(robot: Robot, step: float | None = None) -> RegionLevel | str:
-    """Compare the region with a flood fill, or say why that cannot be done."""
+def check_region(
+    robot: Robot,
+    step: float | None = None,
+    coordinates: Sequence[str] | None = None,
+    window: Mapping[str, tuple[float, float]] | None = None,
+    accuracy: float = REGION_ACCURACY,
+) -> RegionLevel | str:
+    """Compare the region with a flood fill, or say why that cannot be done; arguments as for `feasible_region`."""
     try:
-        region = feasible_region(robot)
+        region = feasible_region(robot, coordinates, window=window, accuracy=accuracy)
     except (UnsupportedError, DimensionError) as error:
         return str(error)
     found = _engine(robot)
@@ -107,7 +114,7 @@ def check_region(robot: Robot, step: float | None = None) -> RegionLevel | str:
     if not (math.isfinite(step) and step > 0.0):
         raise DimensionError(f"the step {step} of the grid is not a positive angle")
     columns = [robot.coordinates.index(name) for name in region.coordinates]
-    flood = _Flood(robot, engine, columns, step)
+    flood = _Flood(robot, engine, columns, step, region.plane.window if window else None)
     flood.run()
     return _compare(robot, region, shapes, ignored, flood)
 
@@ -142,8 +149,9 @@ def _engine(robot: Robot) -> tuple[Engine, str, _Pairs] | str:
 class _Flood:
     """A flood fill over nodes `home + step * (i, j)`."""
 
-    def __init__(self, robot: Robot, engine: Engine, columns: list[int], step: float) -> None:
-        self.robot, self.engine, self.columns, self.step = robot, engine, columns, step
+    def __init__(self, robot: Robot, engine: Engine, columns: list[int], step: float, window: Array | None) -> None:
+        """Fill from home; outside a window (2, 2), rows lower and upper, as outside the limits."""
+        self.robot, self.engine, self.columns, self.step, self.window = robot, engine, columns, step, window
         self.reached: set[Cell] = set()
         self.stopped: list[Array] = []
         self.complete = True
@@ -165,7 +173,7 @@ class _Flood:
                 if cell in self.reached:
                     continue
                 q = self.q(self.point(cell))
-                if not within_limits(self.robot, q[None])[0]:
+                if not within_limits(self.robot, q[None])[0] or not self._in_window(self.point(cell)):
                     continue
                 if self.engine.is_free(q):
                     self.reached.add(cell)
@@ -175,6 +183,9 @@ class _Flood:
             if len(self.reached) > _MOST_NODES:
                 self.complete = False
                 return
+
+    def _in_window(self, point: Array) -> bool:
+        return self.window is None or bool(np.all((self.window[0] <= point) & (point <= self.window[1])))
 
     def _stop(self, free: Array, hit: Array) -> Array:
         for _ in range(_HALVINGS):
@@ -224,4 +235,4 @@ def _angle_tolerance(robot: Robot, shapes: str) -> float:
     middles = [path.minimal.offsets[-1] + 0.5 * sum(way[-1] for way in path.swept.directions) for path in paths]
     arms = [arm for arm in np.linalg.norm(middles, axis=1).tolist() if arm > 0.0]
     margin = max((boundary.place_margin for boundary in robot.boundaries), default=0.0)
-    return ((CROSSCHECK_BODY if shapes == "spheres" else CROSSCHECK_STOP) + margin) / min(arms)
+    return ((CROSSCHECK_BODY if shapes == "spheres" else CROSSCHECK_STOP) + margin) / min(arms, default=1.0)

@@ -18,10 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.interpreters.minimum_norm import nearest_corners
+from pinbound.tolerances import UNIT_ROUNDOFF
 
 __all__ = ["nearest", "overlap", "overlap_in_plane"]
 
 Array = NDArray[np.float64]
+
+_PARALLEL = 1e-8  # sine, below which rounding makes the normal of two ways
+_FACE = 64  # unit roundoffs, relative to the furthest corner over the least sine: a unit normal and its products
 
 
 def nearest(w: Array, ways: Array) -> Array:
@@ -68,9 +72,40 @@ def _on_square(w: Array, first: Array, second: Array) -> Array:
 def overlap(w: Array, ways: Array) -> Array:
     """Return a ball's radius (N,) within which the origin may move without leaving `w + sum_i t_i e_i`, d = 3.
 
-    Zero where it is outside, or where at most two ways span no body.
+    It is the least distance of the origin from a face, less what rounding can have made of it: each face is spanned by
+    two ways, and all pairs of them are looked at. Zero where the origin is outside, or where the ways span no body.
+
+    Two ways that are nearly parallel span a face whose normal rounding has made. They are left out: laying the shorter
+    one along the other would move the body by less than `sine |e|`, which is taken off for all of them.
+
+    Example:
+        >>> overlap(np.array([[-0.5, -0.5, -0.3]]), np.eye(3)[:, None]).round(9).tolist()
+        [0.3]
     """
-    return np.maximum(-nearest_corners(w, ways)[1], 0.0) if len(ways) > 2 else np.zeros(len(w))
+    count, k = len(w), len(ways)
+    if k <= 2:
+        return np.zeros(count)
+    first, second = np.triu_indices(k, 1)
+    lengths = np.linalg.norm(ways, axis=2)
+    size = np.linalg.norm(w, axis=1) + lengths.sum(axis=0)
+    normals = _crossed(ways[first], ways[second])
+    areas = np.linalg.norm(normals, axis=2)
+    spans = lengths[first] * lengths[second]
+    sines = np.divide(areas, spans, out=np.zeros_like(areas), where=spans > 0.0)
+    faces = sines > _PARALLEL
+    units = np.divide(normals, areas[:, :, None], out=np.zeros_like(normals), where=faces[:, :, None])
+    middle = np.einsum("ni,fni->fn", w, units)
+    products = np.einsum("kni,fni->kfn", ways, units)
+    least = np.minimum(middle + np.maximum(products, 0.0).sum(axis=0), -middle - np.minimum(products, 0.0).sum(axis=0))
+    depth = np.where(faces, least, np.inf).min(axis=0)
+    left_out = 2.0 * k * np.where(faces, 0.0, sines).max(axis=0) * lengths.sum(axis=0)
+    rounding = _FACE * UNIT_ROUNDOFF * size / np.where(faces, sines, 1.0).min(axis=0)
+    return np.maximum(np.where(np.isfinite(depth), depth, 0.0) - left_out - rounding, 0.0)
+
+
+def _crossed(a: Array, b: Array) -> Array:
+    x, y, z = (a[..., i] * b[..., j] - a[..., j] * b[..., i] for i, j in ((1, 2), (2, 0), (0, 1)))
+    return np.stack((x, y, z), axis=-1)
 
 
 def overlap_in_plane(w: Array, ways: Array, normal: Array) -> Array:

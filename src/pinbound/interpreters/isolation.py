@@ -29,12 +29,16 @@ from pinbound.interpreters.derivative_bounds import line_bounds
 from pinbound.interpreters.restriction import restrict
 from pinbound.tolerances import CONTOUR_ROUNDING, ROOT
 
-__all__ = ["arcs", "common_period", "wrapped"]
+__all__ = ["MOST_TURNS", "arcs", "around", "check_turns", "common_period", "holding", "outward", "wrapped"]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+MOST_TURNS = 10_000.0
+"""Turns of the fastest angle over which contacts are listed: more are some 20,000 intervals, which nobody reads."""
+
 _PIECES = 16  # intervals to begin with
+_MOST_OPEN = 1 << 16  # intervals: more are a function that is zero to rounding along a stretch
 _LARGEST_DENOMINATOR = 24
 _COMMENSURATE = 1e-12
 
@@ -65,8 +69,11 @@ def arcs(
 ) -> tuple[Array, float, tuple[float, float]]:
     """Return the open intervals (k, 2) of coordinate `index` with `|r| > threshold`, their period, and the window.
 
+    Where `|r|` is the threshold to rounding along a whole stretch, the stretch counts as contact.
+
     Raises:
-        UnsupportedError: If nothing repeats and there is no finite window, or contact is flat along an interval.
+        UnsupportedError: If nothing repeats and there is no finite window, or the coordinate turns the path more than
+            `MOST_TURNS` times over it.
     """
     line = restrict(chain, q, [index])
     used = line.coefficients[np.any(line.coefficients, axis=1), 0]
@@ -81,11 +88,124 @@ def arcs(
             "limits its contacts never repeat: give window=(lower, upper)"
         )
     low, high = (-period / 2, period / 2) if period is not None else window or everywhere
+    check_turns(name, used, low, high)
     function = _Function(line, threshold, max(abs(low), abs(high)))
-    free = _free_intervals(function, low, high, name)
+    free = _free_intervals(function, low, high)
     if period is None:
         return free, math.inf, (low, high)
     return *wrapped(free, low, high, period), everywhere
+
+
+def around(
+    chain: Chain, index: int, name: str, q: Array, threshold: float, domain: tuple[float, float]
+) -> tuple[float, float] | None:
+    """Return the interval of coordinate `index` around q's own value within a domain; None if it is in contact.
+
+    It is looked for outwards, so that a wide domain costs nothing where contacts are near. Ends of the domain are no
+    contacts.
+
+    Raises:
+        UnsupportedError: If nothing is met over `MOST_TURNS` turns.
+    """
+    line = restrict(chain, q, [index])
+    used = line.coefficients[np.any(line.coefficients, axis=1), 0]
+    value = float(q[index])
+
+    stands_still = not len(used) and not np.any(line.slides)
+    if stands_still or not domain[0] < domain[1]:
+        return domain if float(numeric.norm(numeric.positions(line, np.array([[value]])))[0]) > threshold else None
+
+    def find(low: float, high: float) -> tuple[float, float] | None:
+        found = _free_intervals(_Function(line, threshold, max(abs(low), abs(high))), low, high)
+        return holding(found, value, (low, high))
+
+    return outward(find, name, value, domain, used, slides=bool(np.any(line.slides)))
+
+
+def holding(intervals: Array, value: float, domain: tuple[float, float]) -> tuple[float, float] | None:
+    """Return the interval (of (k, 2)) that holds a value, also at an end of the domain, which is no contact."""
+    for low, high in intervals.tolist():
+        if low < value < high or low == value == domain[0] or high == value == domain[1]:
+            return low, high
+    return None
+
+
+def outward(
+    find: Callable[[float, float], tuple[float, float] | None],
+    name: str,
+    value: float,
+    domain: tuple[float, float],
+    coefficients: Array,
+    slides: bool,
+) -> tuple[float, float] | None:
+    """Return the free interval around a value, looked for on ever wider parts of a domain, each four times the last.
+
+    What repeats is looked at for one period to either side: free over a whole period is free everywhere.
+
+    Args:
+        find: Returns the free interval around the value within (low, high), or None.
+        name: Of the coordinate.
+        value: Its value.
+        domain: Within which to look; it may be infinite.
+        coefficients: Of the angles that the coordinate turns; some.
+        slides: Whether it slides the path besides.
+
+    Raises:
+        UnsupportedError: If nothing is met over `MOST_TURNS` turns of the fastest angle.
+    """
+    low, high = domain
+    period = None if slides else common_period(coefficients)
+    if period is not None:
+        low, high = max(low, value - period), min(high, value + period)
+    turn = 2.0 * math.pi / float(np.abs(coefficients).max())
+    reach = turn
+    while True:
+        a, b = max(low, value - reach), min(high, value + reach)
+        found = find(a, b)
+        if found is None:
+            return None
+        met = found[0] > a, found[1] < b
+        if period is not None and not any(met) and b - a >= period:
+            return domain
+        if (met[0] or a == low) and (met[1] or b == high):
+            return found if period is None else _within(found, met, (a, b), domain, period)
+        if reach > MOST_TURNS * turn:
+            raise UnsupportedError(
+                f"{name!r} meets no contact within {MOST_TURNS:.0f} turns from {value:.6g}, and further ones are not "
+                f"looked for; give a window of at most {2.0 * MOST_TURNS * turn:.6g} around it"
+            )
+        reach *= 4.0
+
+
+def _within(
+    found: tuple[float, float],
+    met: tuple[bool, bool],
+    looked: tuple[float, float],
+    domain: tuple[float, float],
+    period: float,
+) -> tuple[float, float]:
+    """Return an interval of which an end that is no contact is one of the domain, or the other contact, a period on."""
+    lower, upper = found
+    if not met[0] and looked[0] != domain[0]:
+        lower = upper - period
+    if not met[1] and looked[1] != domain[1]:
+        upper = found[0] + period
+    return max(lower, domain[0]), min(upper, domain[1])
+
+
+def check_turns(name: str, coefficients: Array, low: float, high: float) -> None:
+    """Refuse to list contacts over too many turns.
+
+    Raises:
+        UnsupportedError: If the fastest angle turns more than `MOST_TURNS` times from low to high.
+    """
+    turns = float(np.abs(coefficients).max(initial=0.0)) * (high - low) / (2.0 * math.pi)
+    if turns > MOST_TURNS:
+        raise UnsupportedError(
+            f"from {low:.6g} to {high:.6g} {name!r} turns the path {turns:.3g} times, and its contacts are too many to "
+            f"list; give a window of at most {MOST_TURNS * (high - low) / turns:.6g}, or ask BoundarySet.limits, which "
+            "looks for the nearest ones alone"
+        )
 
 
 def wrapped(free: Array, low: float, high: float, period: float) -> tuple[Array, float]:
@@ -124,7 +244,7 @@ class _Function:
         return self.derivatives(x)[1]
 
 
-def _free_intervals(function: _Function, low: float, high: float, name: str) -> Array:
+def _free_intervals(function: _Function, low: float, high: float) -> Array:
     """Return the intervals of a domain with f > 0; contact is what is not proven free."""
     edges = np.linspace(low, high, _PIECES + 1)
     middle, half = 0.5 * (edges[1:] + edges[:-1]), (high - low) / (2 * _PIECES)
@@ -144,15 +264,21 @@ def _free_intervals(function: _Function, low: float, high: float, name: str) -> 
             if not math.isnan(e) and abs(float(function.value(np.array([e]))[0])) <= function.rounding:
                 blocked.append((e, e))
         middle = middle[~empty & ~single & ~double]
-        if half <= ROOT * max(1.0, abs(low), abs(high)):
-            blocked += [(float(m) - half, float(m) + half) for m in middle]
+        if half <= ROOT * max(1.0, abs(low), abs(high)) or len(middle) > _MOST_OPEN:
+            blocked += _runs(middle, half)
             break
-        if len(middle) > 1 << 16:
-            raise UnsupportedError(f"{name!r} stays at exactly the contact distance over a whole interval")
         half *= 0.5
         middle = np.concatenate((middle - half, middle + half))
     roots = _bracketed(function.value, np.concatenate(monotone))
     return _between(function, roots[~np.isnan(roots)], blocked, low, high)
+
+
+def _runs(middle: Array, half: float) -> list[tuple[float, float]]:
+    """Return intervals `middle +- half`, those that touch joined."""
+    middle = np.sort(middle)
+    first = np.diff(middle, prepend=-np.inf) > 2.5 * half
+    last = np.append(first[1:], True)[: len(middle)]
+    return list(zip((middle[first] - half).tolist(), (middle[last] + half).tolist(), strict=True))
 
 
 def _between(function: _Function, roots: Array, blocked: list[tuple[float, float]], low: float, high: float) -> Array:

@@ -86,7 +86,7 @@ def _in_numpy(w: Array, ways: Array) -> tuple[Array, Array]:
     scale = np.linalg.norm(w, axis=1) + np.linalg.norm(ways, axis=2).sum(axis=0)
     points, corners = np.zeros((count, 4, 3)), np.zeros((count, 4, k))
     used = np.zeros((count, 4), dtype=np.bool_)
-    v = w + 0.5 * ways.sum(axis=0)
+    v, shortest = w + 0.5 * ways.sum(axis=0), np.full(count, np.inf)
     bound[rows] = 0.0
     for _ in range(_MOST_ROUNDS):
         if not len(rows):
@@ -96,7 +96,11 @@ def _in_numpy(w: Array, ways: Array) -> tuple[Array, Array]:
         below = np.divide(towards, length, out=np.zeros_like(length), where=length > 0.0)
         bound[rows] = np.maximum(bound[rows], below)
         known = np.all(corners[rows] == corner[:, None], axis=2) & used[rows]  # no further corner: v is the nearest
-        done = np.any(known, axis=1) | (used[rows].any(axis=1) & (length - below <= _AGREE * scale[rows]))
+        agree = length - np.maximum(below, 0.0) <= _AGREE * scale[rows]  # zero to rounding has no direction to look in
+        stalled = length >= shortest[rows] * (1.0 - _AGREE)  # the corner is new by rounding alone
+        has_corners = used[rows].any(axis=1)
+        done = np.any(known, axis=1) | (has_corners & (agree | stalled))
+        shortest[rows[has_corners]] = length[has_corners]
         rows, x, corner = rows[~done], x[~done], corner[~done]
         if not len(rows):
             break

@@ -21,7 +21,7 @@ from pinbound.interpreters.closest import nearest
 from pinbound.path import RelativePath
 from pinbound.tolerances import OVERLAP
 
-__all__ = ["gradients", "hessians", "parameters", "separations", "vectors"]
+__all__ = ["gradients", "hessians", "measured", "parameters", "separations", "vectors"]
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ def separations(path: RelativePath, Q: Array) -> Array:
     if path.is_plain:
         found = numeric.norm(numeric.positions(path.minimal, Q))
     else:
-        w, ways = _measured(path, Q)
+        w, ways = measured(path, Q)
         r = _settled(path, w + np.einsum("nk,kni->ni", _parameters(path, w, ways), ways))
         found = r[:, 0] if path.is_signed else numeric.norm(r)
     return np.where(np.isfinite(found), found, np.nan)  # a slide at infinity is no clearance
@@ -41,7 +41,7 @@ def separations(path: RelativePath, Q: Array) -> Array:
 
 def parameters(path: RelativePath, Q: Array) -> Array:
     """Return the t (N, k) in [0, 1], one a segment, at which the two marks are nearest."""
-    return _parameters(path, *_measured(path, Q))
+    return _parameters(path, *measured(path, Q))
 
 
 def vectors(path: RelativePath, Q: Array) -> Array:
@@ -102,7 +102,7 @@ def _solve(inner: Array, mixed: Array) -> Array:
     return found
 
 
-def _measured(path: RelativePath, Q: Array) -> tuple[Array, Array]:
+def measured(path: RelativePath, Q: Array) -> tuple[Array, Array]:
     """Return w (N, d) and the e (k, N, d) of what counts: d = 3, 2 across a line, 1 above a plane."""
     w = numeric.positions(path.minimal, Q)
     ways = np.array([numeric.positions(way, Q) for way in path.swept.ways]).reshape(len(path.swept.ways), *w.shape)

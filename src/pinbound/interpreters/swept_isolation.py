@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pinbound.exceptions import UnsupportedError
 from pinbound.interpreters import separation
 from pinbound.interpreters.bounds import Expansion
-from pinbound.interpreters.isolation import common_period, wrapped
+from pinbound.interpreters.isolation import check_turns, common_period, holding, outward, wrapped
 from pinbound.interpreters.swept_bounds import Bounds, SweptBundle, along_motion, rounding_bound, swept_bundle
 from pinbound.path import RelativePath
 from pinbound.tolerances import PRECISION, ROOT
@@ -32,7 +32,8 @@ Ints = NDArray[np.int64]
 
 _PIECES = 5  # 2^5 pieces to begin with
 _FINEST = 50  # 2^50 steps in all
-_MOST_OPEN = 1 << 16  # pieces a configuration: more are a contact that is flat along an interval
+_MOST_OPEN = 1 << 15  # pieces a configuration: more are a separation that is all but the threshold along a stretch
+_STRETCH = 64  # pieces in a row, all at the threshold: so many are no end of a contact
 _ROWS = 64  # configurations at a time, to bound memory
 _WIDENINGS, _WIDER, _LAST_BIT = 14, 8.0, 4e-16  # from the width of a root to any wall, and back to the last bit
 
@@ -42,8 +43,11 @@ def arcs(
 ) -> tuple[list[Array], float, tuple[float, float]]:
     """Return the free intervals (k, 2) of coordinate `index` for each row of Q (N, n), their period, and the window.
 
+    Where the separation is the threshold to rounding along a whole stretch, the stretch counts as contact.
+
     Raises:
-        UnsupportedError: If nothing repeats and there is no finite window, or contact is flat along an interval.
+        UnsupportedError: If nothing repeats and there is no finite window, or the coordinate turns the path more than
+            `isolation.MOST_TURNS` times over it.
     """
     used = path.minimal.coefficients[:, index]
     used = used[used != 0.0]
@@ -57,11 +61,11 @@ def arcs(
             "contacts cannot all be listed: give window=(lower, upper)"
         )
     low, high = (-period / 2, period / 2) if period is not None else window or (-math.inf, math.inf)
+    check_turns(name, used, low, high)
     found: list[Array] = []
     for start in range(0, len(Q), _ROWS):
         rows = Q[start : start + _ROWS]
-        free, open_too = _free(path, index, name, rows, threshold, low, high)
-        found += _polished(path, index, rows, threshold, free, open_too, (low, high))
+        found += _found(path, index, name, rows, threshold, (low, high))
     if period is None:
         return found, math.inf, (low, high)
     return [wrapped(one, low, high, period)[0] for one in found], period, (-math.inf, math.inf)
@@ -75,13 +79,27 @@ def around(
     Ends of the domain are returned as they are: nothing is in contact up to there.
 
     Raises:
-        UnsupportedError: If contact is flat along an interval.
+        UnsupportedError: If nothing is met over `isolation.MOST_TURNS` turns.
     """
-    free, open_too = _free(path, index, name, q[None], threshold, *domain)
-    for low, high in _polished(path, index, q[None], threshold, free, open_too, domain)[0].tolist():
-        if low < q[index] < high or low == q[index] == domain[0] or high == q[index] == domain[1]:
-            return low, high
-    return None
+    used = path.minimal.coefficients[:, index]
+
+    def find(low: float, high: float) -> tuple[float, float] | None:
+        found = _found(path, index, name, q[None], threshold, (low, high))[0]
+        return holding(found, float(q[index]), (low, high))
+
+    slides = bool(np.any(path.minimal.slides[:, :, index]))
+    return outward(find, name, float(q[index]), domain, used[used != 0.0], slides)
+
+
+def _found(
+    path: RelativePath, index: int, name: str, Q: Array, threshold: float, domain: tuple[float, float]
+) -> list[Array]:
+    """Return the free intervals (k, 2) of a finite domain for each row of Q."""
+    if not domain[0] < domain[1]:  # a joint that its limits hold
+        apart = separation.separations(path, Q) > threshold
+        return [np.array([domain] if one else []).reshape(-1, 2) for one in apart]
+    free, open_too = _free(path, index, name, Q, threshold, *domain)
+    return _polished(path, index, Q, threshold, free, open_too, domain)
 
 
 def turn_arcs(path: RelativePath, threshold: float) -> Array:
@@ -139,7 +157,8 @@ def _free(
 ) -> tuple[list[Array], list[Array]]:
     """Return the intervals (k, 2) of [low, high] that are proven free, a row of Q at a time; and those not in contact.
 
-    Between two of the latter everything is proven to be in contact.
+    Between two of the latter everything counts as contact: it is proven to be, or the separation is the threshold,
+    to rounding, along a whole stretch, as of faces that slide along each other.
     """
     ends = Q.min(axis=0), Q.max(axis=0)
     ends[0][index], ends[1][index] = low, high
@@ -150,6 +169,7 @@ def _free(
     start = np.tile(np.arange(1 << _PIECES, dtype=np.int64) * size, len(Q))
     kept: list[tuple[Ints, Ints, int]] = []
     undecided: list[tuple[Ints, Ints, int]] = []
+    reached = threshold if path.is_signed else max(threshold, 4.0 * error)  # a distance of zero is known to rounding
     while len(row):
         half = size * step / 2.0
         middle: Any = low + step * start + half
@@ -157,15 +177,36 @@ def _free(
         free = found.lower > threshold
         kept.append((row[free], start[free], size))
         stuck = (found.upper - found.lower <= 4.0 * error) | (half <= ROOT * max(1.0, abs(low), abs(high)))
-        left = ~free & ~(found.upper <= threshold) & ~stuck
-        doubtful = ~free & ~(found.upper <= threshold) & stuck
+        hit = found.upper <= reached
+        left, doubtful = ~free & ~hit & ~stuck, ~free & ~hit & stuck
         undecided.append((row[doubtful], start[doubtful], size))
-        row, start = row[left], start[left]
+        at_threshold = np.abs(found.value[left] - threshold) <= 4.0 * error
+        kept_open = ~_inside_stretches(row[left], start[left], size, at_threshold)
+        row, start = row[left][kept_open], start[left][kept_open]
         if len(row) and int(np.bincount(row).max()) > _MOST_OPEN:
-            raise UnsupportedError(f"{name!r} stays at exactly the contact distance over a whole interval")
+            gap, place = float(np.median(np.abs(found.value[left] - threshold))), float(middle[left][0])
+            raise UnsupportedError(
+                f"around {place:.6g} the separation stays within {gap:.1e} m of the contact distance over a whole "
+                f"stretch of {name!r}, too near to be told from contact; change the distance to keep by more than that"
+            )
         size >>= 1
         row, start = np.concatenate((row, row)), np.concatenate((start, start + size))
     return _joined(kept, len(Q), low, high), _joined([*kept, *undecided], len(Q), low, high)
+
+
+def _inside_stretches(row: Ints, start: Ints, size: int, flat: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which pieces lie inside a long run of neighbours that all are at the threshold, its ends left out."""
+    order = np.lexsort((start, row))
+    flat = flat[order]
+    follows = np.zeros(len(row), dtype=np.bool_)
+    follows[1:] = (row[order][1:] == row[order][:-1]) & (np.diff(start[order]) == size) & flat[1:] & flat[:-1]
+    run = np.cumsum(~follows)
+    first = np.searchsorted(run, run)
+    last = np.searchsorted(run, run, side="right") - 1
+    place = np.arange(len(row))
+    inside = np.zeros(len(row), dtype=np.bool_)
+    inside[order] = flat & (last - first >= _STRETCH) & (place > first + 1) & (place < last - 1)
+    return inside
 
 
 def _polished(

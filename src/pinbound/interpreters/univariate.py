@@ -9,8 +9,8 @@ is smallest at phi*; it is at or below a threshold t on the strip `phi* +- w`, s
 where m is the smallest norm. The form in sin^2 keeps full accuracy near contact. If a coordinate only slides,
 `r = p + d x` and contact is where `|x - x*| <= sqrt(t^2 - m^2) / |d|`. Above a plane the height is
 `m + 2 D sin^2((phi - phi*) / 2)`, a strip again. All are evaluated for many q at once; every other use of a coordinate
-goes to `isolation`, which finds all roots with a proof, and segments and lines to `swept_isolation`. See
-`docs/limits.md` and `docs/segments.md`.
+goes to `isolation`, which finds all roots with a proof, and segments and lines to `swept_isolation`, or, where the
+coordinate only slides them, to `swept_sliding`. See `docs/limits.md` and `docs/segments.md`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,10 @@ __all__ = [
     "AllowedArcsTable",
     "Strip",
     "allowed_arcs_table",
+    "around",
+    "arounds",
     "gap_around",
+    "is_closed",
     "one_angle_smallest",
     "one_angle_strip",
     "one_angle_strips",
@@ -80,12 +83,13 @@ class AllowedArcs(Value):
     window: tuple[float, float] = (-math.inf, math.inf)
 
     def around(self, value: float) -> tuple[float, float] | None:
-        """Return the allowed interval that holds `value`, or None."""
+        """Return the allowed interval that holds `value`, or None; an end of the window is no contact, and holds it."""
         for lower, upper in self.intervals:
             turns = 0.0
             if math.isfinite(self.period) and math.isfinite(lower):
                 turns = self.period * math.floor((value - lower) / self.period)
-            if lower + turns < value < upper + turns:
+            edges = lower == value == self.window[0] or upper == value == self.window[1]
+            if edges or lower + turns < value < upper + turns:
                 return float(lower + turns), float(upper + turns)
         return None
 
@@ -129,6 +133,7 @@ class AllowedArcsTable(Value):
                 turns = np.where(repeats, self.period * np.floor((values - lower) / self.period), 0.0)
                 lower, upper = lower + turns, upper + turns
                 holds = (lower < values) & (values < upper)
+                holds |= (lower == values) & (values == self.window[0]) | (upper == values) & (values == self.window[1])
                 found[holds] = np.stack((lower, upper), axis=1)[holds]
         return found
 
@@ -250,6 +255,68 @@ def one_angle_smallest(path: RelativePath) -> float | None:
     return smallest(path)[0]
 
 
+def is_closed(path: RelativePath, index: int) -> bool:
+    """Return whether a coordinate's contacts are known at once: it turns one rotation of points, or only slides."""
+    turned = np.count_nonzero(path.minimal.coefficients[:, index])
+    slides = bool(np.any(path.minimal.slides[:, :, index]))
+    points = path.is_plain or (path.is_signed and not path.swept.directions)
+    return not turned or (turned == 1 and not slides and points)
+
+
+def around(
+    path: RelativePath,
+    index: int,
+    name: str,
+    q: Array,
+    threshold: float,
+    tolerance: float,
+    domain: tuple[float, float],
+) -> tuple[float, float] | None:
+    """Return the allowed interval of coordinate `index` around q's (n,) own value, within a domain that holds it.
+
+    What `allowed_arcs_table(...).around(...)` says, but looked for outwards from the value, however wide the domain is.
+    None if the value is in contact. Ends of the domain are no contacts, and count as allowed.
+
+    Raises:
+        UnsupportedError: If the coordinate has contacts that never repeat, and none is near.
+    """
+    if is_closed(path, index):
+        return allowed_arcs_table(path, index, name, q[None], threshold, tolerance)[0].around(float(q[index]))
+    if path.is_plain:
+        from pinbound.interpreters import isolation
+
+        return isolation.around(path.minimal, index, name, q, threshold, domain)
+    from pinbound.interpreters import swept_isolation
+
+    return swept_isolation.around(path, index, name, q, threshold, domain)
+
+
+def arounds(
+    path: RelativePath,
+    index: int,
+    name: str,
+    Q: Array,
+    threshold: float,
+    tolerance: float,
+    domain: tuple[float, float],
+) -> Array:
+    """Return `around` for many q (N, n) whose values are in the domain: (N, 2), NaN where the value is in contact."""
+    chain = path.minimal
+    used = chain.coefficients[chain.coefficients[:, index] != 0.0, index]
+    repeats = len(used) and not np.any(chain.slides[:, :, index])
+    if is_closed(path, index) or (repeats and _repeats_soon(used)):
+        return allowed_arcs_table(path, index, name, Q, threshold, tolerance).around(Q[:, index])
+    found = [around(path, index, name, q, threshold, tolerance, domain) for q in Q]
+    return np.array([(math.nan, math.nan) if one is None else one for one in found]).reshape(-1, 2)
+
+
+def _repeats_soon(coefficients: Array) -> bool:
+    from pinbound.interpreters.isolation import MOST_TURNS, common_period
+
+    period = common_period(coefficients)
+    return period is not None and period * float(np.abs(coefficients).max()) <= 2.0 * math.pi * MOST_TURNS
+
+
 def one_angle_strip(chain: Chain, threshold: float, tolerance: float) -> tuple[Array, Strip] | None:
     """Return the effective angle's coefficients (n,) and its contact strip, if the chain is of one angle.
 
@@ -296,6 +363,15 @@ def allowed_arcs_table(
     if not len(turned) and path.is_plain:
         return _sliding(chain, index, name, Q, threshold, tolerance)
     ends = (-math.inf, math.inf)
+    if not len(turned):
+        from pinbound.interpreters.swept_sliding import intervals as sliding
+
+        found, never = sliding(path, index, Q, threshold), np.full(len(Q), math.inf)
+        if window is None:
+            return AllowedArcsTable(name, found, never)
+        found = np.clip(found, *window)
+        found[found[:, :, 0] >= found[:, :, 1]] = np.nan
+        return AllowedArcsTable(name, np.take_along_axis(found, np.argsort(found, axis=1), axis=1), never, window)
     if path.is_plain:
         from pinbound.interpreters import isolation
 

@@ -15,6 +15,7 @@ moved onto the curve, until its distance to the curve is provably within the acc
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from pinbound.interpreters.derivative_bounds import LeverArms, lever_arms
 from pinbound.interpreters.planar import Arrows, arrows
 from pinbound.tolerances import CONTOUR_ROUNDING, CONTOUR_TURN, VERTEX
 
-__all__ = ["ContactFunction", "Contour", "HeightFunction", "Traced", "trace"]
+__all__ = ["ContactFunction", "Contour", "HeightFunction", "Smooth", "Traced", "trace"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -146,6 +147,36 @@ class HeightFunction:
         return np.broadcast_to(self.arms.second, (len(half), 2, 2))
 
 
+class Smooth(Protocol):
+    """A smooth function of two coordinates with bounds of its derivatives, whose zeros can be traced."""
+
+    @property
+    def arms(self) -> LeverArms:
+        """Bounds over the window: of what the threshold is taken from, and its first and second derivatives."""
+        ...
+
+    @property
+    def threshold(self) -> float:
+        """What `parts`' third value is on the curve."""
+        ...
+
+    def value(self, X: Array) -> Array:
+        """Return g (N,)."""
+        ...
+
+    def value_gradient(self, X: Array) -> tuple[Array, Array]:
+        """Return g (N,) and its gradient (N, 2)."""
+        ...
+
+    def parts(self, X: Array) -> tuple[Array, Array, Array, Array]:
+        """Return g, its gradient, what the threshold is taken from, and the sizes of the latter's slopes."""
+        ...
+
+    def curvature(self, length: Array, slopes: Array, half: Array) -> Array:
+        """Return bounds (N, 2, 2) of g's Hessian over boxes of half-sides `half` (N, 2)."""
+        ...
+
+
 Traced = ContactFunction | HeightFunction
 
 
@@ -164,7 +195,7 @@ class Contour:
     unresolved: Array
 
 
-def trace(function: Traced, window: Array, accuracy: float) -> Contour:
+def trace(function: Smooth, window: Array, accuracy: float) -> Contour:
     """Return every curve `g = 0` in a window.
 
     Args:
@@ -199,7 +230,7 @@ def _box_limit(step: Array, sizes: Ints) -> float:
     return float(np.max(sizes) * np.max(step)) if len(sizes) else 0.0
 
 
-def _subdivide(function: Traced, origin: Array, step: Array) -> tuple[Ints, Ints, Array]:
+def _subdivide(function: Smooth, origin: Array, step: Array) -> tuple[Ints, Ints, Array]:
     """Return the regular boxes: lower corners (N, 2) and sides (N,) in finest steps; and unresolved centres."""
     side = 1 << (_FINEST - _ROOT)
     grid = np.arange(1 << _ROOT, dtype=np.int64) * side
@@ -227,7 +258,7 @@ def _subdivide(function: Traced, origin: Array, step: Array) -> tuple[Ints, Ints
     return np.concatenate(kept), np.concatenate(sizes), unresolved
 
 
-def _classify(function: Traced, middle: Array, half: Array) -> tuple[Bools, Bools]:
+def _classify(function: Smooth, middle: Array, half: Array) -> tuple[Bools, Bools]:
     value, gradient, length, slopes = function.parts(middle)
     scale = max(1.0, function.arms.length + abs(function.threshold))
     span = float(function.arms.first @ half) + CONTOUR_ROUNDING * scale
@@ -239,7 +270,7 @@ def _classify(function: Traced, middle: Array, half: Array) -> tuple[Bools, Bool
     return empty, regular
 
 
-def _crossings(function: Traced, origin: Array, step: Array, boxes: Ints, sizes: Ints) -> tuple[Array, Ints]:
+def _crossings(function: Smooth, origin: Array, step: Array, boxes: Ints, sizes: Ints) -> tuple[Array, Ints]:
     """Return the points (K, 2) where curves cross box sides, and the pairs (P, 2) of them that a box connects."""
     if not len(boxes):
         return np.empty((0, 2)), np.empty((0, 2), dtype=np.int64)
@@ -277,7 +308,7 @@ def _crossings(function: Traced, origin: Array, step: Array, boxes: Ints, sizes:
     return points, index[order].reshape(-1, 2)
 
 
-def _bisect(function: Traced, low: Array, high: Array) -> Array:
+def _bisect(function: Smooth, low: Array, high: Array) -> Array:
     """Return a zero of g on each segment, by false position (Illinois) within the bracket."""
     a, b = np.zeros(len(low)), np.ones(len(low))
     fa, fb = function.value(low), function.value(high)
@@ -293,7 +324,7 @@ def _bisect(function: Traced, low: Array, high: Array) -> Array:
     return low + t[:, None] * (high - low)
 
 
-def _project(function: Traced, X: Array, limit: float, rounds: int = 4) -> Array:
+def _project(function: Smooth, X: Array, limit: float, rounds: int = 4) -> Array:
     """Move points onto the curve along the gradient; a point that would go further than `limit` stays.
 
     Newton's steps shrink quadratically: the one after a step of `tolerances.VERTEX` is below rounding.
@@ -311,7 +342,7 @@ def _project(function: Traced, X: Array, limit: float, rounds: int = 4) -> Array
     return np.where(wild[:, None], X, moved)
 
 
-def _refine(function: Traced, points: Array, pairs: Ints, accuracy: float) -> tuple[Array, Ints, float]:
+def _refine(function: Smooth, points: Array, pairs: Ints, accuracy: float) -> tuple[Array, Ints, float]:
     """Return chords (C, 2, 2), grouped by pair and in order along it, their pair (C,), and the proven error [rad]."""
     chords = points[pairs]
     owner = np.arange(len(pairs))
@@ -343,7 +374,7 @@ def _refine(function: Traced, points: Array, pairs: Ints, accuracy: float) -> tu
     return chords[order], owner[order], error
 
 
-def _chord_bound(function: Traced, chords: Array) -> tuple[Array, Bools]:
+def _chord_bound(function: Smooth, chords: Array) -> tuple[Array, Bools]:
     """Return a bound of the distance between chord and curve (C,), and whether it is proven.
 
     Over the disc of the chord's length s around its middle the gradient differs from the middle's by `d = M s`. With

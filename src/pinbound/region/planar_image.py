@@ -7,7 +7,9 @@ With all other coordinates held, and if all rotations that are left turn about o
 which stays in a plane normal to n. Lengths only grow by rotation to at most `B_i = |s_i| + sum_k |L_ik| max |x_k|`, so
 
     |dp/dx_k| <= sum_i |g_ik| B_i + |L_ik|,
-    |d2p/dx_j dx_k| <= sum_i |g_ij g_ik| B_i + |g_ij| |L_ik| + |g_ik| |L_ij|.
+    |d2p/dx_j dx_k| <= sum_i |g_ij g_ik| B_i + |g_ij| |L_ik| + |g_ik| |L_ij|,
+
+and the third likewise.
 
 `docs/workspace.md` derives both.
 """
@@ -134,11 +136,37 @@ class PlanarImage:
         g, lengths, slides = self._terms
         return (g.T * lengths) @ g + g.T @ slides + slides.T @ g
 
+    @cached_property
+    def third_bound(self) -> Array:
+        """(2, 2, 2) bound of |d3p/dx_j dx_k dx_l|."""
+        g, lengths, slides = self._terms
+        third = np.einsum("i,ij,ik,il->jkl", lengths, g, g, g)
+        for pair in ("ij,ik,il->jkl", "ij,ik,il->jlk", "ij,ik,il->ljk"):
+            third = third + np.einsum(pair, g, g, slides)
+        return third
+
     @property
     def determinant_lipschitz(self) -> Array:
         """(2,) bound of |d det/dx_k|: `|p_1k| |p_2| + |p_1| |p_2k|`."""
         first, second = self.first_bound, self.second_bound
         return second[0] * first[1] + first[0] * second[1]
+
+
+def _normal(chain: Chain) -> Array:
+    """Return the unit normal of the plane in which a chain moves: the axis of its rotations, or across two slides.
+
+    Raises:
+        UnsupportedError: If it moves along a line at most.
+    """
+    if chain.rotations:
+        return chain.axes[0]
+    across = np.cross(*chain.slides[0].T)
+    length = float(np.linalg.norm(across))
+    if length <= REDUCTION:
+        raise UnsupportedError(
+            "these two coordinates move this frame along a line, or not at all, so it covers no area; choose others"
+        )
+    return across / length
 
 
 def planar_image(chain: Chain, upright: Array, foot: Array, most: Array, middle: Array) -> PlanarImage:
@@ -154,9 +182,7 @@ def planar_image(chain: Chain, upright: Array, foot: Array, most: Array, middle:
     Raises:
         UnsupportedError: If the frame does not move in a plane, or does not move at all.
     """
-    if not chain.rotations:
-        raise UnsupportedError("no rotation moves this frame in the plane of these two coordinates; choose others")
-    normal = chain.axes[0]
+    normal = _normal(chain)
     is_planar = all(are_parallel(normal, axis) for axis in chain.axes[1:])
     if not is_planar or np.any(np.abs(np.einsum("i,jik->jk", normal, chain.slides)) > REDUCTION):
         raise UnsupportedError(

@@ -84,7 +84,7 @@ class SweptBody:
             moment = self.section.moment
             return Measure(self.angle * moment.value, self.angle * moment.error, moment.method)
         self._must_hold_axis()
-        return self.section.refined(self._volume_of)
+        return self.section.refined(self._volume_of, self.angle * self.section.reach)
 
     def _must_hold_axis(self) -> None:
         offset = self.section.map.offset

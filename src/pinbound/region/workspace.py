@@ -6,13 +6,12 @@ boundary integrals over the image of the contour,
     area = 1/2 |oint u dv - v du|,    int u dA = 1/2 |oint u^2 dv|,
 
 whose integrands are analytic along straight edges, so Gauss-Legendre quadrature converges to rounding. Otherwise
-the image is the union of mapped triangles, with the change from the last refinement as its error.
+the image is the places that it covers (`covering`), twice with chords of which the second are half as long.
 `docs/workspace.md` derives all of it.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -27,7 +26,8 @@ from numpy.typing import NDArray
 from pinbound.chain import Chain, are_parallel
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.path import absolute_chain
-from pinbound.region.folds import Folds, find_folds, split, triangulate
+from pinbound.region.covering import Parts, covered, cut_along_folds, subdivided
+from pinbound.region.folds import Folds, find_folds
 from pinbound.region.planar_image import PlanarImage, planar_image, restrict
 from pinbound.region.region import Region
 from pinbound.robot import Robot
@@ -41,7 +41,8 @@ sh = cast(Any, shapely)  # newer functions than the stubs know
 
 _NODES = 20
 _HALVINGS = 12
-_TRIANGLES = 20_000
+_COVER_CHORD = 1e-7  # relative to how far the image moves a unit of a coordinate, where all edges are straight
+_COVER_CHORDS = 1e-8, 1e-4  # the least and the most of a quarter of the accuracy of curved edges
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,9 @@ class Measure:
 
     Attributes:
         value: In metres, squared or cubed.
-        error: As value: what twice the quadrature nodes change, plus rounding; or, for unions of triangles, the
-            change from the last refinement.
-        method: ``"boundary integral"`` or ``"union of mapped triangles"``.
+        error: As value: what twice the quadrature nodes, or chords half as long, change, plus rounding, plus what the
+            accuracy of the region's own curved edges leaves open.
+        method: ``"boundary integral"`` or ``"covered places"``.
     """
 
     value: float
@@ -130,7 +131,7 @@ class Section:
             True
         """
         _positive("chord", chord)
-        return self._outline(chord) if self.is_one_to_one else self._union(self._levels)
+        return self._outline(chord) if self.is_one_to_one else covered(self.map, self._parts, chord)[0]
 
     def export(self, path: str | Path, chord: float = CHORD) -> Path:
         """Write the section's polygon: GeoJSON (`.geojson`, `.json`) or well-known text (`.wkt`), in metres.
@@ -157,18 +158,49 @@ class Section:
             13787.57
         """
         if self.is_one_to_one:
-            return self._boundary_integral(_half_cross)
-        return self.refined(_area)
+            return self._boundary_integral(_half_cross, 1.0)
+        return self.refined(_area, 1.0)
 
     @cached_property
     def moment(self) -> Measure:
         """The integral of u over the section [m^3]; only for sections on one side of the axis, u >= 0."""
-        return self._boundary_integral(_half_square)
+        return self._boundary_integral(_half_square, self.reach)
 
-    def refined(self, quantity: Callable[[Any], float]) -> Measure:
-        """Return a quantity of the union of mapped triangles, with its change from a mesh twice as coarse."""
-        coarse, fine = (float(quantity(self._union(levels))) for levels in (self._levels - 1, self._levels))
-        return Measure(fine, abs(fine - coarse), "union of mapped triangles")
+    @cached_property
+    def _parts(self) -> Parts:
+        return cut_along_folds(self.map, self.region.polygon)
+
+    @cached_property
+    def reach(self) -> float:
+        """The largest distance of the section from the axis [m], or what bounds it."""
+        west, south, east, north = self.region.polygon.bounds
+        corners = np.array([[west, south], [east, north]])
+        spread = float(self.map.first_bound @ (corners[1] - corners[0])) / 2
+        return float(np.abs(self.image(corners.mean(axis=0))[:, 0]).max()) + spread
+
+    def refined(self, quantity: Callable[[Any], float], density: float) -> Measure:
+        """Return a quantity of the places that the image covers, at most `density` a unit of area.
+
+        The error of chords falls with the square of their length: of two values, the second with chords half as long,
+        `fine + (fine - coarse) / 3` is free of it to first order. Their difference is stated as the error.
+        """
+        finest, coarsest = _COVER_CHORDS
+        share = min(max(self.region.accuracy / 4.0, finest), coarsest) if self.region.accuracy else _COVER_CHORD
+        chord = share * float(np.max(self.map.first_bound))
+        (coarse, _), (fine, left_out) = (covered(self.map, self._parts, chord, finer) for finer in (1, 2))
+        first, second = float(quantity(coarse)), float(quantity(fine))
+        error = abs(second - first) + density * (left_out + self._contour_error)
+        return Measure(second + (second - first) / 3.0, error, "covered places")
+
+    @cached_property
+    def _contour_error(self) -> float:
+        """[m^2] of the image that the region's accuracy leaves open: |det| along its curved edges, times that."""
+        total = 0.0
+        for edge in self.region.edges if self.region.accuracy else ():
+            if len(edge.points) > 2:
+                middle, length = (edge.points[1:] + edge.points[:-1]) / 2, np.diff(edge.points, axis=0)
+                total += float(np.abs(self.map.determinant(middle)) @ np.linalg.norm(length, axis=1))
+        return total * self.region.accuracy
 
     def _rings(self) -> list[Array]:
         """Return the region's rings, closed: outer counter-clockwise, holes clockwise."""
@@ -176,34 +208,13 @@ class Section:
         return [shapely.get_coordinates(ring) for ring in (polygon.exterior, *polygon.interiors)]
 
     def _subdivided(self, ring: Array, chord: float) -> Array:
-        """Return a polyline with points added until the image's chords are within `chord`: `h^2 |p''| / 8`."""
-        pieces = list[Array]()
-        for start, end in itertools.pairwise(ring):
-            step = np.abs(end - start)
-            bend = float(step @ self.map.second_bound @ step)
-            count = max(1, math.ceil(math.sqrt(bend / (8.0 * chord))))
-            pieces.append(start + np.arange(count)[:, None] / count * (end - start))
-        return np.vstack((*pieces, ring[-1:]))
+        return subdivided(self.map, ring, chord)
 
     def _outline(self, chord: float) -> Any:
         rings = [self.image(self._subdivided(ring, chord)) for ring in self._rings()]
         return shapely.Polygon(rings[0], rings[1:])
 
-    @cached_property
-    def _levels(self) -> int:
-        """How often the triangulation is split, at least once: up to some 20,000 triangles."""
-        count = len(triangulate(self.region.polygon))
-        return max(1, math.floor(math.log(_TRIANGLES / count, 4)))
-
-    def _union(self, levels: int) -> Any:
-        """Return the union of the images of a triangle mesh, split `levels` times."""
-        triangles = triangulate(self.region.polygon)
-        for _ in range(levels):
-            triangles = split(triangles)
-        corners = self.image(triangles.reshape(-1, 2)).reshape(-1, 3, 2)
-        return shapely.union_all(shapely.polygons(corners))
-
-    def _boundary_integral(self, integrand: Integrand) -> Measure:
+    def _boundary_integral(self, integrand: Integrand, density: float) -> Measure:
         """Integrate along the image of the contour; the error is what doubling the nodes changes, and rounding."""
         rings, scale = self._rings(), 0.0
         starts, ends = np.vstack([r[:-1] for r in rings]), np.vstack([r[1:] for r in rings])
@@ -217,7 +228,7 @@ class Section:
             middles = (starts + ends) / 2
             starts, ends = np.vstack((starts, middles)), np.vstack((middles, ends))
         rounding = 8.0 * np.finfo(float).eps * self.map.chain.rotations * scale
-        return Measure(abs(value), float(error + rounding), "boundary integral")
+        return Measure(abs(value), float(error + rounding + density * self._contour_error), "boundary integral")
 
     def _gauss(self, integrand: Integrand, starts: Array, ends: Array, count: int) -> tuple[float, float]:
         """Return the integral over all segments, and the integral of the absolute value."""

@@ -5,8 +5,18 @@ Numba (`pip install pinbound[fast]`), which `object_cache` keeps for later proce
 where there is no Numba, or too little work to compile for; `engine` chooses.
 """
 
-from pinbound.interpreters.kernel.engine import BACKENDS, Backend, Kernel
+from pinbound.interpreters.kernel.engine import BACKENDS, Backend, Kernel, check_choices
 from pinbound.interpreters.kernel.mixed import MixedKernel, kernel_of
 from pinbound.interpreters.kernel.program import CommonMark, Pair, Reference
 
-__all__ = ["BACKENDS", "Backend", "CommonMark", "Kernel", "MixedKernel", "Pair", "Reference", "kernel_of"]
+__all__ = [
+    "BACKENDS",
+    "Backend",
+    "CommonMark",
+    "Kernel",
+    "MixedKernel",
+    "Pair",
+    "Reference",
+    "check_choices",
+    "kernel_of",
+]

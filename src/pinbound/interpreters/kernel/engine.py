@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any, Literal, cast
 
 import numpy as np
+from numpy.exceptions import TooHardError
 from numpy.typing import NDArray
 
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
@@ -16,9 +17,10 @@ from pinbound.interpreters.kernel.compiled import MachineCode, compile_source, h
 from pinbound.interpreters.kernel.program import CommonMark, Pair, Program, Reference, compile_program
 from pinbound.interpreters.kernel.source import kernel_source, scalar_source
 from pinbound.interpreters.kernel.vectorised import LinearProgram, VectorisedProgram
+from pinbound.tolerances import LONGEST, LONGEST_SINGLE
 from pinbound.values import read_only
 
-__all__ = ["BACKENDS", "Backend", "Kernel", "buffer", "real"]
+__all__ = ["BACKENDS", "Backend", "Kernel", "buffer", "check_choices", "real", "representable"]
 
 Array = NDArray[Any]
 Backend = Literal["auto", "compiled", "numpy"]
@@ -30,6 +32,9 @@ _WORTH_COMPILING = 3e7
 
 _ROWS_PER_THREAD = 4096
 """Fewer rows than this a thread, and starting the thread costs more than it saves."""
+
+_MOST_WORK = 10_000
+"""Steps of NumPy's exact test for shared memory; arrays that need more are taken to overlap."""
 
 _logger = logging.getLogger("pinbound")
 _noticed: list[str] = []
@@ -104,7 +109,10 @@ class Kernel:
             exec(scalar_source(self.program, mode), namespace)  # our own text, from numbers alone
             function = self._scalar[mode] = namespace["function"]
         values = q.tolist()
-        return np.array(function(*values)) if all(map(math.isfinite, values)) else None
+        if not all(map(math.isfinite, values)):
+            return None
+        found = function(*values)
+        return np.array(found) if all(map(math.isfinite, found)) else None  # a square overflowed
 
     def rows(
         self,
@@ -118,8 +126,8 @@ class Kernel:
         """Return norms or clearances (N, m), or gradients (N, m, n); new arrays have contiguous columns."""
         m = len(self.pairs)
         shape = (len(Q), m, self.n) if mode == "gradients" else (len(Q), m)
-        kind = real(dtype)
-        result = buffer(out, shape, kind, columns=mode != "gradients")
+        kind = self._kind(dtype, threads, backend)
+        result = buffer(out, shape, kind, columns=mode != "gradients", source=Q)
         if not m or not len(Q):
             return result
         flat = result.reshape(len(Q), -1)
@@ -138,8 +146,8 @@ class Kernel:
         dtype: Any = np.float64,
     ) -> tuple[Array, NDArray[np.int64]]:
         """Return each row's smallest clearance (N,) and which boundary has it (N,); NaN and -1 if one is NaN."""
-        kind = real(dtype)
-        least = buffer(out, (len(Q),), kind, columns=False)
+        kind = self._kind(dtype, threads, backend)
+        least = buffer(out, (len(Q),), kind, columns=False, source=Q)
         index = np.full(len(Q) if with_index else 0, -1, dtype=np.int64)
         if not self.pairs:
             least[:] = np.inf
@@ -155,11 +163,39 @@ class Kernel:
         self._machine_code(mode, real(dtype) == np.float32)
         return "compiled"
 
+    def _kind(self, dtype: Any, threads: int, backend: Backend) -> np.dtype[Any]:
+        """Check all choices, and return the type of the numbers."""
+        check_choices(threads, backend)
+        kind = real(dtype)
+        if kind == np.float32 and self._length > LONGEST_SINGLE:
+            raise UnsupportedError(
+                f"the paths are {self._length:.3g} m long, and products of lengths above {LONGEST_SINGLE:.0e} m "
+                "overflow float32; use dtype=np.float64"
+            )
+        return kind
+
+    @cached_property
+    def _length(self) -> float:
+        """The longest path before any joint slides [m]."""
+        return max((pair.minimal.scale for pair in self.pairs), default=0.0)
+
+    @cached_property
+    def _rates(self) -> NDArray[np.float64]:
+        """(n,) how far a unit of each coordinate can slide any path, summed over its blocks; 0 where none slides."""
+        sums = [np.linalg.norm(pair.minimal.slides, axis=1).sum(axis=0) for pair in self.pairs]
+        return np.max(np.array(sums).reshape(-1, self.n), axis=0, initial=0.0)
+
+    def _regular(self, kind: np.dtype[Any]) -> NDArray[np.float64]:
+        """Return the largest |q_j| (used,) that the machine code may take: finite, and no square overflows."""
+        most = np.full(self.n, float(np.finfo(kind).max))
+        slide = self._rates > 0.0
+        longest = LONGEST if kind == np.float64 else LONGEST_SINGLE
+        most[slide] = np.minimum(most[slide], longest / (self.n * np.maximum(self._rates[slide], 1e-100)))
+        return most[self._used]
+
     def _run(
         self, Q: Array, mode: str, out: Array, index: Array, threads: int, backend: Backend, dtype: np.dtype[Any]
     ) -> None:
-        if threads < 1:
-            raise DimensionError(f"threads is {threads}; give 1 or more")
         is_single = dtype == np.float32
         work = self._work(Q, mode, out, index, backend, is_single)
         count = min(threads, max(1, len(Q) // _ROWS_PER_THREAD))
@@ -171,26 +207,25 @@ class Kernel:
             ends = [round(len(Q) * part / count) for part in range(count + 1)]
             with ThreadPoolExecutor(count) as pool:
                 irregular = sum(pool.map(work, ends[:-1], ends[1:]))
+        slides = np.flatnonzero(self._rates[self._used])
+        if len(slides) and not irregular:
+            irregular = not np.all(np.abs(Q[:, self._used][:, slides]) <= self._regular(dtype)[slides])
         if irregular:
-            self._mend(Q, mode, out, index)
+            with np.errstate(all="ignore"):
+                self._mend(Q, mode, out, index, dtype)
 
     def _work(
         self, Q: Array, mode: str, out: Array, index: Array, backend: Backend, is_single: bool
     ) -> Callable[[int, int], int]:
         """Return a function of a range of rows that fills them and returns how many numbers were not finite."""
-        if backend not in BACKENDS:
-            raise UnknownNameError("backend", backend, BACKENDS)
-        if backend == "compiled" and not has_numba():
-            raise UnsupportedError(
-                "backend 'compiled' needs Numba; install pinbound[fast], or leave the choice to 'auto'"
-            )
         large = len(Q) * self.cost >= _WORTH_COMPILING
         compiled = backend == "compiled" or (
             backend == "auto" and has_numba() and (large or (mode, is_single) in self._compiled)
         )
         if compiled:
             function = self._machine_code(mode, is_single)
-            data = np.require(Q, np.float32 if is_single else np.float64, ["C", "A"])
+            with np.errstate(over="ignore"):  # what is too large becomes infinite, and is mended
+                data = np.require(Q, np.float32 if is_single else np.float64, ["C", "A"])
             return lambda lo, hi: function(data[lo:hi], out[lo:hi], index[lo:hi])
         if large and backend == "auto":
             notice_without_numba()
@@ -255,17 +290,20 @@ class Kernel:
             self._linear.run(part, several)
         else:
             self._values.run(part, one)
-        return int(np.count_nonzero(~np.isfinite(part[:, self._used])))
+        return int(np.count_nonzero(~(np.abs(part[:, self._used]) <= np.finfo(out.dtype).max)))
 
-    def _mend(self, Q: Array, mode: str, out: Array, index: Array) -> None:
-        """Take rows with numbers that are not finite from the reference, boundary by boundary."""
-        bad = np.flatnonzero(~np.all(np.isfinite(Q[:, self._used]), axis=1))
-        rows = Q[bad].astype(np.float64)
+    def _mend(self, Q: Array, mode: str, out: Array, index: Array, kind: np.dtype[Any]) -> None:
+        """Take rows with numbers that are not finite, or too large, from the reference, boundary by boundary."""
+        bad = np.flatnonzero(~np.all(np.abs(Q[:, self._used]) <= self._regular(kind), axis=1))
+        rows, most = representable(Q[bad], kind), np.finfo(kind).max
+        norms = np.column_stack([self.reference.norms(pair.path, rows) for pair in self.pairs])
+        norms[~(np.abs(norms) <= most)] = np.nan
         if mode == "gradients":
             for k, pair in enumerate(self.pairs):
-                out[bad, k * self.n : (k + 1) * self.n] = self.reference.gradients(pair.path, rows)
+                slopes = np.array(self.reference.gradients(pair.path, rows))
+                slopes[np.isnan(norms[:, k])] = np.nan
+                out[bad, k * self.n : (k + 1) * self.n] = slopes
             return
-        norms = np.column_stack([self.reference.norms(pair.path, rows) for pair in self.pairs])
         if mode == "norms":
             out[bad] = norms
             return
@@ -297,19 +335,71 @@ def real(dtype: Any) -> np.dtype[Any]:
     return kind
 
 
-def buffer(out: Any, shape: tuple[int, ...], dtype: np.dtype[Any], columns: bool) -> Array:
-    """Return `out` if it fits, or a new array.
+def check_choices(threads: Any, backend: Any) -> None:
+    """Refuse a number of threads or a backend that cannot be meant.
 
     Raises:
-        DimensionError: If out has another shape or type, or cannot be written.
+        DimensionError: If `threads` is no whole number of 1 or more.
+        UnknownNameError: If there is no such backend.
+        UnsupportedError: If compiled code is asked for, and Numba is not there.
+    """
+    if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
+        raise DimensionError(f"threads is {threads!r}; give a whole number of 1 or more")
+    if backend not in BACKENDS:
+        raise UnknownNameError("backend", str(backend), BACKENDS)
+    if backend == "compiled" and not has_numba():
+        raise UnsupportedError("backend 'compiled' needs Numba; install pinbound[fast], or leave the choice to 'auto'")
+
+
+def representable(Q: Array, dtype: np.dtype[Any]) -> NDArray[np.float64]:
+    """Return Q in float64, NaN where a number is not finite in `dtype`: beyond 3.4e38 in float32."""
+    rows = np.array(Q, dtype=np.float64)
+    rows[~(np.abs(rows) <= np.finfo(dtype).max)] = np.nan
+    return rows
+
+
+def buffer(out: Any, shape: tuple[int, ...], dtype: np.dtype[Any], columns: bool, source: Array) -> Array:
+    """Return `out` if it fits, or a new array.
+
+    Rows are written in blocks while others are still to be read, so `out` may share no memory with the configurations
+    `source`, and none of its own elements with another.
+
+    Raises:
+        DimensionError: If out has another shape or type, cannot be written, or shares memory.
     """
     if out is None:
         return np.empty(shape, dtype=dtype, order="F" if columns else "C")
     given: NDArray[Any] | None = cast(Any, out) if isinstance(out, np.ndarray) else None
     if given is None or given.shape != shape or given.dtype != dtype or not given.flags.writeable:
         found = "no array" if given is None else f"{given.dtype} {given.shape}"
-        raise DimensionError(f"out is {found}; give a writeable {dtype} array of shape {shape}")
+        frozen = "read-only " if given is not None and not given.flags.writeable else ""
+        raise DimensionError(f"out is {frozen}{found}; give a writeable {dtype} array of shape {shape}")
+    if _shares(given, source):
+        raise DimensionError(
+            "out shares memory with q, which is still read while out is written; give an array of its own"
+        )
+    if _overlaps_itself(given):
+        raise DimensionError(f"out holds one number in several places (strides {given.strides}); give a plain array")
     return given
+
+
+def _shares(out: Array, source: Array) -> bool:
+    if not np.may_share_memory(out, source):
+        return False
+    try:
+        return cast(Any, np).shares_memory(out, source, max_work=_MOST_WORK)
+    except TooHardError:
+        return True
+
+
+def _overlaps_itself(out: Array) -> bool:
+    """Return whether two elements may be one: a stride is no longer than all that shorter strides span."""
+    span = out.itemsize
+    for stride, count in sorted((abs(stride), count) for stride, count in zip(out.strides, out.shape, strict=True)):
+        if count > 1 and stride < span:
+            return True
+        span += stride * (count - 1)
+    return False
 
 
 def notice_without_numba() -> None:

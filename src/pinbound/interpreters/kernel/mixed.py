@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.interpreters.kernel.engine import Backend, Kernel, buffer, real
+from pinbound.interpreters.kernel.engine import Backend, Kernel, buffer, check_choices, real, representable
 from pinbound.interpreters.kernel.program import CommonMark, Pair, Reference
 
 __all__ = ["MixedKernel", "kernel_of"]
@@ -75,9 +75,11 @@ class MixedKernel:
         """Return norms or clearances (N, m), or gradients (N, m, n)."""
         m = len(self.pairs)
         shape = (len(Q), m, self.n) if mode == "gradients" else (len(Q), m)
-        result = buffer(out, shape, real(dtype), columns=mode != "gradients")
+        check_choices(threads, backend)
+        kind = real(dtype)
+        result = buffer(out, shape, kind, columns=mode != "gradients", source=Q)
         result[:, self._compiled] = self.kernel.rows(Q, mode, None, threads, backend, dtype)
-        reference = self.kernel.reference
+        reference, Q = self.kernel.reference, representable(Q, kind)
         for k in map(int, self.searched):
             pair = self.pairs[k]
             if mode == "gradients":
@@ -97,6 +99,7 @@ class MixedKernel:
     ) -> tuple[Array, NDArray[np.int64]]:
         """Return each row's smallest clearance (N,) and which boundary has it (N,); NaN and -1 if one is NaN."""
         least, index = self.kernel.smallest(Q, with_index, out, threads, backend, dtype)
+        Q = representable(Q, real(dtype))
         if with_index:
             index = np.where(index < 0, -1, np.append(self._compiled, -1)[index])
         for k in map(int, self.searched):

@@ -64,7 +64,8 @@ class CommonMark:
     """A mark in the common frame.
 
     Attributes:
-        chains: Its point, and the ends of its ways; of a line or plane, its point and one further along it.
+        chains: Its point, and the ends of its ways; of a line or plane, its point, and its unit direction or normal as
+            a chain of rotations alone: the difference of two points far away would round it by their distance.
         flat: Whether it is a line or a plane.
     """
 
@@ -366,7 +367,13 @@ def _common_program(pairs: Sequence[Pair], n: int, common: Mapping[str, CommonMa
     chains = [chain for mark in marks.values() for chain in mark.chains]
     angles = _Angles(graph, [_key(c) for chain in chains for c in chain.coefficients])
     scale = max(chain.scale for chain in chains)
-    placed = {name: [_position(angles, chain, scale) for chain in mark.chains] for name, mark in marks.items()}
+    placed = {
+        name: [
+            _position(angles, chain, scale if mark.flat is None or not index else chain.scale)
+            for index, chain in enumerate(mark.chains)
+        ]
+        for name, mark in marks.items()
+    }
     vectors = [_common_vector(graph, pair, marks, placed) for pair in pairs]
     return _finish(graph, vectors, pairs, n, is_common=True)
 
@@ -386,7 +393,7 @@ def _common_vector(
     flat = next((side for side in (0, 1) if kinds[side] is not None), None)
     if flat is None:
         return nearest(g, w, ways, squares)
-    upright, zero = _less(g, (a, b)[flat][1], (a, b)[flat][0]), g.constant(0.0)
+    upright, zero = (a, b)[flat][1], g.constant(0.0)
     if kinds[flat] == "line":
         return nearest(g, cross(g, w, upright), [cross(g, way, upright) for way in ways])
     towards = upright if flat == 1 else _less(g, (zero, zero, zero), upright)

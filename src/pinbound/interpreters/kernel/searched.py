@@ -91,7 +91,7 @@ def kernel(Q, out, row, column, index, s, count):
             out[i * row + K * column] = math.nan
             irregular += 1
             continue
-        bound, used, searching = 0.0, 0, ROUNDS
+        bound, used, searching, shortest = 0.0, 0, ROUNDS, math.inf
         while searching > 0:
             searching -= 1
             x, y, z = wx, wy, wz
@@ -109,7 +109,10 @@ def kernel(Q, out, row, column, index, s, count):
                 below = (x * vx + y * vy + z * vz) / length
             if below > bound:
                 bound = below
-            known = used != 0 and length - below <= AGREE * scale
+            known = False
+            if used != 0:
+                known = length <= AGREE * scale or length - below <= AGREE * scale or length >= shortest * (1.0 - AGREE)
+                shortest = length
             slot = 4
             for c in range(4):
                 if used & (1 << c):
