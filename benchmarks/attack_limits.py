@@ -222,7 +222,9 @@ class Oracle:
                 f'<limit lower="{one.lower!r}" upper="{one.upper!r}" effort="1" velocity="1"/></joint>'
             )
         marks = [
-            f"<pinbound:home {' '.join(f'{n}={chr(34)}{v!r}{chr(34)}' for n, v in zip(self.names, home.tolist(), strict=True))}/>"
+            "<pinbound:home "
+            + " ".join(f'{name}="{value!r}"' for name, value in zip(self.names, home.tolist(), strict=True))
+            + "/>"
         ]
         for k, (a, b, more) in enumerate(self.pairs):
             marks += [mark_text(f"m{k}{side}", shape) for side, shape in zip("ab", (a, b), strict=True)]

@@ -139,7 +139,7 @@ class SignedKernel:
         m, is_slope, kind = len(self.rules), mode == "gradients", real(dtype)
         if not len(self.stops):
             return self.kernel.rows(Q, "gradients" if is_slope else "clearances", out, threads, backend, dtype)
-        result = buffer(out, (len(Q), m, self.n) if is_slope else (len(Q), m), kind, columns=not is_slope)
+        result = buffer(out, (len(Q), m, self.n) if is_slope else (len(Q), m), kind, columns=not is_slope, source=Q)
         if is_slope:
             if len(self.areas):
                 result[:, self.areas] = self.kernel.rows(Q, "gradients", None, threads, backend, dtype)
