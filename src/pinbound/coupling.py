@@ -228,7 +228,7 @@ def real_array(values: Any, what: str) -> NDArray[np.float64]:
         [1.0, 2.5]
         >>> real_array([1.0, 2.0 + 1.0j], "q")
         Traceback (most recent call last):
-        pinbound.exceptions.DimensionError: q holds complex numbers; give real ones
+        pinbound.exceptions.DimensionError: q is complex; give real numbers
     """
     given: Any = values
     if isinstance(given, np.ma.MaskedArray) and np.any(cast(Any, np.ma).getmaskarray(given)):
@@ -236,7 +236,7 @@ def real_array(values: Any, what: str) -> NDArray[np.float64]:
     try:
         raw: NDArray[Any] = np.asarray(cast(Any, given))
         if raw.dtype.kind == "c":
-            raise DimensionError(f"{what} holds complex numbers; give real ones")
+            raise DimensionError(f"{what} is complex; give real numbers")
         is_text = raw.dtype.kind in "SUmM" or (raw.dtype == object and any(isinstance(x, str) for x in raw.flat))
         if is_text:
             raise DimensionError(f"{what} is no array of numbers: its type is {raw.dtype}")

@@ -64,7 +64,10 @@ def from_spline(spline: Any, coordinates: Sequence[str]) -> Polynomials:
 
 def _numbers(spline: Any, n: int, knots: Any, degree: int) -> tuple[Array, Array]:
     """Return coefficients (.., .., n) or (.., n) and knots, checked."""
-    coefficients, breaks = real_array(spline.c, "the spline's coefficients"), real_array(knots, "its breakpoints")
+    coefficients, breaks = (
+        real_array(spline.c, "the array of coefficients"),
+        real_array(knots, "the array of breakpoints"),
+    )
     if not np.all(np.isfinite(coefficients)) or not np.all(np.isfinite(breaks)):
         raise DimensionError("the spline holds a number that is not finite")
     if degree > _HIGHEST:

@@ -64,7 +64,7 @@ def as_trajectory(motion: Any, coordinates: Sequence[str], times: ArrayLike | No
 def _times(times: ArrayLike | None, count: int) -> Array:
     if times is None:
         return np.arange(count, dtype=np.float64)
-    knots = real_array(times, "times")
+    knots = real_array(times, "the list of times")
     if knots.shape != (count,):
         raise DimensionError(f"times have shape {knots.shape}; give one a waypoint, ({count},)")
     if not np.all(np.isfinite(knots)):
