@@ -123,7 +123,6 @@ def test_exact_loops_have_no_error_anywhere(minerva: pb.Robot, load_text: Load) 
     for robot in (minerva, load_text(crank_loop(0.0, lower=-1.0).urdf(WALL))):
         assert [closure.deviations for closure in robot.closures] == [()] * len(robot.closures)
         assert {boundary.place_error for boundary in robot.boundaries} == {0.0}
-        assert {boundary.place_margin for boundary in robot.boundaries} == {0.0}
     assert "(at 'A' = 0 deg): there the linkage can change to its other assembly" in robot.notes[-1]
 
 
@@ -196,13 +195,14 @@ def test_a_stop_is_kept_away_from_by_what_its_arms_may_be_off(load_text: Load) -
     robot = load_text(crank_loop(0.9e-6).urdf(marks))
     stop = robot.boundaries["beta"]
     assert stop.is_stop
-    assert stop.place_margin == pytest.approx(2e-5 + 4 * stop.place_error)
-    meets = 0.5 * np.pi
-    off = 4.0 * stop.place_error / 0.1
+    meets, arms = 0.5 * np.pi, 2.0 * np.arcsin(stop.place_error / 0.1)
+    off = 2.0 * arms  # what certificates keep: no less
+    assert stop.place_error > 1e-6
     assert pb.certify(robot, [[1.0], [meets - 1.1 * off]]).verdict is pb.Verdict.CERTIFIED
     assert pb.certify(robot, [[1.0], [meets - 0.2 * off]]).verdict is pb.Verdict.UNDECIDED
     assert pb.certify(robot, [[1.0], [meets + 1.1 * off]]).verdict is pb.Verdict.VIOLATED
-    assert robot.boundaries.limits("A", [1.0]).upper < meets - off
+    assert robot.boundaries.limits("A", [1.0]).upper == pytest.approx(meets - arms, abs=1e-12)
+    assert robot.boundaries.free([[meets - 1.01 * arms], [meets - 0.99 * arms]]).tolist() == [True, False]
 
 
 def test_a_batch_calls_nothing_free_within_the_error(load_text: Load) -> None:

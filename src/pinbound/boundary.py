@@ -121,17 +121,6 @@ class Boundary(Value):
         return ContactRule(self.path, self.threshold, self.contact_tolerance, home, self.stop, self.place_error)
 
     @property
-    def place_margin(self) -> float:
-        """What a clearance must exceed for the true linkage to be free [m]: `place_error`.
-
-        For a stop it is `contact_tolerance + 4 place_error`: each arm's direction is off by `place_error / length` or
-        less, and where the norm exceeds the difference of the arms by twice that, the true arms are not aligned.
-        """
-        if not self.place_error or not self.is_stop:
-            return self.place_error
-        return self.contact_tolerance + 4.0 * self.place_error
-
-    @property
     def contact_distance(self) -> float:
         """Up to which separation there is contact [m]: the threshold, of distances at least the contact tolerance.
 
