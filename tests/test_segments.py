@@ -123,10 +123,11 @@ def test_the_kernel_equals_the_reference(robot: pb.Robot, backend: Any) -> None:
     norms, clearances = each(robot, lambda b: b.norm(Q)), each(robot, lambda b: b.clearance(Q))
     assert np.abs(B.norms(Q, backend=backend) - norms).max() < 4e-15 * scale
     assert np.abs(B.clearances(Q, backend=backend) - clearances).max() < 4e-15 * scale
-    least = B.smallest(Q, backend=backend)
-    assert np.abs(least.clearance - clearances.min(axis=1)).max() < 4e-15 * scale
-    assert np.abs(clearances[np.arange(len(Q)), least.index] - least.clearance).max() < 4e-15 * scale
-    assert np.array_equal(B.free(Q, backend=backend), least.clearance > 0.0)
+    signed, least = each(robot, lambda b: b.signed_clearance(Q)), B.smallest(Q, backend=backend)
+    assert np.abs(B.signed_clearances(Q, backend=backend) - signed).max() < 4e-15 * scale
+    assert np.abs(least.clearance - signed.min(axis=1)).max() < 4e-15 * scale
+    assert np.abs(signed[np.arange(len(Q)), least.index] - least.clearance).max() < 4e-15 * scale
+    assert np.array_equal(B.free(Q, limits=False, backend=backend), least.clearance > 0.0)
     gradients = each(robot, lambda b: b.gradient(Q))
     assert np.nanmax(np.abs(B.gradients(Q, backend=backend) - gradients)) < 1e-11  # t may differ by rounding
     single = B.norms(Q, backend=backend, dtype=np.float32)
