@@ -3,8 +3,8 @@
     python -m benchmarks.attack_limits --trials 200 --seed 0
 
 A trial makes a robot (joints that turn, slide, follow by any multiplier, huge limits), two or three boundaries between
-points, segments, boxes, prisms, lines and planes, some of them face to face, parallel or along an axis, and asks for the
-limits of each coordinate. The oracle places marks by NumPy alone and finds distances by an active set
+points, segments, boxes, prisms, lines and planes, some of them face to face, parallel or along an axis, and asks for
+the limits of each coordinate. The oracle places marks by NumPy alone and finds distances by an active set
 (`scipy.optimize.lsq_linear`, BVLS); it knows nothing of pinbound's chains. Asked is:
 
 - no sample within the limits may be in contact, and a stop must be a contact that the next step beyond enters;
@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import itertools
 import sys
 import tempfile
 import time
@@ -222,9 +221,8 @@ class Oracle:
                 f'<axis xyz="{text(one.axis)}"/>{mimic}'
                 f'<limit lower="{one.lower!r}" upper="{one.upper!r}" effort="1" velocity="1"/></joint>'
             )
-        marks = [
-            f"<pinbound:home {' '.join(f'{n}={chr(34)}{v!r}{chr(34)}' for n, v in zip(self.names, home.tolist()))}/>"
-        ]
+        places = " ".join(f'{name}="{value!r}"' for name, value in zip(self.names, home.tolist(), strict=True))
+        marks = [f"<pinbound:home {places}/>"]
         for k, (a, b, more) in enumerate(self.pairs):
             marks += [mark_text(f"m{k}{side}", shape) for side, shape in zip("ab", (a, b), strict=True)]
             marks.append(f'<pinbound:boundary name="b{k}" a="m{k}a" b="m{k}b" min_distance="{more!r}"/>')
