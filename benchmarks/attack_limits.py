@@ -221,11 +221,8 @@ class Oracle:
                 f'<axis xyz="{text(one.axis)}"/>{mimic}'
                 f'<limit lower="{one.lower!r}" upper="{one.upper!r}" effort="1" velocity="1"/></joint>'
             )
-        marks = [
-            "<pinbound:home "
-            + " ".join(f'{name}="{value!r}"' for name, value in zip(self.names, home.tolist(), strict=True))
-            + "/>"
-        ]
+        places = " ".join(f'{name}="{value!r}"' for name, value in zip(self.names, home.tolist(), strict=True))
+        marks = [f"<pinbound:home {places}/>"]
         for k, (a, b, more) in enumerate(self.pairs):
             marks += [mark_text(f"m{k}{side}", shape) for side, shape in zip("ab", (a, b), strict=True)]
             marks.append(f'<pinbound:boundary name="b{k}" a="m{k}a" b="m{k}b" min_distance="{more!r}"/>')

@@ -438,3 +438,25 @@ def test_choices_are_checked_however_few_rows_there_are(robots: dict[str, Robot]
     with pytest.raises(pb.DimensionError, match="out is for many q"):
         B.smallest(np.zeros(4), out=np.zeros(1))
     assert B.norms(np.zeros((0, 4)), out=np.zeros((0, len(B)))).shape == (0, len(B))
+
+
+def test_a_row_that_is_no_number_stays_one_where_boxes_are_searched(tmp_path: Path) -> None:
+    """The box's boundary does not depend on q2; the other's NaN must not be replaced by its clearance."""
+    path = tmp_path / "mixed.urdf"
+    path.write_text(
+        SLIDER.replace(
+            "</pinbound:annotations>",
+            '<pinbound:sweep name="box" link="base" xyz="2 2 2" ways="0.1 0 0 0 0.1 0 0 0 0.1"/>'
+            '<pinbound:boundary name="b6" a="box" b="pa"/></pinbound:annotations>',
+        )
+    )
+    B = pb.load(path).boundaries
+    Q = np.zeros((5, 4))
+    Q[2, 1] = np.nan
+    for backend in ("auto", "numpy"):
+        least = B.smallest(Q, backend=backend)
+        assert np.flatnonzero(np.isnan(least.clearance)).tolist() == [2]
+        assert least.index[2] == -1
+        assert B.free(Q, backend=backend)[2] == np.False_
+    assert np.isnan(B.smallest(Q[2]).clearance)
+    assert not B.free(Q[2])

@@ -282,13 +282,41 @@ def around(
     """
     if is_closed(path, index):
         return allowed_arcs_table(path, index, name, q[None], threshold, tolerance)[0].around(float(q[index]))
+    far = _farthest_contact(path, index, q, threshold)
+    low, high = max(domain[0], -far), min(domain[1], far)
+    if not low < high:
+        low, high = domain
+    near = q.copy()
+    near[index] = min(max(float(q[index]), low), high)  # what lies beyond is free, and ends nothing
     if path.is_plain:
         from pinbound.interpreters import isolation
 
-        return isolation.around(path.minimal, index, name, q, threshold, domain)
-    from pinbound.interpreters import swept_isolation
+        found = isolation.around(path.minimal, index, name, near, threshold, (low, high))
+    else:
+        from pinbound.interpreters import swept_isolation
 
-    return swept_isolation.around(path, index, name, q, threshold, domain)
+        found = swept_isolation.around(path, index, name, near, threshold, (low, high))
+    if found is None:
+        return None
+    return domain[0] if found[0] <= low else found[0], domain[1] if found[1] >= high else found[1]
+
+
+def _farthest_contact(path: RelativePath, index: int, q: Array, distance: float) -> float:
+    """Return how large coordinate `index` may be in contact, the others as in q (n,); infinite if nothing bounds it.
+
+    Where one block alone slides with it, by L a unit, `|r| >= |L| |x| - sum of all other lengths`.
+    """
+    chain = path.minimal
+    rates = np.linalg.norm(chain.slides[:, :, index], axis=1)
+    if path.across is not None or np.count_nonzero(rates) != 1:
+        return math.inf
+    rest = q.copy()
+    rest[index] = 0.0
+    held = chain.offsets + chain.slides @ rest
+    others = float(
+        np.linalg.norm(held, axis=1).sum() + sum(np.linalg.norm(x, axis=1).sum() for x in path.swept.directions)
+    )
+    return (others + distance) / float(rates.max()) * (1.0 + 1e-9)
 
 
 def arounds(

@@ -104,7 +104,7 @@ class MixedKernel:
             index = np.where(index < 0, -1, np.append(self._compiled, -1)[index])
         for k in map(int, self.searched):
             clearance = self.kernel.reference.norms(self.pairs[k].path, Q) - self.pairs[k].threshold
-            smaller = ~(clearance >= least)  # a NaN is taken, and stays
+            smaller = ~(clearance >= least) & ~np.isnan(least)  # a NaN is taken, and stays
             np.copyto(least, clearance, where=smaller, casting="same_kind")
             if with_index:
                 index = np.where(smaller, k, index)
