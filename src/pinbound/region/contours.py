@@ -10,6 +10,9 @@ the box, A_ij `|d_ij r|` (`interpreters/derivative_bounds`). Boxes are halved un
 No island can hide: if all boxes around it are regular, each bounded part of either sign holds a corner of a box.
 Signs at all corners give the crossings, the order along the tangent connects them, and each chord is halved, its middle
 moved onto the curve, until its distance to the curve is provably within the accuracy. `docs/regions.md` has the proofs.
+
+Coordinates here are those of the plane in units of `Plane.scales`, so that an accuracy is a share of the window where
+the window is small.
 """
 
 from __future__ import annotations
@@ -24,9 +27,10 @@ from pinbound.exceptions import UnsupportedError
 from pinbound.interpreters import numeric
 from pinbound.interpreters.derivative_bounds import LeverArms, lever_arms
 from pinbound.interpreters.planar import Arrows, arrows
+from pinbound.region.deadline import Deadline
 from pinbound.tolerances import CONTOUR_ROUNDING, CONTOUR_TURN, VERTEX
 
-__all__ = ["ContactFunction", "Contour", "HeightFunction", "Traced", "trace"]
+__all__ = ["BUMP", "ContactFunction", "Contour", "HeightFunction", "Traced", "trace"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -36,11 +40,14 @@ _ROOT = 4  # 2^4 root boxes a side
 _FINEST = 30  # 2^30 steps a side: 6e-9 rad in a window of one turn
 _STRIDE = 1 << (_FINEST + 1)
 _MOST_BOXES = 400_000
-_REGULAR = float(np.sin(np.radians(20.0)))
+_TURN = np.radians(20.0)  # how far the normal may turn in a regular box
+_REGULAR = float(np.sin(_TURN))
+BUMP = float(0.5 * np.tan(_TURN)) / (1 << _ROOT)
+"""Of the window's side: how high a bump of a curve over a box's side may be that no corner sees (`docs/regions.md`)."""
 _CORNERS: Ints = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ContactFunction:
     """`g(x) = |r(x)|^2 - T^2` over the plane of two coordinates.
 
@@ -105,7 +112,7 @@ class ContactFunction:
         return 2.0 * (slope[:, :, None] * slope[:, None, :] + reach[:, None, None] * second)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HeightFunction:
     """`g(x) = n . r(x) - T` over the plane of two coordinates: of a plane's contact, or of the foot on a segment.
 
@@ -149,32 +156,35 @@ class HeightFunction:
 Traced = ContactFunction | HeightFunction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Contour:
     """The contact curves of one boundary in a window.
 
     Attributes:
         lines: Polylines (k, 2) [rad]; closed ones repeat their first point.
         chord_error: [rad]; no point of a curve is further than this from its polyline.
-        unresolved: (u, 2) centres of boxes of 6e-9 of the window's side in which curves may cross themselves.
+        unresolved: (u, 2) centres of boxes in which curves may cross or only touch themselves.
+        step: (2,) sides of these boxes: 1e-9 of the window's.
     """
 
     lines: tuple[Array, ...]
     chord_error: float
     unresolved: Array
+    step: Array
 
 
-def trace(function: Traced, window: Array, accuracy: float) -> Contour:
+def trace(function: Traced, window: Array, accuracy: float, deadline: Deadline | None = None) -> Contour:
     """Return every curve `g = 0` in a window.
 
     Args:
         function: The contact function.
         window: (2, 2), rows lower and upper.
-        accuracy: [rad], the largest distance allowed between a chord and its curve.
+        accuracy: The largest distance allowed between a chord and its curve, in the window's units.
+        deadline: When to give up; None: never.
 
     Raises:
         UnsupportedError: If g touches zero along a whole curve without changing sign, so that no budget of boxes
-            would do.
+            would do, or time is up.
 
     Example:
         >>> axes, slides = np.array([[0.0, 1.0, 0.0]] * 2), np.zeros((3, 3, 2))
@@ -186,20 +196,16 @@ def trace(function: Traced, window: Array, accuracy: float) -> Contour:
         (2, [-2.094..., -2.094...])
     """
     step = (window[1] - window[0]) / (1 << _FINEST)
-    boxes, sizes, unresolved = _subdivide(function, window[0], step)
-    crossings, pairs = _crossings(function, window[0], step, boxes, sizes)
+    boxes, sizes, unresolved = _subdivide(function, window[0], step, deadline)
+    crossings, pairs, reach = _crossings(function, window[0], step, boxes, sizes)
     if not len(pairs):
-        return Contour((), 0.0, unresolved)
-    crossings = _project(function, crossings, _box_limit(step, sizes))
-    chords, owner, error = _refine(function, crossings, pairs, accuracy)
-    return Contour(_chain_up(pairs, chords, owner), error, unresolved)
+        return Contour((), 0.0, unresolved, step)
+    crossings = _project(function, crossings, reach)
+    chords, owner, error = _refine(function, crossings, pairs, accuracy, deadline)
+    return Contour(_chain_up(pairs, chords, owner), error, unresolved, step)
 
 
-def _box_limit(step: Array, sizes: Ints) -> float:
-    return float(np.max(sizes) * np.max(step)) if len(sizes) else 0.0
-
-
-def _subdivide(function: Traced, origin: Array, step: Array) -> tuple[Ints, Ints, Array]:
+def _subdivide(function: Traced, origin: Array, step: Array, deadline: Deadline | None) -> tuple[Ints, Ints, Array]:
     """Return the regular boxes: lower corners (N, 2) and sides (N,) in finest steps; and unresolved centres."""
     side = 1 << (_FINEST - _ROOT)
     grid = np.arange(1 << _ROOT, dtype=np.int64) * side
@@ -209,6 +215,8 @@ def _subdivide(function: Traced, origin: Array, step: Array) -> tuple[Ints, Ints
     unresolved = np.empty((0, 2))
     count = 0
     while len(boxes):
+        if deadline is not None:
+            deadline.check()
         empty, regular = _classify(function, origin + step * (boxes + side / 2), step * (side / 2))
         leaf = ~empty & (regular if side > 1 else np.ones_like(regular))
         if side == 1:
@@ -220,7 +228,8 @@ def _subdivide(function: Traced, origin: Array, step: Array) -> tuple[Ints, Ints
         if count > _MOST_BOXES:
             raise UnsupportedError(
                 f"a contact curve needs more than {_MOST_BOXES} boxes: somewhere the clearance touches zero along a "
-                "curve, or the window is very wide; change min_distance slightly, or give a smaller window"
+                "curve, or the window is very wide; change min_distance slightly, or give a smaller window (window=, "
+                "on the command line --window)"
             )
         side //= 2
         boxes = (boxes[:, None, :] + side * _CORNERS).reshape(-1, 2)
@@ -229,7 +238,7 @@ def _subdivide(function: Traced, origin: Array, step: Array) -> tuple[Ints, Ints
 
 def _classify(function: Traced, middle: Array, half: Array) -> tuple[Bools, Bools]:
     value, gradient, length, slopes = function.parts(middle)
-    scale = max(1.0, function.arms.length + abs(function.threshold))
+    scale = max(function.chain.scale, function.arms.length + abs(function.threshold))
     span = float(function.arms.first @ half) + CONTOUR_ROUNDING * scale
     halves = np.broadcast_to(half, middle.shape)
     change = function.curvature(length, slopes, halves) @ half
@@ -239,10 +248,13 @@ def _classify(function: Traced, middle: Array, half: Array) -> tuple[Bools, Bool
     return empty, regular
 
 
-def _crossings(function: Traced, origin: Array, step: Array, boxes: Ints, sizes: Ints) -> tuple[Array, Ints]:
-    """Return the points (K, 2) where curves cross box sides, and the pairs (P, 2) of them that a box connects."""
+def _crossings(function: Traced, origin: Array, step: Array, boxes: Ints, sizes: Ints) -> tuple[Array, Ints, Array]:
+    """Return the points (K, 2) where curves cross box sides, and the pairs (P, 2) of them that a box connects.
+
+    Also the length (K,) of the piece of a side that each point is on.
+    """
     if not len(boxes):
-        return np.empty((0, 2)), np.empty((0, 2), dtype=np.int64)
+        return np.empty((0, 2)), np.empty((0, 2), dtype=np.int64), np.empty(0)
     corners = boxes[:, None, :] + sizes[:, None, None] * _CORNERS
     keys = [np.unique(corners[..., axis].ravel() * _STRIDE + corners[..., 1 - axis].ravel()) for axis in (0, 1)]
     nodes = keys[0]
@@ -274,7 +286,7 @@ def _crossings(function: Traced, origin: Array, step: Array, boxes: Ints, sizes:
     tangent = (function.value_gradient(middle)[1] * step)[:, ::-1] * np.array([-1.0, 1.0])
     along = np.einsum("na,na->n", (points[index] - middle[cell]) / step, tangent[cell])
     order = np.lexsort((along, cell))
-    return points, index[order].reshape(-1, 2)
+    return points, index[order].reshape(-1, 2), np.asarray(np.linalg.norm(high - low, axis=1), dtype=np.float64)
 
 
 def _bisect(function: Traced, low: Array, high: Array) -> Array:
@@ -293,8 +305,8 @@ def _bisect(function: Traced, low: Array, high: Array) -> Array:
     return low + t[:, None] * (high - low)
 
 
-def _project(function: Traced, X: Array, limit: float, rounds: int = 4) -> Array:
-    """Move points onto the curve along the gradient; a point that would go further than `limit` stays.
+def _project(function: Traced, X: Array, limit: float | Array, rounds: int = 4) -> Array:
+    """Move points onto the curve along the gradient; a point that would go further than its `limit` stays.
 
     Newton's steps shrink quadratically: the one after a step of `tolerances.VERTEX` is below rounding.
     """
@@ -311,8 +323,10 @@ def _project(function: Traced, X: Array, limit: float, rounds: int = 4) -> Array
     return np.where(wild[:, None], X, moved)
 
 
-def _refine(function: Traced, points: Array, pairs: Ints, accuracy: float) -> tuple[Array, Ints, float]:
-    """Return chords (C, 2, 2), grouped by pair and in order along it, their pair (C,), and the proven error [rad]."""
+def _refine(
+    function: Traced, points: Array, pairs: Ints, accuracy: float, deadline: Deadline | None
+) -> tuple[Array, Ints, float]:
+    """Return chords (C, 2, 2), grouped by pair and in order along it, their pair (C,), and the proven error."""
     chords = points[pairs]
     owner = np.arange(len(pairs))
     rank = np.zeros(len(pairs))
@@ -320,6 +334,8 @@ def _refine(function: Traced, points: Array, pairs: Ints, accuracy: float) -> tu
     done: list[tuple[Array, Ints, Array]] = []
     error = 0.0
     for _ in range(_FINEST):
+        if deadline is not None:
+            deadline.check()
         bound, straight = _chord_bound(function, chords)
         length = np.linalg.norm(chords[:, 1] - chords[:, 0], axis=1)
         ready = (straight & (bound <= accuracy)) | (length <= accuracy / 2)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pinbound.region.contours import Traced
 from pinbound.region.halfplanes import HalfPlane
+from pinbound.region.sliding import SlidingFunction
 
 __all__ = ["Line", "segment_owners", "vertex_owners"]
 
@@ -20,7 +21,7 @@ Ints = NDArray[np.int64]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Line:
     """A straight line or a traced curve, with the function that is zero on it."""
 
@@ -28,7 +29,7 @@ class Line:
     source: str
     is_contact: bool
     points: Array
-    function: Traced | HalfPlane
+    function: Traced | SlidingFunction | HalfPlane
 
     def value_gradient(self, x: Array) -> tuple[float, Array]:
         """Return the function's value and gradient at one point."""
