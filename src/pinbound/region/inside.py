@@ -26,9 +26,19 @@ from pinbound.region.plane import Plane
 from pinbound.tolerances import LIMIT, ON_CONTOUR
 
 if TYPE_CHECKING:
-    from pinbound.region.region import Region
+    from pinbound.region.shape import PlanarShape
 
-__all__ = ["Order", "Reading", "held", "metric", "read_points", "signed_distances", "weighted"]
+__all__ = [
+    "Order",
+    "Reading",
+    "Weights",
+    "held",
+    "metric",
+    "read_points",
+    "refuse_elsewhere",
+    "signed_distances",
+    "weighted",
+]
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -128,7 +138,7 @@ def refuse_elsewhere(plane: Plane, reading: Reading) -> None:
     )
 
 
-def held(region: Region, points: Array) -> Bools:
+def held(region: PlanarShape, points: Array) -> Bools:
     """Return whether points (N, 2) are inside: limits belong to the region, contacts do not."""
     inside = np.zeros(len(points), dtype=bool)
     if region.is_empty:
@@ -210,7 +220,7 @@ def weighted(shape: Any, factors: Array) -> Any:
     return gis_affinity.scale(shape, float(factors[0]), float(factors[1]), origin=(0.0, 0.0))
 
 
-def signed_distances(region: Region, points: Array, factors: Array) -> Array:
+def signed_distances(region: PlanarShape, points: Array, factors: Array) -> Array:
     """Return the distance (N,) to the contour, coordinates times factors (2,): positive inside, NaN if not finite."""
     finite = np.flatnonzero(np.all(np.isfinite(points), axis=1))
     distance = np.full(len(points), np.nan)
