@@ -135,6 +135,12 @@ def test_two_segments_over_two_slides_by_hand(load_text: Load) -> None:
     assert hole.bounds == pytest.approx((0.17, 0.37, 0.53, 0.43), abs=1e-5)
     assert region.area == pytest.approx(2.0 * 1.7 - hole.area, abs=1e-12)
     assert [corner.polished for corner in region.corners] == [True] * 4
+    assert 1e-6 < region.accuracy <= 1e-5
+    chords = np.concatenate([edge.points for edge in region.loops[1]])
+    middles = 0.5 * (chords[1:] + chords[:-1])
+    depth = 0.03 - robot.boundaries["p_o"].norm(middles)  # a chord of a convex set is inside it
+    assert -1e-12 < depth.min()
+    assert 1e-6 < depth.max() <= region.accuracy
 
 
 def test_boxes_that_slide_face_to_face(load_text: Load) -> None:
