@@ -66,6 +66,23 @@ def test_shapes_that_fit_neither_reading_are_refused(load_text: Load, minerva: p
     assert region.contains(np.zeros((0, 3))).shape == (0,)
 
 
+def certified(robot: pb.Robot, q: np.ndarray) -> bool:
+    """Whether a motion that stands still at q is certified, joint limits alone if there is no boundary."""
+    return pb.certify(robot, [q, q], limits_only=not len(robot.boundaries)).verdict is pb.Verdict.CERTIFIED
+
+
+def test_a_region_holds_free_configurations_only_and_all_that_are_connected(minerva: pb.Robot) -> None:
+    """A convex region of all coordinates that matter: inside is free, on home's side of every stop, to the last bit."""
+    region = pb.feasible_region(minerva)
+    rng = np.random.default_rng(5)
+    X = [rng.uniform(-0.3, 1.4, (20_000, 2))]
+    for edge in region.edges:  # on the edges, and a few roundings to either side
+        t = rng.uniform(0.0, 1.0, (400, 1))
+        X.append(edge.start + t * (edge.end - edge.start) + rng.choice([-1e-15, 0.0, 1e-16, 1e-13], (400, 2)))
+    Q = np.column_stack((rng.uniform(-2.5, 2.5, len(np.concatenate(X))), np.concatenate(X)))
+    assert np.array_equal(region.contains(Q), minerva.boundaries.free(Q))
+
+
 def test_contains_agrees_with_limits_and_certificates_on_the_border_of_limits(load_text: Load) -> None:
     """Limits belong to the region and may be passed by LIMIT; both kinds of region, plain corners included."""
     bare = load_text(robot_xml(ELBOW, {}, []))
@@ -73,13 +90,14 @@ def test_contains_agrees_with_limits_and_certificates_on_the_border_of_limits(lo
         region = pb.feasible_region(robot, ("q1", "q2"))
         low, high = robot.lower, robot.upper
         for q in (high, low, [0.0, high[1]], [low[0], 0.0], [high[0], low[1]]):
-            inside = bool(np.all(robot.boundaries.clearances(q) > 0.0))
-            assert region.contains(q) == inside == (pb.certify(robot, [q, q]).verdict is pb.Verdict.CERTIFIED)
+            inside = robot.boundaries.free(q)
+            assert region.contains(q) == inside == certified(robot, q)
             assert region.signed_distance(q) == pytest.approx(0.0, abs=1e-9)
         for beyond, kept in ((0.5 * LIMIT, True), (3.0 * LIMIT, False), (1e-9, False)):
             q = np.array([0.0, high[1] + beyond])
             assert region.contains(q) is kept
-            assert (pb.certify(robot, [q, q]).verdict is pb.Verdict.CERTIFIED) is kept
+            assert certified(robot, q) is kept
+            assert robot.boundaries.free(q) is kept
             assert (region.signed_distance(q) >= 0.0) is kept
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.tolerances import IMPLIED, VERTEX
+from pinbound.tolerances import IMPLIED, LIMIT, UNIT_ROUNDOFF, VERTEX
 
 __all__ = ["HalfPlane", "Support", "intersect", "support"]
 
@@ -36,6 +36,17 @@ class HalfPlane:
     def __post_init__(self) -> None:
         """Make the value immutable."""
         self.normal.flags.writeable = False
+
+    def allows(self, X: Array) -> NDArray[np.bool_]:
+        """Return whether points (N, 2) keep it: a contact is open; a limit may be passed by its rule's tolerance.
+
+        The rounding of the sums is granted twice: what a joint's limit allows exactly is for `coupling.Intervals`.
+        """
+        value = X @ self.normal
+        if self.is_contact:
+            return np.asarray(value < self.bound, dtype=bool)
+        rounding = 16.0 * UNIT_ROUNDOFF * (abs(self.bound) + np.abs(X) @ np.abs(self.normal))
+        return np.asarray(value <= self.bound + 2.0 * LIMIT + rounding, dtype=bool)
 
     def inset(self, distance: float, factors: ArrayLike = (1.0, 1.0)) -> HalfPlane:
         """Return the half-plane moved inwards by a Euclidean distance, coordinates times factors (2,)."""

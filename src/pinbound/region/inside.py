@@ -4,7 +4,7 @@ Three questions are answered in this order, each in one place:
 
     order:  are the numbers a configuration of the robot, or a point of the plane? (`read_points`)
     slice:  does the plane, held at `at`, say anything of this configuration? (`Reading.elsewhere`)
-    inside: within all limits, by `tolerances.LIMIT` at most beyond them, out of all contacts, and connected (`held`).
+    inside: within all limits, by the one rule of `coupling.Intervals`, out of all contacts, and connected (`held`).
 
 A region is closed towards limits and open towards contacts, as `limits` and `certify` read both.
 """
@@ -23,7 +23,7 @@ from shapely import affinity
 from pinbound.coupling import as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.region.plane import Plane
-from pinbound.tolerances import LIMIT, ON_CONTOUR
+from pinbound.tolerances import ON_CONTOUR
 
 if TYPE_CHECKING:
     from pinbound.region.shape import PlanarShape
@@ -111,10 +111,7 @@ def read_points(plane: Plane, Q: ArrayLike, order: Order | None = None) -> Readi
     within = np.ones(len(rows), dtype=bool)
     for limit in plane.robot.linear_limits:
         if not np.any(limit.coefficients[indices]):
-            used = np.flatnonzero(limit.coefficients)
-            with np.errstate(invalid="ignore"):
-                theta = rows[:, used] @ limit.coefficients[used] + limit.offset
-                within &= (theta >= limit.lower - LIMIT) & (theta <= limit.upper + LIMIT)
+            within &= limit.holds(rows)
     return Reading(rows[:, indices].copy(), elsewhere, within, finite)
 
 
@@ -143,16 +140,20 @@ def held(region: PlanarShape, points: Array) -> Bools:
     inside = np.zeros(len(points), dtype=bool)
     if region.is_empty:
         return inside
+    plane = region.plane
     rows = np.flatnonzero(np.all(np.isfinite(points), axis=1))
     x = points[rows]
     if region.planes:
-        kept = np.ones(len(rows), dtype=bool)
+        kept, near = plane.within(x), np.zeros(len(rows), dtype=bool)
         for side in region.planes:
-            value = x @ side.normal
-            kept &= (value < side.bound) if side.is_contact else (value <= side.bound + LIMIT)
+            kept &= side.allows(x)
+            if side.is_contact:
+                near |= side.bound - x @ side.normal < ON_CONTOUR
+        near &= kept  # next to contact, rounding decides: as the clearances do
+        if np.any(near):
+            kept[near] = plane.robot.boundaries.free(plane.lift(x[near]))
         inside[rows] = kept
         return inside
-    plane = region.plane
     gis.prepare(region.polygon)
     moved = _off_limits(plane, x)
     rows, x, moved = (part[gis.contains_xy(region.polygon, moved)] for part in (rows, x, moved))

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.boundary import Boundary
+from pinbound.coupling import Intervals
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.interpreters import separation
 from pinbound.interpreters.restriction import restrict_path
@@ -33,7 +34,6 @@ from pinbound.path import RelativePath
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.window import box_of, slab
 from pinbound.robot import Robot
-from pinbound.tolerances import LIMIT
 
 __all__ = ["Curve", "Plane", "Strips", "plane_of"]
 
@@ -162,14 +162,20 @@ class Plane:
         Q[:, [self.robot.coordinates.index(name) for name in self.coordinates]] = X
         return Q
 
-    def free(self, X: Array) -> Bools:
-        """Return whether points (N, 2) are within all limits and out of all contacts, by the exact functions.
+    @cached_property
+    def _intervals(self) -> Intervals:
+        return Intervals.of(self.robot.linear_limits, len(self.at))
 
-        A limit may be passed by `tolerances.LIMIT`.
-        """
-        found = np.ones(len(X), dtype=bool)
-        for plane in (*self.box, *self.limits):
-            found &= X @ plane.normal <= plane.bound + LIMIT
+    def within(self, X: Array) -> Bools:
+        """Return whether points (N, 2) keep the limits of all joints, by the one rule (`Intervals`), and the window."""
+        found = self._intervals.hold(self.lift(X))
+        for side in (*self.box, *self.limits):
+            found &= side.allows(X)
+        return found
+
+    def free(self, X: Array) -> Bools:
+        """Return whether points (N, 2) are within all limits and out of all contacts, by the exact functions."""
+        found = self.within(X)
         for contact in (*self.strips, *self.curves):
             found &= contact.free(X)
         return found
@@ -291,8 +297,8 @@ def _contacts(
 def _check_limits(robot: Robot, start: Array) -> None:
     """Raise if the start is out of the limits of any joint, mimic joints and held coordinates included."""
     for limit in robot.linear_limits:
-        theta = float(limit.coefficients @ start) + limit.offset
-        if not limit.lower - LIMIT <= theta <= limit.upper + LIMIT:
+        if not limit.holds(start[None])[0]:
+            theta = float(limit.values(start[None])[0])
             what = limit.joint
             if what not in robot.coordinates:
                 what += f" = {robot.coupling.text(limit.joint)}"
@@ -307,7 +313,7 @@ def _check_start(plane: Plane) -> None:
     start = plane.start
     where = f"the start point {start.tolist()} is not free"
     for limit in (*plane.box, *plane.limits):
-        if not float(limit.normal @ start) <= limit.bound + LIMIT:
+        if not limit.allows(start[None])[0]:
             raise DimensionError(f"{where}: {limit.name!r} forbids it; start within all limits and the window")
     for contact in (*plane.strips, *plane.curves):
         if not contact.free(start[None])[0]:
