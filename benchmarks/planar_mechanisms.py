@@ -123,11 +123,7 @@ def compare(region: pb.Region, grids: tuple[int, ...] = GRIDS) -> Comparison:
     result = None
     for grid in grids:
         X, free, flooded = oracle(region, grid)
-        inside = (
-            np.asarray(region.contains(X))
-            if len(region.robot_coordinates) != 2
-            else np.asarray(region.contains(region.plane.lift(X)))
-        )
+        inside = np.asarray(region.contains(X, order="region"))
         assert not np.any(inside & ~free), "a point in contact was called inside"
         differ = np.flatnonzero(inside != flooded)
         if len(differ):

@@ -61,9 +61,12 @@ def test_membership_of_the_robot(minerva: pb.Robot) -> None:
     assert np.array_equal(found.mu[:, 1:], axis_membership(Q[:, 1:], low, high))
     points = shapely.points(Q[:, 1:])
     inside = shapely.contains(region.polygon, points)
-    assert np.array_equal(found.signed_distance > 0, inside)
+    allowed = found.mu[:, 0] >= 0.0  # beyond the limits of q1 there is no region
+    assert np.array_equal(found.signed_distance > 0, inside & allowed)
     expected = np.where(inside, 1.0, -1.0) * shapely.distance(region.polygon.exterior, points)
-    assert found.signed_distance == pytest.approx(expected, abs=1e-12)
+    assert found.signed_distance[allowed] == pytest.approx(expected[allowed], abs=1e-12)
+    assert np.all(np.isneginf(found.signed_distance[~allowed]))
+    assert 0 < allowed.sum() < len(allowed)
     assert np.all((found.mu[:, 1:].min(axis=1) > 0)[inside])  # a box holds its polygon ...
     assert np.any((found.mu[:, 1:].min(axis=1) > 0) & ~inside)  # ... and more
 

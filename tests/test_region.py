@@ -102,7 +102,7 @@ def test_components_are_those_of_the_flood(seed: int, tmp_path: Path) -> None:
     X, free, _ = campaign.oracle(region, grid)
     labels, _ = ndimage.label(free.reshape(grid, grid))
     labels = labels.ravel()
-    held = np.array([component.contains(region.plane.lift(X)) for component in region.components])
+    held = np.array([component.contains(X, order="region") for component in region.components])
     assert held.sum(axis=0).max() == 1  # no point in two components
     lost = free & ~held.any(axis=0)
     contour = shapely.union_all([component.polygon.boundary for component in region.components])

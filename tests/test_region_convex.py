@@ -85,7 +85,7 @@ def test_followers_limits_bind_their_primaries(load_text: Load) -> None:
         joint("f1", "revolute", "a", "c", mimic="q1 2 0.1", limit="-0.5 0.7"),
     ]
     region = pb.feasible_region(load_text(robot_xml(joints, {}, [])), coordinates=("q1", "q2"))
-    assert [edge.name for edge in region.edges if edge.source == "f1"] == ["f1 lower", "f1 upper"]
+    assert [edge.name for edge in region.edges if edge.source == "f1"] == ["f1 upper", "f1 lower"]
     assert region.vertices[:, 0].min() == pytest.approx(-0.3)
     assert region.vertices[:, 0].max() == pytest.approx(0.3)
 
@@ -103,10 +103,11 @@ def test_halfspaces_distance_and_membership_agree(minerva: pb.Robot) -> None:
         assert distance == pytest.approx(expected, abs=1e-12)
 
 
-def test_q1_is_ignored_and_non_finite_rows_are_outside(minerva: pb.Robot) -> None:
+def test_of_q1_only_its_limits_count_and_non_finite_rows_are_outside(minerva: pb.Robot) -> None:
     region = pb.feasible_region(minerva)
-    rows = np.array([[5.0, 0, 0], [np.nan, 0, 0], [0, np.inf, 0], [0, 0, 2.0]])
-    assert region.contains(rows).tolist() == [True, False, False, False]
+    rows = np.array([[2.3, 0, 0], [np.nan, 0, 0], [0, np.inf, 0], [0, 0, 2.0], [5.0, 0, 0], [minerva.upper[0], 0, 0]])
+    assert region.contains(rows).tolist() == [True, False, False, False, False, True]
+    assert region.signed_distance(rows)[4] == -np.inf
     assert np.isnan(region.signed_distance(rows)[[1, 2]]).all()
 
 

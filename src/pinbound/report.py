@@ -11,7 +11,7 @@ import numpy as np
 
 from pinbound import plots
 from pinbound.boundary import Boundary
-from pinbound.exceptions import UnknownNameError, UnsupportedError
+from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.region import Region, feasible_region
 from pinbound.robot import Robot
 
@@ -25,9 +25,13 @@ class BoundaryRow:
     Attributes:
         boundary: The boundary.
         contact: Effective angle and contact angle, for people.
-        status: ``"active"``, ``"implied"``, ``"never in contact"`` or ``"no region"``.
+        status: ``"active"``: an edge of the region; ``"implied"``: a contact line that edges keep the region away from;
+            ``"not an edge"``: a contact curve elsewhere in the window; ``"no contact here"``: none in the window;
+            ``"constant"``: the same everywhere in the plane; ``"never in contact"``; or ``"no region"``.
         by: The edges that imply it.
-        slack: [deg] how far the region stays away from the implied contact; NaN otherwise.
+        slack: How far the region stays away from a contact that is no edge: [deg], in a plane of prismatic joints [mm];
+            NaN if there is none, or the plane mixes both.
+        unit: Of the slack: ``"°"`` or ``" mm"``.
     """
 
     boundary: Boundary
@@ -35,11 +39,23 @@ class BoundaryRow:
     status: str
     by: tuple[str, ...]
     slack: float
+    unit: str = "°"
+
+    @property
+    def where(self) -> str:
+        """What the boundary is to the region, for people."""
+        away = f"{self.slack:.4f}{self.unit} away" if np.isfinite(self.slack) else ""
+        if self.status == "active":
+            return "an edge"
+        if self.status == "implied":
+            return f"implied by {' and '.join(self.by)}" + (f", {away}" if away else "")
+        return self.status + (f": {away}" if away else "")
 
 
 def boundary_rows(robot: Robot, region: Region | None) -> list[BoundaryRow]:
-    """Return one row a boundary: contact, active or implied, and by what."""
+    """Return one row a boundary: contact, an edge or not, and what implies it."""
     supports = region.supports() if region is not None else {}
+    edges = {edge.source for edge in region.edges} if region is not None else set[str]()
     rows: list[BoundaryRow] = []
     for boundary in robot.boundaries:
         contact = boundary.contact
@@ -53,11 +69,20 @@ def boundary_rows(robot: Robot, region: Region | None) -> list[BoundaryRow]:
         else:
             width = f" ± {np.degrees(contact.half_width):.6f}" if contact.half_width else ""
             text, status = f"{contact.text} = {np.degrees(contact.angle):.9f}{width}°", "no region"
-        found = supports.get(boundary.name)
-        by = found.by if found else ()
-        if found is not None:
-            status = "implied" if by else "active"
-        rows.append(BoundaryRow(boundary, text, status, by, float(np.degrees(found.slack)) if by and found else np.nan))
+        by, slack, unit = (), np.nan, "°"
+        if region is not None and status != "never in contact":
+            found = supports.get(boundary.name)
+            by = found.by if found and boundary.name not in edges else ()
+            if boundary.name in edges:
+                status = "active"
+            elif found is not None:
+                status = "implied" if by else "not an edge"
+                metres = region.units == ("m", "m")
+                slack, unit = (1e3 * found.slack, " mm") if metres else (float(np.degrees(found.slack)), "°")
+            else:
+                moves = set(boundary.coordinates) & set(region.coordinates)
+                status = "no contact here" if moves else "constant"
+        rows.append(BoundaryRow(boundary, text, status, by, slack, unit))
     return rows
 
 
@@ -129,7 +154,7 @@ def _degrees(angle: float, digits: int = 9) -> str:
 def _region(robot: Robot) -> tuple[Region | None, str]:
     try:
         return feasible_region(robot), ""
-    except UnsupportedError as error:
+    except (DimensionError, UnsupportedError) as error:
         return None, str(error)
 
 

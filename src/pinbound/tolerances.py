@@ -49,6 +49,7 @@ __all__ = [
     "REDUCTION_ROUNDOFFS",
     "REDUCTION_SLIDES",
     "REGION_ACCURACY",
+    "REGION_BUDGET",
     "ROOT",
     "SAME_BODY",
     "SAMPLE_ROUNDOFFS",
@@ -57,6 +58,7 @@ __all__ = [
     "SYMBOLIC_DIGITS",
     "UNIT_ROUNDOFF",
     "VERTEX",
+    "WIDEST_WINDOW",
     "XACRO_MEMORY",
     "XACRO_SECONDS",
 ]
@@ -199,7 +201,15 @@ SOLVES: Final = 1e-12
 """Metres. A printed limit solves its component equation if it leaves less: rounding in arms of 0.1 m leaves 1e-16, a
 wrong quadrant millimetres."""
 REGION_ACCURACY: Final = 1e-5
-"""Radians. Default chord error of a traced contact curve: a sixth of the least step of a 16-bit encoder (9.6e-5)."""
+"""Radians or metres, or the same share of a window narrower than one. Default chord error of a traced contact curve: a
+sixth of the least step of a 16-bit encoder (9.6e-5 rad)."""
+
+REGION_BUDGET: Final = 120.0
+"""Seconds. Default time after which tracing or insetting a region ends in an error that says what is left."""
+
+WIDEST_WINDOW: Final = 1e6
+"""Radians or metres. A limit further out than this counts as none in a region: a float64 knows an angle of 1e6 rad to
+1e-10 rad only, and SDF writes 1e16 where there is no limit."""
 
 CONTOUR_ROUNDING: Final = 1e-13
 """Relative to the reach of a path (or its square): what rounding may add to a norm of up to a hundred operations."""

@@ -19,6 +19,7 @@ from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedErr
 from pinbound.region import Region, feasible_region
 from pinbound.robot import Robot
 from pinbound.tables.columnar import load_arrow
+from pinbound.tolerances import LIMIT
 
 __all__ = ["BINS", "COLUMNS", "VERDICTS", "Evaluation", "Statistics", "evaluation_of"]
 
@@ -173,15 +174,17 @@ class Evaluation:
         return arrow.table(out), statistics
 
     def _inside(self, region: Region, Q: Array) -> NDArray[np.bool_]:
-        """Return `region.contains(Q)`; rows outside its bounding box need no closer look."""
+        """Return `region.contains(Q)`, False for rows of another slice; those outside its box need no closer look."""
         inside = np.zeros(len(Q), dtype=np.bool_)
         if region.is_empty:
             return inside
         left, bottom, right, top = region.polygon.bounds
         x, y = (Q[:, self.coordinates.index(name)] for name in region.coordinates)
-        near = np.flatnonzero((left <= x) & (x <= right) & (bottom <= y) & (y <= top))
+        pad = LIMIT * (1.0 + np.max(np.abs([left, bottom, right, top])))
+        near = np.flatnonzero((left - pad <= x) & (x <= right + pad) & (bottom - pad <= y) & (y <= top + pad))
+        near = near[region.applies(Q[near], "robot")] if near.size else near
         if near.size:
-            inside[near] = region.contains(Q[near])
+            inside[near] = region.contains(Q[near], "robot")
         return inside
 
     def _verdicts(self, Q: Array, finite: Any, least: Array, inside: Any) -> NDArray[np.int8]:

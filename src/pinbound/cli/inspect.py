@@ -24,6 +24,7 @@ from pinbound.cli.shared import (
     load_robot,
     millimetres,
     parse_configuration,
+    parse_window,
     print_table,
 )
 from pinbound.closures import Closure
@@ -31,12 +32,18 @@ from pinbound.coverage import Coverage
 from pinbound.interpreters import symbolic
 from pinbound.region import Region, feasible_region
 from pinbound.robot import Robot
+from pinbound.tolerances import REGION_BUDGET
 
 __all__ = ["derive", "info", "limits", "region"]
 
 At = Annotated[str | None, typer.Option(help="q2=0.1,q3=-0.2: the configuration; home where left out.")]
-Degrees = Annotated[bool, typer.Option("--deg", help="Angles of --at are in degrees.")]
+Degrees = Annotated[bool, typer.Option("--deg", help="Angles of --at and --window are in degrees.")]
 InPlane = Annotated[str | None, typer.Option("--coordinates", help="The two coordinates, e.g. q2,q3.")]
+Window = Annotated[
+    str | None,
+    typer.Option(help="q1=-1..1,q2=0..0.5: within which ends to look; needed for coordinates without limits."),
+]
+Budget = Annotated[float, typer.Option(help="Seconds after which it ends with what is left; inf: never.")]
 
 
 Pairs = Annotated[
@@ -315,7 +322,9 @@ def region(
     robot: RobotName,
     coordinates: InPlane = None,
     at: At = None,
+    window: Window = None,
     deg: Degrees = False,
+    budget: Budget = REGION_BUDGET,
     require_coverage_: RequireCoverage = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
@@ -325,7 +334,8 @@ def region(
     """Show the feasible region of two coordinates around home: vertices, named edges, area, what is implied."""
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     plane = None if coordinates is None else tuple(name.strip() for name in coordinates.split(","))
-    found = feasible_region(loaded, plane, parse_configuration(loaded, at, deg))
+    within = parse_window(loaded, window, deg)
+    found = feasible_region(loaded, plane, parse_configuration(loaded, at, deg), within, budget=budget)
     if as_json:
         emit_json(_region_record(found) | {"coverage": coverage_record(loaded.coverage.record)})
         require_coverage(loaded.coverage, require_coverage_)
@@ -334,12 +344,14 @@ def region(
     rows = [(edge.name, *(degrees(float(value), 9) for value in (*edge.start, *edge.end))) for edge in found.edges]
     columns = ("edge", f"{x} from [deg]", f"{y} from [deg]", f"{x} to [deg]", f"{y} to [deg]")
     centre = ", ".join(degrees(float(value), 9) for value in found.centroid)
-    note = f"area {found.area:.10f} rad^2, centroid ({centre}) deg"
+    note = f"area {found.area:.10f} {found.area_unit}, centroid ({centre}) deg"
     if len(found.loops) > 1:
         note += f"; {len(found.loops) - 1} holes"
     if found.accuracy:
-        note += f"; curved edges to {degrees(found.accuracy)} deg, area to {found.area_error:.1e} rad^2"
+        note += f"; curved edges to {degrees(found.accuracy)} deg, area to {found.area_error:.1e} {found.area_unit}"
     print_table(f"Feasible region of ({x}, {y}) around home", columns, rows, note)
+    if found.unresolved:
+        console().print(f"{found.unresolved_text}.", markup=False, soft_wrap=True)
     implied = [(name, ", ".join(s.by), degrees(s.slack)) for name, s in found.supports().items() if s.by]
     if implied:
         print_table("Implied", ("boundary or limit", "implied by", "slack [deg]"), implied)
@@ -362,6 +374,10 @@ def _region_record(region: Region) -> dict[str, Any]:
         "accuracy": region.accuracy,
         "area": region.area,
         "area_error": region.area_error,
+        "units": region.units,
+        "area_unit": region.area_unit,
+        "unresolved": [vars(place) for place in region.unresolved],
+        "joined_area": region.joined_area,
         "centroid": region.centroid,
         "implied": {name: {"by": s.by, "slack": s.slack} for name, s in region.supports().items() if s.by},
     }

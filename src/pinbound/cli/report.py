@@ -37,14 +37,9 @@ def report(
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     page, rows = write_report(loaded, out, frame)
     table = [
-        (row.boundary.name, row.boundary.kind.value, row.boundary.ancestor, row.contact, _status(row.status, row.by))
-        for row in rows
+        (row.boundary.name, row.boundary.kind.value, row.boundary.ancestor, row.contact, row.where) for row in rows
     ]
     print_table(loaded.name, ("boundary", "kind", "ancestor", "contact", "in the region"), table)
     say_coverage(loaded.coverage.record)
     console().print(f"Wrote {page} and its figures.", markup=False, soft_wrap=True)
     require_coverage(loaded.coverage, require_coverage_)
-
-
-def _status(status: str, by: tuple[str, ...]) -> str:
-    return f"implied by {' and '.join(by)}" if by else status

@@ -35,6 +35,7 @@ __all__ = [
     "load_robot",
     "millimetres",
     "parse_configuration",
+    "parse_window",
     "print_table",
 ]
 
@@ -137,6 +138,24 @@ def parse_configuration(robot: Robot, text: str | None, deg: bool = False) -> np
             raise _bad("--at", f"{part.strip()!r} is no coordinate with a finite number", remedy)
         q[robot.coordinates.index(name)] = math.radians(value) if deg and robot.turns(name) else value
     return q
+
+
+def parse_window(robot: Robot, text: str | None, deg: bool = False) -> dict[str, tuple[float, float]]:
+    """Return the ends by coordinate of ``"q1=-1..1,s=0..0.5"`` (radians, or degrees with `deg`; metres of slides)."""
+    window: dict[str, tuple[float, float]] = {}
+    for part in filter(None, (text or "").split(",")):
+        name, _, ends = (word.strip() for word in part.partition("="))
+        low, dots, high = ends.partition("..")
+        try:
+            lower, upper = float(low), float(high)
+        except ValueError:
+            lower = upper = math.nan
+        if not dots or name not in robot.coordinates or not lower <= upper:
+            remedy = f"Write NAME=LOWER..UPPER, e.g. q1=-1..1, NAME one of: {', '.join(robot.coordinates)}"
+            raise _bad("--window", f"{part.strip()!r} is no coordinate with two ends, lower first", remedy)
+        turns = deg and robot.turns(name)
+        window[name] = (math.radians(lower), math.radians(upper)) if turns else (lower, upper)
+    return window
 
 
 def emit_json(value: Any) -> None:

@@ -202,11 +202,15 @@ def _compare(robot: Robot, region: Region, shapes: str, ignored: _Pairs, flood: 
     box = {(i, j) for i in range(first[0], last[0] + 1) for j in range(first[1], last[1] + 1)}
     cells = sorted(box | flood.reached)
     points = start + flood.step * np.array(cells, dtype=np.float64)
-    distance = np.asarray(region.signed_distance(points), dtype=np.float64)
+    # the grid takes one step for both coordinates, so one radian counts as much as one metre here
+    even = dict.fromkeys(region.coordinates, 1.0)
+    distance = np.asarray(region.signed_distance(points, "region", even), dtype=np.float64)
     reached = np.array([cell in flood.reached for cell in cells])
     unsafe, refused = (distance > 0.0) & ~reached, (distance <= 0.0) & reached
     contour = np.array(flood.stopped).reshape(-1, 2)
-    apart = np.asarray(region.signed_distance(contour), dtype=np.float64) if len(contour) else np.zeros(0)
+    apart = (
+        np.asarray(region.signed_distance(contour, "region", even), dtype=np.float64) if len(contour) else np.zeros(0)
+    )
     return RegionLevel(
         coordinates=region.coordinates,
         shapes=shapes,

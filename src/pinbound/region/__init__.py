@@ -1,6 +1,6 @@
 """Feasible regions in the plane of two coordinates, their image in the workspace, and membership in them."""
 
-from pinbound.region.arrangement import Corner, Edge
+from pinbound.region.arrangement import Corner, Edge, Unresolved
 from pinbound.region.feasible import feasible_region
 from pinbound.region.margins import SmallestClearance
 from pinbound.region.membership import Membership, Place, classify, region_membership
@@ -17,6 +17,7 @@ __all__ = [
     "Section",
     "SmallestClearance",
     "SweptBody",
+    "Unresolved",
     "classify",
     "feasible_region",
     "region_membership",

@@ -4,12 +4,19 @@ All lines and traced curves are put together, cut where they cross, and the face
 runs through the inside of a face, so all of it is free or none is, and one exact evaluation inside decides. Free faces
 are the connected components. Each piece of a face's contour is named after the curve it came from; where two names
 meet, the corner is solved from the two exact functions.
+
+Where a contact curve may cross or touch itself, a box of 1e-8 of the window is left undecided (`contours`). A wall is
+drawn around each. What is inside is not free: that is the reading in which parts on both sides of it are apart. In the
+other reading they are one, and `Arrangement.joined_area` says how large it is.
+
+Everything here is in units of `Plane.scales`; what leaves (`arranged_loops`, `drawn`) is in radians and metres.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
@@ -17,23 +24,31 @@ import shapely
 from numpy.typing import NDArray
 
 from pinbound.exceptions import UnsupportedError
+from pinbound.region.contours import BUMP
+from pinbound.region.deadline import Deadline
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.lines import Line, segment_owners, vertex_owners
 from pinbound.region.outlines import outline
-from pinbound.region.plane import Plane
+from pinbound.region.plane import Plane, Strips
 from pinbound.tolerances import VERTEX
+from pinbound.values import Value
 
-__all__ = ["Arrangement", "Corner", "Edge", "arrange", "arranged_loops"]
+__all__ = ["Arrangement", "Corner", "Edge", "Unresolved", "arrange", "arranged_loops"]
 
 Array = NDArray[np.float64]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 Ints = NDArray[np.int64]
 
-_BEYOND = 0.02  # curves are traced this much of the window beyond it, so that they cross its border properly
+_BEYOND = 0.02  # curves are traced this much of the window beyond it: more than a bump that no corner sees
+assert _BEYOND > BUMP * (1.0 + 2.0 * _BEYOND)
 _NEWTON = 30
+_WALL = 3.0  # steps between an undecided box and the wall around it
+_MOST_UNDECIDED = 20_000
+_MOST_LINES = 500
+_TURN = 2.0 * np.pi
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Edge:
     """One edge of a region: which boundary or joint limit it is, and where it runs.
 
@@ -41,8 +56,8 @@ class Edge:
         name: Boundary name, or joint and end, e.g. ``"q2 upper"``.
         source: Boundary name, or joint name.
         is_contact: True for a boundary, False for a joint limit.
-        start: (2,) [rad].
-        end: (2,) [rad]; the region lies to the left of start -> end. Equal to start if the edge is a closed curve.
+        start: (2,) [rad or m].
+        end: (2,) [rad or m]; the region lies to the left of start -> end. Equal to start if the edge is a closed curve.
         points: (k, 2) polyline from start to end: two points if it is straight.
     """
 
@@ -53,13 +68,18 @@ class Edge:
     end: Array
     points: Array
 
+    def __post_init__(self) -> None:
+        """Make the value immutable."""
+        for array in (self.start, self.end, self.points):
+            array.flags.writeable = False
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Corner:
     """Where two edges of a region meet.
 
     Attributes:
-        point: (2,) [rad].
+        point: (2,) [rad or m].
         before: Name of the edge that ends here.
         after: Name of the edge that starts here.
         polished: Whether the point solves both contact equations to `tolerances.VERTEX`; False only where the two
@@ -71,62 +91,186 @@ class Corner:
     after: str
     polished: bool
 
+    def __post_init__(self) -> None:
+        """Make the value immutable."""
+        self.point.flags.writeable = False
+
 
 @dataclass(frozen=True)
-class Arrangement:
+class Unresolved:
+    """A place that is smaller than can be resolved, in which a contact curve may cross or only touch itself.
+
+    Attributes:
+        name: The boundary.
+        point: The two coordinates of its middle [rad or m].
+        width: Its largest extent [rad or m].
+        joins: Whether this part and another meet there: in one reading they are joined by a passage as wide as a
+            point, in the other, which the region takes, contact parts them.
+    """
+
+    name: str
+    point: tuple[float, float]
+    width: float
+    joins: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Arrangement(Value):
     """The free faces of a plane.
 
     Attributes:
         plane: The plane.
-        lines: Every line and curve.
-        faces: Free faces as `shapely.Polygon`, counter-clockwise; the start's first, then the largest first.
-        chord_error: [rad]; no point of a contact curve is further than this from its polyline.
-        unresolved: (u, 2) centres of tiny boxes in which a contact curve may cross itself.
+        lines: Every line and curve, in units of `plane.scales`.
+        faces: Free faces as `shapely.Polygon`, counter-clockwise, in the same units; the start's first, then the
+            largest first.
+        chord_error: No point of a contact curve is further than this from its polyline, in the same units.
+        blocks: Undecided places in the same units: a polygon and the boundary's name.
     """
 
     plane: Plane
     lines: tuple[Line, ...]
     faces: tuple[Any, ...]
     chord_error: float
-    unresolved: Array
+    blocks: tuple[tuple[Any, str], ...]
+
+    @cached_property
+    def drawn(self) -> tuple[Line, ...]:
+        """The lines with their points in radians and metres."""
+        return tuple(replace(line, points=line.points * self.plane.scales) for line in self.lines)
+
+    def _at(self, block: Any, face: Any) -> bool:
+        return bool(gis.intersects(block, face))
+
+    def unresolved(self, index: int) -> tuple[Unresolved, ...]:
+        """Return the undecided places on the contour of one face."""
+        found: list[Unresolved] = []
+        for block, name in self.blocks:
+            if self._at(block, self.faces[index]):
+                west, south, east, north = block.bounds
+                point = np.array([west + east, south + north]) / 2.0 * self.plane.scales
+                width = float(np.max(np.array([east - west, north - south]) * self.plane.scales))
+                joins = any(self._at(block, face) for i, face in enumerate(self.faces) if i != index)
+                found.append(Unresolved(name, (float(point[0]), float(point[1])), width, joins))
+        return tuple(found)
+
+    def joined_area(self, index: int) -> float:
+        """Return the area [product of the units] of a face and all that undecided places may join with it."""
+        reached, news = {index}, [index]
+        while news:
+            face = self.faces[news.pop()]
+            for block, _ in self.blocks:
+                if self._at(block, face):
+                    more = [i for i, other in enumerate(self.faces) if i not in reached and self._at(block, other)]
+                    reached |= set(more)
+                    news += more
+        return float(sum(self.faces[i].area for i in sorted(reached))) * float(np.prod(self.plane.scales))
 
 
-def arrange(plane: Plane, accuracy: float) -> Arrangement:
-    """Return the free faces of a plane, contact curves traced to an accuracy [rad].
+def arrange(plane: Plane, accuracy: float, deadline: Deadline | None = None) -> Arrangement:
+    """Return the free faces of a plane, contact curves traced to an accuracy, a share of `plane.scales`.
+
+    The start may be nearer to contact than the accuracy can tell; then a finer one is taken.
 
     Raises:
-        UnsupportedError: If a contact curve is degenerate (`contours.trace`), or the start is too near to contact.
+        UnsupportedError: If a contact curve is degenerate (`contours.trace`), the window holds too many turns, the
+            start is too near to contact even so, or time is up.
     """
-    low, high = plane.window
+    finest = accuracy
+    for finer in (1.0, 1e-2, 1e-4):
+        finest = accuracy * finer
+        found = _arranged(plane, finest, deadline)
+        if found is not None:
+            return found
+        if not plane.curves:
+            break
+    raise UnsupportedError(
+        f"the start point {plane.start.tolist()} is free, but nearer to contact than the accuracy of {finest:.3g} "
+        "can tell; give a smaller accuracy, or start elsewhere"
+    )
+
+
+def _arranged(plane: Plane, accuracy: float, deadline: Deadline | None) -> Arrangement | None:
+    """Return the faces, or None if the start cannot be told from contact at this accuracy."""
+    scales = plane.scales
+    low, high = plane.window / scales
     wide = np.array([low - _BEYOND * (high - low), high + _BEYOND * (high - low)])
-    lines = [_straight(wide, limit, limit) for limit in (*plane.box, *plane.limits)]
-    for strip in plane.strips:
-        corners = wide[[0, 0, 1, 1], 0][:, None] * [1, 0] + wide[[0, 1, 0, 1], 1][:, None] * [0, 1]
-        values = corners @ strip.normal
-        for bound in strip.lines(float(values.min()), float(values.max())):
-            lines.append(_straight(wide, HalfPlane(strip.name, strip.name, strip.normal, bound, True)))
-    error, unresolved = 0.0, [np.empty((0, 2))]
-    for curve in plane.curves:
-        found = outline(plane, curve, wide, accuracy)
+    sides = [_scaled(limit, scales) for limit in (*plane.box, *plane.limits)]
+    lines = [_straight(wide, side, side) for side in sides]
+    lines += _strip_lines(plane, wide)
+    error, blocks = 0.0, list[tuple[Any, str]]()
+    for curve in plane.curves if deadline is None else deadline.each(plane.curves):
+        found = outline(plane, curve, wide, accuracy, deadline)
         error = max(error, found.chord_error)
-        unresolved.append(found.unresolved)
         lines += found.lines
+        for block in _blocks(found.unresolved, found.step):
+            blocks.append((block, curve.name))
+            if found.lines:
+                wall = gis.get_coordinates(block.exterior)
+                lines.append(Line(curve.name, curve.name, True, wall, found.lines[0].function))
+            error = max(error, float(np.hypot(*np.subtract(block.bounds[2:], block.bounds[:2]))))
     kept = tuple(line for line in lines if line is not None)
     faces = gis.polygonize(gis.get_parts(gis.union_all([gis.linestrings(x.points) for x in kept])))
     polygons = np.asarray(gis.get_parts(faces))
     inside = gis.get_coordinates(gis.point_on_surface(polygons))
-    free = plane.free(inside)
+    free = plane.free(inside * scales)
+    for block, _ in blocks:
+        near = np.flatnonzero(free)
+        free[near] &= ~gis.contains_xy(block, inside[near])
     thick = gis.area(polygons) > accuracy * gis.length(polygons) / 2.0
-    away = np.where(free, gis.distance(polygons, gis.Point(plane.start)), np.inf)
+    away = np.where(free, gis.distance(polygons, gis.Point(plane.start / scales)), np.inf)
     home = int(np.argmin(away))
-    if away[home] > accuracy:
-        raise UnsupportedError(
-            f"the start point {plane.start.tolist()} is free, but nearer to contact than the accuracy of {accuracy} "
-            "rad can tell; give a smaller accuracy, or start elsewhere"
-        )
+    if away[home] > VERTEX:
+        return None
     rest = [i for i in np.argsort(-gis.area(polygons)).tolist() if free[i] and thick[i] and i != home]
     ordered = gis.orient_polygons(polygons[[home, *rest]])
-    return Arrangement(plane, kept, tuple(ordered), error, np.concatenate(unresolved))
+    return Arrangement(plane, kept, tuple(ordered), error, tuple(blocks))
+
+
+def _scaled(half: HalfPlane, scales: Array) -> HalfPlane:
+    return replace(half, normal=half.normal * scales)
+
+
+def _strip_lines(plane: Plane, wide: Array) -> list[Line | None]:
+    """Return the lines at which strips begin or end.
+
+    Raises:
+        UnsupportedError: If there are too many turns to draw them all.
+    """
+    corners = wide[[0, 0, 1, 1], 0][:, None] * [1, 0] + wide[[0, 1, 0, 1], 1][:, None] * [0, 1]
+    ranges: list[tuple[Strips, HalfPlane, float, float]] = []
+    turns = 0.0
+    for strip in plane.strips:
+        half = HalfPlane(strip.name, strip.name, strip.normal * plane.scales, 0.0, True)
+        values = corners @ half.normal
+        ranges.append((strip, half, float(values.min()), float(values.max())))
+        turns += (ranges[-1][3] - ranges[-1][2]) / _TURN * (1.0 if strip.half_width == 0.0 else 2.0)
+    if turns > _MOST_LINES:
+        (x0, y0), (x1, y1) = plane.window.tolist()
+        x, y = plane.coordinates
+        raise UnsupportedError(
+            f"the window is very wide: {x!r} reaches from {x0:.6g} to {x1:.6g} and {y!r} from {y0:.6g} to {y1:.6g}, "
+            f"where contacts, which repeat every turn, begin or end on {turns:.0f} lines; give a smaller window around "
+            f"the start, e.g. window={{{x!r}: (lower, upper)}} (on the command line --window {x}=LOWER..UPPER)"
+        )
+    return [
+        _straight(wide, replace(half, bound=bound))
+        for strip, half, lowest, highest in ranges
+        for bound in strip.lines(lowest, highest)
+    ]
+
+
+def _blocks(centres: Array, step: Array) -> list[Any]:
+    """Return polygons around boxes, each holding the boxes that are next to each other."""
+    if not len(centres):
+        return []
+    if len(centres) > _MOST_UNDECIDED:
+        raise UnsupportedError(
+            f"whether there is contact stays undecided in {len(centres)} tiny boxes: somewhere the clearance touches "
+            "zero along a curve; change min_distance slightly, or give a smaller window"
+        )
+    reach = (_WALL + 0.5) * step
+    whole = gis.union_all(gis.box(*(centres - reach).T, *(centres + reach).T))
+    return [gis.Polygon(part.exterior) for part in gis.get_parts(whole)]
 
 
 def _straight(wide: Array, half: HalfPlane, limit: HalfPlane | None = None) -> Line | None:
@@ -151,8 +295,8 @@ def _straight(wide: Array, half: HalfPlane, limit: HalfPlane | None = None) -> L
 def arranged_loops(
     arrangement: Arrangement, polygon: Any, accuracy: float
 ) -> tuple[tuple[tuple[Edge, ...], ...], tuple[Corner, ...]]:
-    """Return a face's loops of named edges, the exterior first, and its corners."""
-    lines = arrangement.lines
+    """Return a face's loops of named edges, the exterior first, and its corners, in radians and metres."""
+    lines, scales = arrangement.lines, arrangement.plane.scales
     keys, owners = vertex_owners(lines)
     loops: list[tuple[Edge, ...]] = []
     corners: list[Corner] = []
@@ -160,8 +304,10 @@ def arranged_loops(
         coordinates = gis.get_coordinates(ring)
         owner = segment_owners(lines, keys, owners, coordinates)
         edges, met = _edges(lines, coordinates[:-1], owner, accuracy)
-        loops.append(edges)
-        corners += met
+        loops.append(
+            tuple(replace(e, start=e.start * scales, end=e.end * scales, points=e.points * scales) for e in edges)
+        )
+        corners += [replace(corner, point=corner.point * scales) for corner in met]
     return tuple(loops), tuple(corners)
 
 

@@ -10,12 +10,14 @@ the box, A_ij `|d_ij r|` (`interpreters/derivative_bounds`). Boxes are halved un
 No island can hide: if all boxes around it are regular, each bounded part of either sign holds a corner of a box.
 Signs at all corners give the crossings, the order along the tangent connects them, and each chord is halved, its middle
 moved onto the curve, until its distance to the curve is provably within the accuracy. `docs/regions.md` has the proofs.
+
+Coordinates here are those of the plane in units of `Plane.scales`, so that an accuracy is a share of the window where
+the window is small.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +27,11 @@ from pinbound.exceptions import UnsupportedError
 from pinbound.interpreters import numeric
 from pinbound.interpreters.derivative_bounds import LeverArms, lever_arms
 from pinbound.interpreters.planar import Arrows, arrows
+from pinbound.region.deadline import Deadline
+from pinbound.region.smooth import Smooth
 from pinbound.tolerances import CONTOUR_ROUNDING, CONTOUR_TURN, VERTEX
 
-__all__ = ["ContactFunction", "Contour", "HeightFunction", "Smooth", "Traced", "trace"]
+__all__ = ["BUMP", "ContactFunction", "Contour", "HeightFunction", "Traced", "trace"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -37,11 +41,14 @@ _ROOT = 4  # 2^4 root boxes a side
 _FINEST = 30  # 2^30 steps a side: 6e-9 rad in a window of one turn
 _STRIDE = 1 << (_FINEST + 1)
 _MOST_BOXES = 400_000
-_REGULAR = float(np.sin(np.radians(20.0)))
+_TURN = np.radians(20.0)  # how far the normal may turn in a regular box
+_REGULAR = float(np.sin(_TURN))
+BUMP = float(0.5 * np.tan(_TURN)) / (1 << _ROOT)
+"""Of the window's side: how high a bump of a curve over a box's side may be that no corner sees (`docs/regions.md`)."""
 _CORNERS: Ints = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ContactFunction:
     """`g(x) = |r(x)|^2 - T^2` over the plane of two coordinates.
 
@@ -58,6 +65,11 @@ class ContactFunction:
     arms: LeverArms
     arrows: Arrows | None
     across: Array | None = None
+
+    @property
+    def scale(self) -> float:
+        """The length of the path [m]: what rounding is relative to."""
+        return self.chain.scale
 
     @classmethod
     def over(cls, chain: Chain, threshold: float, window: Array, across: Array | None = None) -> ContactFunction:
@@ -106,7 +118,7 @@ class ContactFunction:
         return 2.0 * (slope[:, :, None] * slope[:, None, :] + reach[:, None, None] * second)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HeightFunction:
     """`g(x) = n . r(x) - T` over the plane of two coordinates: of a plane's contact, or of the foot on a segment.
 
@@ -121,6 +133,11 @@ class HeightFunction:
     normal: Array
     threshold: float
     arms: LeverArms
+
+    @property
+    def scale(self) -> float:
+        """The length of the path [m]: what rounding is relative to."""
+        return self.chain.scale
 
     @classmethod
     def over(cls, chain: Chain, normal: Array, threshold: float, window: Array) -> HeightFunction:
@@ -147,65 +164,38 @@ class HeightFunction:
         return np.broadcast_to(self.arms.second, (len(half), 2, 2))
 
 
-class Smooth(Protocol):
-    """A smooth function of two coordinates with bounds of its derivatives, whose zeros can be traced."""
-
-    @property
-    def arms(self) -> LeverArms:
-        """Bounds over the window: of what the threshold is taken from, and its first and second derivatives."""
-        ...
-
-    @property
-    def threshold(self) -> float:
-        """What `parts`' third value is on the curve."""
-        ...
-
-    def value(self, X: Array) -> Array:
-        """Return g (N,)."""
-        ...
-
-    def value_gradient(self, X: Array) -> tuple[Array, Array]:
-        """Return g (N,) and its gradient (N, 2)."""
-        ...
-
-    def parts(self, X: Array) -> tuple[Array, Array, Array, Array]:
-        """Return g, its gradient, what the threshold is taken from, and the sizes of the latter's slopes."""
-        ...
-
-    def curvature(self, length: Array, slopes: Array, half: Array) -> Array:
-        """Return bounds (N, 2, 2) of g's Hessian over boxes of half-sides `half` (N, 2)."""
-        ...
-
-
 Traced = ContactFunction | HeightFunction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Contour:
     """The contact curves of one boundary in a window.
 
     Attributes:
         lines: Polylines (k, 2) [rad]; closed ones repeat their first point.
         chord_error: [rad]; no point of a curve is further than this from its polyline.
-        unresolved: (u, 2) centres of boxes of 6e-9 of the window's side in which curves may cross themselves.
+        unresolved: (u, 2) centres of boxes in which curves may cross or only touch themselves.
+        step: (2,) sides of these boxes: 1e-9 of the window's.
     """
 
     lines: tuple[Array, ...]
     chord_error: float
     unresolved: Array
+    step: Array
 
 
-def trace(function: Smooth, window: Array, accuracy: float) -> Contour:
+def trace(function: Smooth, window: Array, accuracy: float, deadline: Deadline | None = None) -> Contour:
     """Return every curve `g = 0` in a window.
 
     Args:
         function: The contact function.
         window: (2, 2), rows lower and upper.
-        accuracy: [rad], the largest distance allowed between a chord and its curve.
+        accuracy: The largest distance allowed between a chord and its curve, in the window's units.
+        deadline: When to give up; None: never.
 
     Raises:
         UnsupportedError: If g touches zero along a whole curve without changing sign, so that no budget of boxes
-            would do.
+            would do, or time is up.
 
     Example:
         >>> axes, slides = np.array([[0.0, 1.0, 0.0]] * 2), np.zeros((3, 3, 2))
@@ -217,20 +207,16 @@ def trace(function: Smooth, window: Array, accuracy: float) -> Contour:
         (2, [-2.094..., -2.094...])
     """
     step = (window[1] - window[0]) / (1 << _FINEST)
-    boxes, sizes, unresolved = _subdivide(function, window[0], step)
-    crossings, pairs = _crossings(function, window[0], step, boxes, sizes)
+    boxes, sizes, unresolved = _subdivide(function, window[0], step, deadline)
+    crossings, pairs, reach = _crossings(function, window[0], step, boxes, sizes)
     if not len(pairs):
-        return Contour((), 0.0, unresolved)
-    crossings = _project(function, crossings, _box_limit(step, sizes))
-    chords, owner, error = _refine(function, crossings, pairs, accuracy)
-    return Contour(_chain_up(pairs, chords, owner), error, unresolved)
+        return Contour((), 0.0, unresolved, step)
+    crossings = _project(function, crossings, reach)
+    chords, owner, error = _refine(function, crossings, pairs, accuracy, deadline)
+    return Contour(_chain_up(pairs, chords, owner), error, unresolved, step)
 
 
-def _box_limit(step: Array, sizes: Ints) -> float:
-    return float(np.max(sizes) * np.max(step)) if len(sizes) else 0.0
-
-
-def _subdivide(function: Smooth, origin: Array, step: Array) -> tuple[Ints, Ints, Array]:
+def _subdivide(function: Smooth, origin: Array, step: Array, deadline: Deadline | None) -> tuple[Ints, Ints, Array]:
     """Return the regular boxes: lower corners (N, 2) and sides (N,) in finest steps; and unresolved centres."""
     side = 1 << (_FINEST - _ROOT)
     grid = np.arange(1 << _ROOT, dtype=np.int64) * side
@@ -240,6 +226,8 @@ def _subdivide(function: Smooth, origin: Array, step: Array) -> tuple[Ints, Ints
     unresolved = np.empty((0, 2))
     count = 0
     while len(boxes):
+        if deadline is not None:
+            deadline.check()
         empty, regular = _classify(function, origin + step * (boxes + side / 2), step * (side / 2))
         leaf = ~empty & (regular if side > 1 else np.ones_like(regular))
         if side == 1:
@@ -251,7 +239,8 @@ def _subdivide(function: Smooth, origin: Array, step: Array) -> tuple[Ints, Ints
         if count > _MOST_BOXES:
             raise UnsupportedError(
                 f"a contact curve needs more than {_MOST_BOXES} boxes: somewhere the clearance touches zero along a "
-                "curve, or the window is very wide; change min_distance slightly, or give a smaller window"
+                "curve, or the window is very wide; change min_distance slightly, or give a smaller window (window=, "
+                "on the command line --window)"
             )
         side //= 2
         boxes = (boxes[:, None, :] + side * _CORNERS).reshape(-1, 2)
@@ -260,7 +249,7 @@ def _subdivide(function: Smooth, origin: Array, step: Array) -> tuple[Ints, Ints
 
 def _classify(function: Smooth, middle: Array, half: Array) -> tuple[Bools, Bools]:
     value, gradient, length, slopes = function.parts(middle)
-    scale = max(1.0, function.arms.length + abs(function.threshold))
+    scale = max(function.scale, function.arms.length + abs(function.threshold))
     span = float(function.arms.first @ half) + CONTOUR_ROUNDING * scale
     halves = np.broadcast_to(half, middle.shape)
     change = function.curvature(length, slopes, halves) @ half
@@ -270,10 +259,13 @@ def _classify(function: Smooth, middle: Array, half: Array) -> tuple[Bools, Bool
     return empty, regular
 
 
-def _crossings(function: Smooth, origin: Array, step: Array, boxes: Ints, sizes: Ints) -> tuple[Array, Ints]:
-    """Return the points (K, 2) where curves cross box sides, and the pairs (P, 2) of them that a box connects."""
+def _crossings(function: Smooth, origin: Array, step: Array, boxes: Ints, sizes: Ints) -> tuple[Array, Ints, Array]:
+    """Return the points (K, 2) where curves cross box sides, and the pairs (P, 2) of them that a box connects.
+
+    Also the length (K,) of the piece of a side that each point is on.
+    """
     if not len(boxes):
-        return np.empty((0, 2)), np.empty((0, 2), dtype=np.int64)
+        return np.empty((0, 2)), np.empty((0, 2), dtype=np.int64), np.empty(0)
     corners = boxes[:, None, :] + sizes[:, None, None] * _CORNERS
     keys = [np.unique(corners[..., axis].ravel() * _STRIDE + corners[..., 1 - axis].ravel()) for axis in (0, 1)]
     nodes = keys[0]
@@ -305,7 +297,7 @@ def _crossings(function: Smooth, origin: Array, step: Array, boxes: Ints, sizes:
     tangent = (function.value_gradient(middle)[1] * step)[:, ::-1] * np.array([-1.0, 1.0])
     along = np.einsum("na,na->n", (points[index] - middle[cell]) / step, tangent[cell])
     order = np.lexsort((along, cell))
-    return points, index[order].reshape(-1, 2)
+    return points, index[order].reshape(-1, 2), np.asarray(np.linalg.norm(high - low, axis=1), dtype=np.float64)
 
 
 def _bisect(function: Smooth, low: Array, high: Array) -> Array:
@@ -324,8 +316,8 @@ def _bisect(function: Smooth, low: Array, high: Array) -> Array:
     return low + t[:, None] * (high - low)
 
 
-def _project(function: Smooth, X: Array, limit: float, rounds: int = 4) -> Array:
-    """Move points onto the curve along the gradient; a point that would go further than `limit` stays.
+def _project(function: Smooth, X: Array, limit: float | Array, rounds: int = 4) -> Array:
+    """Move points onto the curve along the gradient; a point that would go further than its `limit` stays.
 
     Newton's steps shrink quadratically: the one after a step of `tolerances.VERTEX` is below rounding.
     """
@@ -342,8 +334,10 @@ def _project(function: Smooth, X: Array, limit: float, rounds: int = 4) -> Array
     return np.where(wild[:, None], X, moved)
 
 
-def _refine(function: Smooth, points: Array, pairs: Ints, accuracy: float) -> tuple[Array, Ints, float]:
-    """Return chords (C, 2, 2), grouped by pair and in order along it, their pair (C,), and the proven error [rad]."""
+def _refine(
+    function: Smooth, points: Array, pairs: Ints, accuracy: float, deadline: Deadline | None
+) -> tuple[Array, Ints, float]:
+    """Return chords (C, 2, 2), grouped by pair and in order along it, their pair (C,), and the proven error."""
     chords = points[pairs]
     owner = np.arange(len(pairs))
     rank = np.zeros(len(pairs))
@@ -351,6 +345,8 @@ def _refine(function: Smooth, points: Array, pairs: Ints, accuracy: float) -> tu
     done: list[tuple[Array, Ints, Array]] = []
     error = 0.0
     for _ in range(_FINEST):
+        if deadline is not None:
+            deadline.check()
         bound, straight = _chord_bound(function, chords)
         length = np.linalg.norm(chords[:, 1] - chords[:, 0], axis=1)
         ready = (straight & (bound <= accuracy)) | (length <= accuracy / 2)

@@ -48,6 +48,11 @@ class FoldFunction:
     arms: LeverArms
     threshold: float = 0.0
 
+    @property
+    def scale(self) -> float:
+        """The bound of |det|: what rounding is relative to."""
+        return self.arms.length
+
     @classmethod
     def of(cls, image: PlanarImage) -> FoldFunction:
         """Bound the derivatives of the determinant by those of the map."""

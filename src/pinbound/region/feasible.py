@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,11 +15,12 @@ from numpy.typing import ArrayLike
 from pinbound.boundary import one_configuration
 from pinbound.exceptions import DimensionError
 from pinbound.region.arrangement import Arrangement, arrange, arranged_loops
+from pinbound.region.deadline import Deadline
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.plane import plane_of
 from pinbound.region.region import Region, convex_region
 from pinbound.robot import Robot
-from pinbound.tolerances import REGION_ACCURACY
+from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET
 
 __all__ = ["feasible_region"]
 
@@ -32,26 +32,31 @@ def feasible_region(
     window: Mapping[str, tuple[float, float]] | None = None,
     accuracy: float = REGION_ACCURACY,
     margin: float = 0.0,
+    budget: float = REGION_BUDGET,
 ) -> Region:
     """Return the connected component, containing home, of the joint limits less the contacts.
 
     Args:
         robot: The robot.
-        coordinates: The two coordinates of the plane; None: those that the boundaries use.
-        at: (n,) where the other coordinates are held, and the start point; home by default. Between it and home there
-            may be no contact of a boundary of one effective angle.
-        window: Ends [rad] within which to look, by coordinate; needed for coordinates without limits.
-        accuracy: [rad], the largest distance allowed between a curved edge and its polyline. Straight edges are exact.
+        coordinates: The two coordinates of the plane; None: those that the boundaries use, or the robot's own two.
+        at: (n,) where the other coordinates are held, and the start point; home by default. It may be on a limit.
+            Between it and home there may be no contact of a boundary of one effective angle.
+        window: Ends [rad or m] within which to look, by coordinate; needed for coordinates without limits.
+        accuracy: The largest distance allowed between a curved edge and its polyline [rad or m]; of a coordinate whose
+            window is narrower than 1 rad or 1 m, this share of the window. Straight edges are exact.
         margin: [m], added to every threshold.
+        budget: [s], after which tracing ends in an error that says what is left; `inf`: never.
 
     Returns:
-        The region, with a named edge for every boundary or limit that is active; `components` has the others.
+        The region, with a named edge for every boundary or limit that is active; `components` has the others. Limits
+        belong to it, contacts do not. `unresolved` has the places at which it could not be told whether parts meet.
 
     Raises:
         UnknownNameError: If the robot has no such coordinate.
-        UnsupportedError: If there are not two coordinates, or a contact curve is degenerate along its length.
-        DimensionError: If a coordinate is without limits, or `at` is in contact or out of limits, or the accuracy or
-            the margin is no usable number.
+        UnsupportedError: If there are not two coordinates, a contact curve is degenerate along its length, the window
+            holds too many turns, or the budget runs out.
+        DimensionError: If a coordinate is without limits, or `at` is in contact or out of the limits of any joint, or
+            the accuracy, the margin, the budget or the window is no usable number.
 
     References:
         The paper's Fig. 9; `docs/regions.md`.
@@ -65,14 +70,17 @@ def feasible_region(
         1.5434743997
     """
     if not 0.0 < accuracy < 1.0:
-        raise DimensionError(f"the accuracy {accuracy} is not between 0 and 1 rad")
+        raise DimensionError(
+            f"the accuracy {accuracy} is not between 0 and 1 (radians, metres, or a share of the window)"
+        )
     if not 0.0 <= margin < math.inf:
         raise DimensionError(f"the margin {margin} is not a finite length of zero or more")
     start = np.array(robot.home if at is None else one_configuration(at, robot.coordinates), dtype=np.float64)
     plane = plane_of(robot, coordinates, start, dict(window or {}), margin)
+    deadline = Deadline(budget, f"tracing the region of ({', '.join(plane.coordinates)})")
     if plane.curves:
-        arrangement = arrange(plane, accuracy)
-        return _of_face(arrangement, arrangement.faces[0], accuracy, arrangement.faces[1:])
+        arrangement = arrange(plane, accuracy, deadline)
+        return _of_face(arrangement, 0, accuracy, True)
     planes = [*plane.box, *plane.limits]
     for strip in plane.strips:
         lower, upper = strip.gap(plane.start)
@@ -80,17 +88,27 @@ def feasible_region(
         planes.append(HalfPlane(strip.name, strip.name, -strip.normal, -lower, True))
 
     def others() -> tuple[Region, ...]:
-        arrangement = arrange(plane, accuracy)
-        return tuple(_of_face(arrangement, face, accuracy) for face in arrangement.faces[1:])
+        within = Deadline(budget, "drawing the other components")
+        arrangement = arrange(plane, accuracy, within)
+        return tuple(_of_face(arrangement, i, accuracy) for i in within.each(range(1, len(arrangement.faces))))
 
     return convex_region(plane, tuple(planes), others)
 
 
-def _of_face(arrangement: Arrangement, face: Any, accuracy: float, faces: Sequence[Any] = ()) -> Region:
-    loops, corners = arranged_loops(arrangement, face, accuracy)
+def _of_face(arrangement: Arrangement, index: int, accuracy: float, with_others: bool = False) -> Region:
+    plane = arrangement.plane
+    loops, corners = arranged_loops(arrangement, arrangement.faces[index], accuracy)
 
     def others() -> tuple[Region, ...]:
-        return tuple(_of_face(arrangement, other, accuracy) for other in faces)
+        return tuple(_of_face(arrangement, other, accuracy) for other in range(1, len(arrangement.faces)))
 
-    error = arrangement.chord_error
-    return Region(arrangement.plane, loops, corners, error, (), arrangement.lines, others)
+    return Region(
+        plane,
+        loops,
+        corners,
+        arrangement.chord_error * float(np.max(plane.scales)),
+        _lines=arrangement.drawn,
+        _others=others if with_others else None,
+        unresolved=arrangement.unresolved(index),
+        _joined=arrangement.joined_area(index) if arrangement.blocks else None,
+    )

@@ -15,6 +15,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pinbound.region.planar_image import PlanarImage
+from pinbound.values import Value
 
 __all__ = ["Folds", "find_folds", "triangulate"]
 
@@ -27,8 +28,8 @@ _BUDGET = 200_000
 _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
-@dataclass(frozen=True)
-class Folds:
+@dataclass(frozen=True, eq=False)
+class Folds(Value):
     """What is known of the sign of the determinant over a region.
 
     Attributes:

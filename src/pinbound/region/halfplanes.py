@@ -6,16 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from pinbound.tolerances import IMPLIED, VERTEX
+from pinbound.tolerances import IMPLIED, LIMIT, UNIT_ROUNDOFF, VERTEX
 
 __all__ = ["HalfPlane", "Support", "intersect", "support"]
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HalfPlane:
     """`normal @ x <= bound` in the plane of two coordinates.
 
@@ -23,7 +23,7 @@ class HalfPlane:
         source: The boundary or the joint that it comes from.
         name: What people read, e.g. ``"beta_4"`` or ``"q2 upper"``.
         normal: (2,), not zero; not a unit vector in general.
-        bound: [rad].
+        bound: [rad or m].
         is_contact: True for a boundary, False for a joint limit.
     """
 
@@ -33,9 +33,24 @@ class HalfPlane:
     bound: float
     is_contact: bool
 
-    def inset(self, distance: float) -> HalfPlane:
-        """Return the half-plane moved inwards by a Euclidean distance [rad]."""
-        bound = self.bound - distance * float(np.linalg.norm(self.normal))
+    def __post_init__(self) -> None:
+        """Make the value immutable."""
+        self.normal.flags.writeable = False
+
+    def allows(self, X: Array) -> NDArray[np.bool_]:
+        """Return whether points (N, 2) keep it: a contact is open; a limit may be passed by its rule's tolerance.
+
+        The rounding of the sums is granted twice: what a joint's limit allows exactly is for `coupling.Intervals`.
+        """
+        value = X @ self.normal
+        if self.is_contact:
+            return np.asarray(value < self.bound, dtype=bool)
+        rounding = 16.0 * UNIT_ROUNDOFF * (abs(self.bound) + np.abs(X) @ np.abs(self.normal))
+        return np.asarray(value <= self.bound + 2.0 * LIMIT + rounding, dtype=bool)
+
+    def inset(self, distance: float, factors: ArrayLike = (1.0, 1.0)) -> HalfPlane:
+        """Return the half-plane moved inwards by a Euclidean distance, coordinates times factors (2,)."""
+        bound = self.bound - distance * float(np.linalg.norm(self.normal / np.asarray(factors)))
         return HalfPlane(self.source, self.name, self.normal, bound, self.is_contact)
 
 
@@ -44,7 +59,7 @@ class Support:
     """How a half-plane lies to a convex cell.
 
     Attributes:
-        slack: `(bound - max normal @ x) / |normal|` over the cell [rad]; zero for an edge, positive if implied.
+        slack: `(bound - max normal @ x) / |normal|` over the cell [rad or m]; zero for an edge, positive if implied.
         by: The edges whose combination implies it, none if it is an edge itself.
     """
 
@@ -81,7 +96,8 @@ def intersect(planes: Sequence[HalfPlane]) -> tuple[Array, tuple[HalfPlane, ...]
 
 
 def _meet(a: HalfPlane, b: HalfPlane) -> Array:
-    return np.asarray(np.linalg.solve(np.array([a.normal, b.normal]), np.array([a.bound, b.bound])), dtype=np.float64)
+    point = np.linalg.solve(np.array([a.normal, b.normal]), np.array([a.bound, b.bound]))
+    return np.asarray(point, dtype=np.float64) + 0.0  # no negative zeros
 
 
 def _clip(vertices: list[Array], edges: list[HalfPlane], plane: HalfPlane) -> tuple[list[Array], list[HalfPlane]]:
@@ -112,8 +128,8 @@ def _without_short_edges(vertices: list[Array], edges: list[HalfPlane]) -> tuple
     return [vertices[i] for i in keep], [edges[i] for i in keep]
 
 
-def support(vertices: Array, edges: Sequence[HalfPlane], plane: HalfPlane) -> Support:
-    """Return a half-plane's slack over a cell, and which edges imply it.
+def support(vertices: Array, edges: Sequence[HalfPlane], plane: HalfPlane, factors: ArrayLike = (1.0, 1.0)) -> Support:
+    """Return a half-plane's slack over a cell, coordinates times factors (2,), and which edges imply it.
 
     At the vertex where `normal @ x` is largest, `normal = l_1 n_1 + l_2 n_2` with the normals of the two edges that
     meet there and `l >= 0` (Farkas): the edges with `l > 0` imply the half-plane.
@@ -122,7 +138,7 @@ def support(vertices: Array, edges: Sequence[HalfPlane], plane: HalfPlane) -> Su
         return Support(0.0, ())
     values = vertices @ plane.normal
     top = int(np.argmax(values))
-    slack = (plane.bound - float(values[top])) / float(np.linalg.norm(plane.normal))
+    slack = (plane.bound - float(values[top])) / float(np.linalg.norm(plane.normal / np.asarray(factors)))
     meeting = (edges[top - 1], edges[top])
     weights = np.linalg.solve(np.column_stack([edge.normal for edge in meeting]), plane.normal)
     by = tuple(edge.name for edge, weight in zip(meeting, weights, strict=True) if weight > IMPLIED)

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from pinbound.region.contours import Traced
 from pinbound.region.halfplanes import HalfPlane
+from pinbound.region.sliding import SlidingFunction
+from pinbound.values import Value
 
 __all__ = ["Line", "segment_owners", "vertex_owners"]
 
@@ -20,15 +22,15 @@ Ints = NDArray[np.int64]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
 
-@dataclass(frozen=True)
-class Line:
+@dataclass(frozen=True, eq=False)
+class Line(Value):
     """A straight line or a traced curve, with the function that is zero on it."""
 
     name: str
     source: str
     is_contact: bool
     points: Array
-    function: Traced | HalfPlane
+    function: Traced | SlidingFunction | HalfPlane
 
     def value_gradient(self, x: Array) -> tuple[float, Array]:
         """Return the function's value and gradient at one point."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -20,8 +20,10 @@ from pinbound.interpreters.swept_bounds import over_box, rounding_bound, swept_b
 from pinbound.interpreters.univariate import Strip, one_angle_strip
 from pinbound.path import RelativePath
 from pinbound.region.arrangement import Corner, Edge
+from pinbound.region.deadline import Deadline
 from pinbound.region.plane import Plane
 from pinbound.tolerances import CONTOUR_ROUNDING, IMPLIED
+from pinbound.values import Value
 
 __all__ = [
     "SmallestClearance",
@@ -42,8 +44,8 @@ _ROUNDS = 60
 _MOST_BOXES = 50_000
 
 
-@dataclass(frozen=True)
-class SmallestClearance:
+@dataclass(frozen=True, eq=False)
+class SmallestClearance(Value):
     """The smallest clearance of any boundary over a region, between two proven bounds.
 
     Attributes:
@@ -78,28 +80,45 @@ def check_scaled(polygon: Any, factor: float, plane: Plane, accuracy: float) -> 
         raise LeavesRegionError(factor, plane.coordinates, beyond[worst], plane.lift(beyond[worst][None])[0])
 
 
-def inset_parts(polygon: Any, edges: Sequence[Edge], angle: float, accuracy: float, start: Array) -> list[Loops]:
+def inset_parts(
+    polygon: Any, edges: Sequence[Edge], angle: float, accuracy: float, start: Array, factors: Array, deadline: Deadline
+) -> list[Loops]:
     """Return the named loops of a polygon's points that are at least `angle` inside, part by part.
+
+    Distances are those of the coordinates times factors (2,).
 
     Around a reflex corner the inset contour is an arc, drawn by chords that come nearer to the corner by the factor
     `cos(pi / (4 n))`; the depth is divided by it, and `accuracy` added.
     """
     depth = (angle + accuracy) / float(np.cos(np.pi / (4 * _ARC_SEGMENTS))) if angle else 0.0
-    shrunk = polygon.buffer(-depth, quad_segs=_ARC_SEGMENTS) if depth else polygon
+    drawn = polygon if np.all(factors == 1.0) else gis_affinity.scale(polygon, *factors.tolist(), origin=(0.0, 0.0))
+    shrunk = drawn.buffer(-depth, quad_segs=_ARC_SEGMENTS) if depth else drawn
+    deadline.check()
     parts = [part for part in gis.get_parts(shrunk) if part.area > 0.0]
-    home = gis.Point(start)
+    home = gis.Point(start * factors)
     parts.sort(key=lambda part: (not part.contains(home), -part.area))
-    return [named_loops(part, edges, accuracy) for part in parts]
+    scaled = [replace(edge, points=edge.points * factors) for edge in edges]
+    return [_unscaled(named_loops(part, scaled), factors) for part in deadline.each(parts)]
 
 
-def named_loops(polygon: Any, edges: Sequence[Edge], accuracy: float) -> Loops:
+def _unscaled(loops: Loops, factors: Array) -> Loops:
+    return tuple(
+        tuple(replace(e, start=e.start / factors, end=e.end / factors, points=e.points / factors) for e in loop)
+        for loop in loops
+    )
+
+
+def named_loops(polygon: Any, edges: Sequence[Edge]) -> Loops:
     """Return a polygon's loops, each segment named after the nearest of the given edges."""
     polygon = gis.orient_polygons(polygon)
-    tree = gis.STRtree([gis.linestrings(edge.points) for edge in edges])
+    # one entry a segment of an edge, not one an edge: a tree over few long curves would measure every one of them
+    segments = np.concatenate([np.stack((edge.points[:-1], edge.points[1:]), axis=1) for edge in edges])
+    edge_of = np.repeat(np.arange(len(edges)), [len(edge.points) - 1 for edge in edges])
+    tree = gis.STRtree(gis.linestrings(segments))
     loops: list[tuple[Edge, ...]] = []
     for ring in (polygon.exterior, *polygon.interiors):
         points = gis.get_coordinates(ring)
-        owner = np.asarray(tree.nearest(gis.points(0.5 * (points[1:] + points[:-1]))))
+        owner = edge_of[np.asarray(tree.nearest(gis.points(0.5 * (points[1:] + points[:-1]))))]
         breaks = np.flatnonzero(owner != np.roll(owner, 1)).tolist() or [0]
         loop: list[Edge] = []
         for i, place in enumerate(breaks):

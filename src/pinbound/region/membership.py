@@ -12,6 +12,7 @@ exactly inside. `docs/membership.md` compares them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -23,6 +24,7 @@ from pinbound.exceptions import DimensionError
 from pinbound.region.region import Region
 from pinbound.robot import Robot
 from pinbound.tolerances import ON_CONTOUR
+from pinbound.values import Value
 
 __all__ = ["Membership", "Place", "axis_membership", "classify", "projections", "region_membership"]
 
@@ -38,8 +40,8 @@ class Place(IntEnum):
     UNKNOWN = 2
 
 
-@dataclass(frozen=True)
-class Membership:
+@dataclass(frozen=True, eq=False)
+class Membership(Value):
     """Membership of many configurations in a region.
 
     Attributes:
@@ -48,7 +50,10 @@ class Membership:
         upper: (n,) upper ends.
         mu: (N, n) memberships along each axis [rad or m], negative outside the ends, as the paper's text asks.
         mu_printed: (N, n) the same, its third line as Eq. (21) prints it: positive beyond the upper end.
-        signed_distance: (N,) [rad], in the region's plane: positive exactly inside.
+        signed_distance: (N,) [unit], in the region's plane: positive inside, zero on the contour, NaN for rows of
+            another slice.
+        unit: Unit of the signed distance: ``"rad"``, ``"m"``, ``"weighted"``, or, in a plane of an angle and a
+            prismatic joint without weights, ``"1"``: each coordinate as a share of the region's projection on it.
     """
 
     coordinates: tuple[str, ...]
@@ -57,6 +62,7 @@ class Membership:
     mu: Array
     mu_printed: Array
     signed_distance: Array
+    unit: str = "rad"
 
 
 def axis_membership(values: ArrayLike, lower: ArrayLike, upper: ArrayLike, printed: bool = False) -> Array:
@@ -85,7 +91,7 @@ def axis_membership(values: ArrayLike, lower: ArrayLike, upper: ArrayLike, print
 
 
 def projections(region: Region) -> tuple[Array, Array]:
-    """Return the ends (2,), (2,) of the region's projection on each of its two axes [rad].
+    """Return the ends (2,), (2,) of the region's projection on each of its two axes [rad or m].
 
     Raises:
         DimensionError: If the region is empty.
@@ -102,7 +108,9 @@ def projections(region: Region) -> tuple[Array, Array]:
     return np.array([west, south]), np.array([east, north])
 
 
-def region_membership(robot: Robot, region: Region, Q: ArrayLike) -> Membership:
+def region_membership(
+    robot: Robot, region: Region, Q: ArrayLike, weights: Mapping[str, float] | None = None
+) -> Membership:
     """Return mu_n of every coordinate, and the signed distance.
 
     Coordinates outside the region's plane are measured against their own joint limits, as the paper does for q1.
@@ -111,9 +119,10 @@ def region_membership(robot: Robot, region: Region, Q: ArrayLike) -> Membership:
         robot: The robot.
         region: A region of it; the paper takes the scaled one.
         Q: (n,) or (N, n) configurations [rad or m].
+        weights: By coordinate of the plane, how much one radian or metre of it counts in the signed distance.
 
     Raises:
-        DimensionError: If Q has another shape, or the region is empty.
+        DimensionError: If Q has another shape, the region is empty, or the weights are no positive numbers for both.
 
     References:
         Eq. (21), Fig. 22.
@@ -132,7 +141,12 @@ def region_membership(robot: Robot, region: Region, Q: ArrayLike) -> Membership:
     columns = [robot.coordinates.index(name) for name in region.coordinates]
     lower[columns], upper[columns] = projections(region)
     mu, mu_printed = (axis_membership(rows, lower, upper, printed) for printed in (False, True))
-    return Membership(robot.coordinates, lower, upper, mu, mu_printed, np.asarray(region.signed_distance(rows)))
+    unit = "weighted" if weights is not None else region.units[0]
+    if weights is None and region.units[0] != region.units[1]:
+        unit = "1"
+        weights = {name: 1.0 / float(upper[i] - lower[i]) for name, i in zip(region.coordinates, columns, strict=True)}
+    distance = np.asarray(region.signed_distance(rows, "robot", weights))
+    return Membership(robot.coordinates, lower, upper, mu, mu_printed, distance, unit)
 
 
 def classify(signed_distance: ArrayLike, tolerance: float = ON_CONTOUR) -> NDArray[np.int64]:

@@ -4,12 +4,16 @@ Two points, a point across a line and a height above a plane have one smooth con
 (`contours`). The distance of segments is smooth in pieces: that of a point to an end, or to the whole line of a segment
 where the foot lies between the ends. Each piece is traced as a whole, together with the curves at which the foot is at
 an end; between all these curves contact or freedom does not change, so that one exact evaluation a face decides, and
-the contour of the faces in contact is the contact curve. `docs/segments.md` says why no feature is missing.
+the contour of the faces in contact is the contact curve. `docs/segments.md` says why no feature is missing. Bodies that
+only slide against each other have one convex curve, whatever they are (`sliding`).
+
+All is done in units of `Plane.scales`: a chain over `y = x / s` has those of the chain over x times s as its
+slides and coefficients.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, cast
 
@@ -22,44 +26,57 @@ from pinbound.annotations import Mark, Point, Segment
 from pinbound.annotations import Plane as PlaneMark
 from pinbound.chain import Chain
 from pinbound.exceptions import UnsupportedError
+from pinbound.interpreters import separation
 from pinbound.interpreters.restriction import restrict_path
 from pinbound.path import RelativePath, relative_path
 from pinbound.region.contours import ContactFunction, HeightFunction, Traced, trace
+from pinbound.region.deadline import Deadline
 from pinbound.region.lines import Line, segment_owners, vertex_owners
 from pinbound.region.plane import Curve, Plane
-from pinbound.tolerances import REDUCTION
+from pinbound.region.sliding import SlidingFunction, only_slides, sliding_curves
+from pinbound.tolerances import CONTOUR_ROUNDING, REDUCTION
 
 __all__ = ["Outline", "outline"]
 
 Array = NDArray[np.float64]
-_INSET = 0.005  # of the window's side: a quarter of what it is wider than the box of the plane
+_INSET = 0.015  # of the window's side: more than a bump that tracing may miss (BUMP), less than the rim around the box
+_MOST_TURNS = 100  # periods of the angles in the window: beyond, tracing would only run out of its budget of boxes
 
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Outline:
     """The contact curves of one boundary in a window.
 
     Attributes:
         lines: Their pieces, each with the function that is zero on it.
-        chord_error: [rad]; no point of a curve is further than this from its polyline.
+        chord_error: No point of a curve is further than this from its polyline.
         unresolved: (u, 2) centres of tiny boxes in which a curve may cross itself.
+        step: (2,) sides of these boxes.
     """
 
     lines: tuple[Line, ...]
     chord_error: float
     unresolved: Array
+    step: Array
 
 
-def outline(plane: Plane, curve: Curve, window: Array, accuracy: float) -> Outline:
-    """Return where contact of a curve begins, in a window (2, 2), to an accuracy [rad].
+def outline(plane: Plane, curve: Curve, window: Array, accuracy: float, deadline: Deadline | None = None) -> Outline:
+    """Return where contact of a curve begins, in a window (2, 2), to an accuracy, all in units of `plane.scales`.
 
     Raises:
-        UnsupportedError: If a curve is degenerate (`contours.trace`), or the boundary's pieces are not known.
+        UnsupportedError: If a curve is degenerate (`contours.trace`), the boundary's pieces are not known, the window
+            holds too many turns, or time is up.
     """
+    if only_slides(curve.path):
+        sliding = SlidingFunction(curve.path, curve.threshold, plane.scales)
+        drawn, error = sliding_curves(sliding, window, accuracy, deadline)
+        pieces = tuple(Line(curve.name, curve.name, True, points, sliding) for points in drawn)
+        return Outline(pieces, error, np.empty((0, 2)), np.zeros(2))
+    _check_turns(plane, curve)
     functions = _functions(plane, curve, window)
-    contours = [trace(function, window, accuracy) for function in functions]
+    contours = [trace(function, window, accuracy, deadline) for function in functions]
     lines = tuple(
         Line(curve.name, curve.name, True, points, function)
         for function, contour in zip(functions, contours, strict=True)
@@ -67,18 +84,56 @@ def outline(plane: Plane, curve: Curve, window: Array, accuracy: float) -> Outli
     )
     error = max((contour.chord_error for contour in contours), default=0.0)
     unresolved = np.concatenate([contour.unresolved for contour in contours])
-    if len(functions) > 1 and lines:
-        lines = _between(curve, lines, window)
-    return Outline(lines, error, unresolved)
+    if len(functions) > 1:
+        lines = _between(plane, curve, lines, window) if lines else ()
+        unresolved = _near_contact(plane, curve, unresolved, contours[0].step)
+    return Outline(lines, error, unresolved, contours[0].step)
+
+
+def _near_contact(plane: Plane, curve: Curve, centres: Array, step: Array) -> Array:
+    """Return those of the boxes in which contact may begin: curves at which a foot is at an end cross elsewhere too.
+
+    The separation changes by no more than a lever arm from the middle of a box to its corner.
+    """
+    if not len(centres):
+        return centres
+    arms = [
+        ContactFunction.over(_scaled(plane, corner), 0.0, np.array([centres.min(axis=0), centres.max(axis=0)])).arms
+        for corner in curve.path.swept.corners
+    ]
+    most = np.max([arm.first for arm in arms], axis=0)
+    values = separation.separations(curve.path, centres * plane.scales)
+    reach = float(most @ step) + CONTOUR_ROUNDING * max(arm.length for arm in arms)
+    return centres[np.abs(values - curve.threshold) <= reach]
+
+
+def _check_turns(plane: Plane, curve: Curve) -> None:
+    """Raise if a window holds so many turns that the contacts, which repeat every turn, cannot all be drawn."""
+    most: Array = np.asarray(np.max(np.abs(curve.path.minimal.coefficients), axis=0, initial=0.0), dtype=np.float64)
+    turns: Array = (plane.window[1] - plane.window[0]) * most / (2.0 * np.pi)
+    if float(np.prod(np.maximum(turns, 1.0))) > _MOST_TURNS:
+        axis = int(np.argmax(turns))
+        name, (low, high) = plane.coordinates[axis], plane.window[:, axis].tolist()
+        raise UnsupportedError(
+            f"the window is very wide: {name!r} reaches from {low:.6g} to {high:.6g} rad, and the contacts of "
+            f"{curve.name!r} repeat every turn; give a smaller window, window={{{name!r}: (lower, upper)}} around the "
+            f"start (on the command line --window {name}=LOWER..UPPER)"
+        )
+
+
+def _scaled(plane: Plane, chain: Chain) -> Chain:
+    """Return a chain over the plane's coordinates as one over these coordinates in units of its scales."""
+    s = plane.scales
+    return replace(chain, slides=chain.slides * s, coefficients=chain.coefficients * s)
 
 
 def _functions(plane: Plane, curve: Curve, window: Array) -> list[Traced]:
     """Return the smooth functions whose zeros hold all contact curves, and all places where one takes over."""
     path, T = curve.path, curve.threshold
     if path.is_signed:
-        return [_height(path, corner, T, window) for corner in path.swept.corners]
+        return [_height(path, _scaled(plane, corner), T, window) for corner in path.swept.corners]
     if not path.swept.directions:
-        return [ContactFunction.over(path.minimal, T, window, path.across)]
+        return [ContactFunction.over(_scaled(plane, path.minimal), T, window, path.across)]
     boundary = plane.robot.boundaries[curve.name]
     segments = [mark for mark in (boundary.point_a, boundary.point_b) if isinstance(mark, Segment) and mark.ways]
     known = len(segments) == len(path.swept.directions) and path.across is None
@@ -88,16 +143,16 @@ def _functions(plane: Plane, curve: Curve, window: Array) -> list[Traced]:
             "its segments or boxes may meet edge to edge. Take points, planes, or spheres (pinbound mark --by "
             "spheres), or ask limits and certify_box"
         )
-    found: list[Traced] = [ContactFunction.over(corner, T, window) for corner in path.swept.corners]
+    found: list[Traced] = [ContactFunction.over(_scaled(plane, corner), T, window) for corner in path.swept.corners]
     for segment in segments:
         other = boundary.point_b if segment is boundary.point_a else boundary.point_a
         for xyz in other.anchors:
             end = Point("", other.link, xyz)
             line = _seen(plane, LineMark("", segment.link, segment.xyz, segment.ways[0]), end)
-            found.append(ContactFunction.over(line.minimal, T, window, line.across))
+            found.append(ContactFunction.over(_scaled(plane, line.minimal), T, window, line.across))
             for foot in segment.anchors:  # the foot on the line passes an end of the segment
                 upright = _seen(plane, PlaneMark("", segment.link, foot, segment.ways[0]), end)
-                found.append(_height(upright, upright.minimal, 0.0, window))
+                found.append(_height(upright, _scaled(plane, upright.minimal), 0.0, window))
     return [function for function in found if function.chain.coordinates]
 
 
@@ -120,7 +175,7 @@ def _is_flat(path: RelativePath) -> bool:
     return chain.is_planar and max(across) <= REDUCTION
 
 
-def _between(curve: Curve, lines: tuple[Line, ...], window: Array) -> tuple[Line, ...]:
+def _between(plane: Plane, curve: Curve, lines: tuple[Line, ...], window: Array) -> tuple[Line, ...]:
     """Return the pieces of lines that part contact from freedom."""
     rim = window + _INSET * (window[1] - window[0]) * np.array([[1.0], [-1.0]])  # which traced curves cross properly
     (x, y), (u, v) = rim
@@ -128,7 +183,7 @@ def _between(curve: Curve, lines: tuple[Line, ...], window: Array) -> tuple[Line
     noded = gis.union_all([frame, *(gis.linestrings(line.points) for line in lines)])
     faces = np.asarray(gis.get_parts(gis.polygonize(gis.get_parts(noded))))
     inside = gis.get_coordinates(gis.point_on_surface(faces))
-    contact = gis.union_all(faces[~curve.free(inside)])
+    contact = gis.union_all(faces[~curve.free(inside * plane.scales)])
     keys, owners = vertex_owners(lines)
     pieces: list[Line] = []
     for ring in gis.get_parts(gis.boundary(contact)):

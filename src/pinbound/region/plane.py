@@ -9,6 +9,9 @@ again (`interpreters/restriction`):
 
 A strip of zero width, of a stop, is a line that cuts. A curve's T is never below the contact tolerance: two points that
 could meet at zero threshold meet in isolated points of the plane, data are rounded, and so a disc is kept around each.
+
+The plane is closed towards limits and open towards contacts: a point belongs to it if it passes no limit by more than
+`tolerances.LIMIT`, and is in no contact.
 """
 
 from __future__ import annotations
@@ -22,13 +25,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.boundary import Boundary
+from pinbound.coupling import Intervals
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.interpreters import separation
 from pinbound.interpreters.restriction import restrict_path
 from pinbound.interpreters.univariate import gap_around, one_angle_strips
 from pinbound.path import RelativePath
 from pinbound.region.halfplanes import HalfPlane
+from pinbound.region.window import box_of, slab
 from pinbound.robot import Robot
+from pinbound.values import Value
 
 __all__ = ["Curve", "Plane", "Strips", "plane_of"]
 
@@ -39,8 +45,8 @@ _PLANE = 2
 _TURN = 2.0 * math.pi
 
 
-@dataclass(frozen=True)
-class Strips:
+@dataclass(frozen=True, eq=False)
+class Strips(Value):
     """Contact of a boundary of one effective angle in the plane.
 
     Attributes:
@@ -75,7 +81,7 @@ class Strips:
         return sorted(found)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Curve:
     """Contact `|r(x)| <= threshold` of a boundary of several effective angles in the plane.
 
@@ -94,7 +100,7 @@ class Curve:
         return separation.separations(self.path, X) > self.threshold
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plane:
     """Two coordinates of a robot, the others held, and everything that bounds them.
 
@@ -102,8 +108,9 @@ class Plane:
         robot: The robot.
         coordinates: The two coordinates.
         at: (n,) where the others are held, and the start point.
-        box: The window or the joints' own limits, as right, top, left, low half-planes.
-        limits: Limits of further joints, followers or not, that bind the two.
+        box: What bounds each coordinate alone, as right, top, left, low half-planes: its joint's limit, the limit of
+            a mimic joint, or the window, whichever is tightest.
+        limits: All other limits of joints, mimic joints or not, that bind the two.
         strips: Boundaries of one effective angle in the plane.
         curves: Boundaries of several.
         fixed: Held coordinates that some boundary or limit depends on.
@@ -120,16 +127,35 @@ class Plane:
     fixed: tuple[str, ...]
     margin: float
 
+    def __post_init__(self) -> None:
+        """Make the value immutable."""
+        self.at.flags.writeable = False
+
     @cached_property
     def start(self) -> Array:
         """(2,) the start point."""
-        return self.at[[self.robot.coordinates.index(name) for name in self.coordinates]]
+        return _frozen(self.at[[self.robot.coordinates.index(name) for name in self.coordinates]])
 
     @cached_property
     def window(self) -> Array:
         """(2, 2), rows lower and upper: the box."""
-        right, top, left, low = self.box
-        return np.array([[-left.bound, -low.bound], [right.bound, top.bound]])
+        ends = [side.bound / float(side.normal[index % 2]) for index, side in enumerate(self.box)]
+        return _frozen(np.array([[ends[2], ends[3]], [ends[0], ends[1]]]))
+
+    @cached_property
+    def units(self) -> tuple[str, str]:
+        """The unit of each coordinate: ``"rad"``, or ``"m"`` of a prismatic joint."""
+        first, second = ("rad" if self.robot.turns(name) else "m" for name in self.coordinates)
+        return first, second
+
+    @cached_property
+    def scales(self) -> Array:
+        """(2,) the length [rad or m] of each coordinate that accuracies are relative to.
+
+        One, or the width of the window where that is less, rounded down to a power of two so that scaling is exact.
+        """
+        width = self.window[1] - self.window[0]
+        return _frozen(np.minimum(1.0, np.exp2(np.floor(np.log2(width)))))
 
     def lift(self, X: Array) -> Array:
         """Return configurations (N, n) of points (N, 2)."""
@@ -137,14 +163,28 @@ class Plane:
         Q[:, [self.robot.coordinates.index(name) for name in self.coordinates]] = X
         return Q
 
+    @cached_property
+    def _intervals(self) -> Intervals:
+        return Intervals.of(self.robot.linear_limits, len(self.at))
+
+    def within(self, X: Array) -> Bools:
+        """Return whether points (N, 2) keep the limits of all joints, by the one rule (`Intervals`), and the window."""
+        found = self._intervals.hold(self.lift(X))
+        for side in (*self.box, *self.limits):
+            found &= side.allows(X)
+        return found
+
     def free(self, X: Array) -> Bools:
         """Return whether points (N, 2) are within all limits and out of all contacts, by the exact functions."""
-        found = np.ones(len(X), dtype=bool)
-        for plane in (*self.box, *self.limits):
-            found &= X @ plane.normal < plane.bound
+        found = self.within(X)
         for contact in (*self.strips, *self.curves):
             found &= contact.free(X)
         return found
+
+
+def _frozen(array: Array) -> Array:
+    array.flags.writeable = False
+    return array
 
 
 def plane_of(
@@ -169,6 +209,7 @@ def plane_of(
         DimensionError: If a coordinate is without limits, or the start is in contact or out of limits.
     """
     names = _two_coordinates(robot, coordinates)
+    _check_limits(robot, start)
     indices = [robot.coordinates.index(name) for name in names]
     used = {robot.coordinates.index(name) for boundary in robot.boundaries for name in boundary.coordinates}
     limits: list[HalfPlane] = []
@@ -178,7 +219,7 @@ def plane_of(
             continue
         used |= set(np.flatnonzero(limit.coefficients).tolist())
         rest = limit.offset + float(limit.coefficients @ start) - float(c @ start[indices])
-        limits += _slab(limit.joint, c, limit.lower - rest, limit.upper - rest)
+        limits += slab(limit.joint, c, limit.lower - rest, limit.upper - rest)
     strips: list[Strips] = []
     curves: list[Curve] = []
     for boundary in robot.boundaries:
@@ -188,51 +229,43 @@ def plane_of(
             else:
                 curves.append(contact)
     fixed = tuple(robot.coordinates[index] for index in sorted(used - set(indices)))
-    box = _box(robot, names, window)
-    plane = Plane(robot, names, start, box, tuple(limits), tuple(strips), tuple(curves), fixed, margin)
+    box = box_of(names, limits, window)
+    others = tuple(limit for limit in limits if not any(limit is side for side in box))
+    plane = Plane(robot, names, start, box, others, tuple(strips), tuple(curves), fixed, margin)
     _check_start(plane)
     return plane
 
 
 def _two_coordinates(robot: Robot, coordinates: Sequence[str] | None) -> tuple[str, str]:
     used = {name for boundary in robot.boundaries for name in boundary.coordinates}
-    names = tuple(name for name in robot.coordinates if name in used) if coordinates is None else tuple(coordinates)
+    if coordinates is None:
+        names = tuple(name for name in robot.coordinates if name in used)
+        if len(robot.coordinates) == _PLANE:  # there is but one plane, whatever the boundaries use
+            names = robot.coordinates
+    elif isinstance(coordinates, str):
+        raise UnsupportedError(
+            f"a planar region needs two coordinates, and you gave the text {coordinates!r}; "
+            f"give coordinates=(..., ...), two names out of: {', '.join(robot.coordinates)}"
+        )
+    else:
+        names = tuple(coordinates)
     for name in names:
-        if name not in robot.coordinates:
-            raise UnknownNameError("coordinate", name, robot.coordinates)
+        if name in robot.coordinates:
+            continue
+        if name in robot.coupling.joints:
+            raise UnsupportedError(
+                f"{name!r} is no coordinate of its own: it is a mimic joint, {robot.coupling.text(name)}; "
+                f"give coordinates=(..., ...) out of: {', '.join(robot.coordinates)}"
+            )
+        raise UnknownNameError("coordinate", name, robot.coordinates)
     if len(names) != _PLANE or names[0] == names[1]:
         whose = "the boundaries use" if coordinates is None else "you gave"
         listed = ", ".join(names) or "none"
         raise UnsupportedError(
-            f"a planar region needs two coordinates, and {whose} {len(names)} ({listed}); "
+            f"a planar region needs two coordinates, and {whose} {len(set(names))} ({listed}); "
             f"give coordinates=(..., ...) out of: {', '.join(robot.coordinates)}"
         )
     return names[0], names[1]
-
-
-def _box(robot: Robot, names: Sequence[str], window: Mapping[str, tuple[float, float]]) -> tuple[HalfPlane, ...]:
-    """Return the box of the two coordinates: window, or joint limits; in the order right, top, left, low."""
-    for name in window:
-        if name not in names:
-            raise UnknownNameError("coordinate of the window", name, names)
-    planes: list[HalfPlane] = []
-    for axis, name in enumerate(names):
-        index = robot.coordinates.index(name)
-        own = (float(robot.lower[index]), float(robot.upper[index]))
-        given = window.get(name, own)
-        lower, upper = max(own[0], given[0]), min(own[1], given[1])
-        if not math.isfinite(lower) or not math.isfinite(upper):
-            raise DimensionError(f"{name!r} has no limits; give window={{{name!r}: (lower, upper)}} around the start")
-        if not lower < upper:
-            raise DimensionError(f"{name!r} has no room: its window and limits leave [{lower}, {upper}]")
-        planes += _slab(name, np.eye(_PLANE)[axis], lower, upper)
-    return planes[0], planes[2], planes[1], planes[3]
-
-
-def _slab(source: str, normal: Array, lower: float, upper: float) -> list[HalfPlane]:
-    """Return `normal @ x <= upper` and `normal @ x >= lower`, those of the two that are finite."""
-    sides = ((f"{source} upper", normal, upper), (f"{source} lower", -normal, -lower))
-    return [HalfPlane(source, name, n, bound, False) for name, n, bound in sides if math.isfinite(bound)]
 
 
 def _contacts(
@@ -262,13 +295,27 @@ def _contacts(
     return tuple(Strips(boundary.name, normal, s.angle, s.half_width) for s in strips if s.half_width is not None)
 
 
+def _check_limits(robot: Robot, start: Array) -> None:
+    """Raise if the start is out of the limits of any joint, mimic joints and held coordinates included."""
+    for limit in robot.linear_limits:
+        if not limit.holds(start[None])[0]:
+            theta = float(limit.values(start[None])[0])
+            what = limit.joint
+            if what not in robot.coordinates:
+                what += f" = {robot.coupling.text(limit.joint)}"
+            raise DimensionError(
+                f"the start point {start.tolist()} is out of limits: {what} is {theta:.9g} there, and the limits of "
+                f"{limit.joint!r} are [{limit.lower:.9g}, {limit.upper:.9g}]; start within all limits"
+            )
+
+
 def _check_start(plane: Plane) -> None:
     """Raise if the start is not free, and say what forbids it."""
     start = plane.start
     where = f"the start point {start.tolist()} is not free"
     for limit in (*plane.box, *plane.limits):
-        if float(limit.normal @ start) >= limit.bound:
-            raise DimensionError(f"{where}: {limit.name!r} forbids it; start inside all limits")
+        if not limit.allows(start[None])[0]:
+            raise DimensionError(f"{where}: {limit.name!r} forbids it; start within all limits and the window")
     for contact in (*plane.strips, *plane.curves):
         if not contact.free(start[None])[0]:
             raise DimensionError(f"{where}: {contact.name!r} is in contact; start out of contact")

@@ -3,27 +3,30 @@
 Two ways lead to it. If every boundary has one effective angle in the plane, the component that holds home is an
 intersection of half-planes: convex, closed form, exact. Otherwise contact curves are traced (`contours`) and the faces
 between them found (`arrangement`), to a stated accuracy. `docs/regions.md` has the mathematics of both.
+
+`shape` has what a region is; here is what can be made of it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from pinbound.coupling import as_configurations
 from pinbound.exceptions import DimensionError, UnsupportedError
-from pinbound.region import convex, margins
-from pinbound.region.arrangement import Corner, Edge, Line
-from pinbound.region.halfplanes import HalfPlane, Support, intersect, support
+from pinbound.region import convex, inside, margins
+from pinbound.region.arrangement import Corner, Edge
+from pinbound.region.deadline import Deadline
+from pinbound.region.halfplanes import HalfPlane, intersect
 from pinbound.region.plane import Plane
-from pinbound.tolerances import REGION_ACCURACY
+from pinbound.region.shape import PlanarShape
+from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET
 
 __all__ = ["Corner", "Edge", "Region", "convex_region"]
 
@@ -34,225 +37,12 @@ Loops = tuple[tuple[Edge, ...], ...]
 _PLANE = 2
 
 
-@dataclass(frozen=True)
-class Region:
+@dataclass(frozen=True, eq=False, repr=False)
+class Region(PlanarShape):
     """A connected part of the free set, in the plane of two coordinates. Made by `feasible_region`.
 
-    Attributes:
-        plane: The plane: robot, coordinates, limits and contacts.
-        loops: Named edges of the exterior, counter-clockwise, then of each hole, clockwise.
-        corners: Where two edges meet, in the order of the loops.
-        accuracy: [rad]; no point of the true contour is further than this from the edges. Zero if all is straight.
-        planes: Every half-plane that bounds it, edges and implied ones alike, if it is convex in closed form.
+    `PlanarShape` has its attributes: `plane`, `loops`, `corners`, `accuracy`, `planes` and `unresolved`.
     """
-
-    plane: Plane
-    loops: Loops
-    corners: tuple[Corner, ...]
-    accuracy: float
-    planes: tuple[HalfPlane, ...] = ()
-    _lines: tuple[Line, ...] = field(default=(), repr=False, compare=False)
-    _others: Callable[[], tuple[Region, ...]] | None = field(default=None, repr=False, compare=False)
-
-    def __repr__(self) -> str:
-        """Return the plane and the edges."""
-        names = ", ".join(dict.fromkeys(edge.name for edge in self.edges)) or "empty"
-        holes = f"; {len(self.loops) - 1} holes" if len(self.loops) > 1 else ""
-        return f"<Region ({', '.join(self.coordinates)}): {names}; area {self.area:.6g} rad^2{holes}>"
-
-    @property
-    def coordinates(self) -> tuple[str, str]:
-        """The two coordinates of the plane."""
-        return self.plane.coordinates
-
-    @property
-    def robot_coordinates(self) -> tuple[str, ...]:
-        """All active coordinates of the robot."""
-        return self.plane.robot.coordinates
-
-    @property
-    def at(self) -> Array:
-        """(n,) where the other coordinates are held."""
-        return self.plane.at
-
-    @property
-    def fixed(self) -> tuple[str, ...]:
-        """Other coordinates that some boundary or limit depends on: a q inside must have them as in `at`."""
-        return self.plane.fixed
-
-    @cached_property
-    def edges(self) -> tuple[Edge, ...]:
-        """All edges, those of the exterior first; the region lies to the left of each."""
-        return tuple(edge for loop in self.loops for edge in loop)
-
-    @cached_property
-    def vertices(self) -> Array:
-        """(k, 2) where each edge starts [rad], in the order of `edges`."""
-        return np.array([edge.start for edge in self.edges]).reshape(-1, _PLANE)
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether nothing is left."""
-        return not self.loops
-
-    @property
-    def is_convex(self) -> bool:
-        """Whether it is a convex polygon with straight edges."""
-        if self.planes or self.is_empty:
-            return True
-        return all(len(edge.points) == _PLANE for edge in self.edges) and convex.is_convex(self.polygon)
-
-    @cached_property
-    def _cell(self) -> tuple[Array, tuple[HalfPlane, ...]]:
-        return intersect(self.planes)
-
-    @cached_property
-    def polygon(self) -> Any:
-        """The region as a `shapely.Polygon`, holes included."""
-        rings = [np.concatenate([edge.points[:-1] for edge in loop]) for loop in self.loops]
-        return gis.Polygon(rings[0], rings[1:]) if rings else gis.Polygon()
-
-    @property
-    def area(self) -> float:
-        """[rad^2], by the boundary integral (shoelace)."""
-        return float(self.polygon.area)
-
-    @property
-    def area_error(self) -> float:
-        """[rad^2], a bound of what the accuracy leaves open: accuracy times the length of the curved edges."""
-        curved = [edge.points for edge in self.edges if len(edge.points) > _PLANE]
-        return self.accuracy * float(sum(np.sum(np.linalg.norm(np.diff(p, axis=0), axis=1)) for p in curved))
-
-    @property
-    def centroid(self) -> Array:
-        """(2,) centre of area [rad]; NaN if the region is empty."""
-        return np.array([self.polygon.centroid.x, self.polygon.centroid.y]) if not self.is_empty else np.full(2, np.nan)
-
-    def supports(self) -> dict[str, Support]:
-        """Return, for everything that could bound the region, its slack [rad] and, if convex, the edges that imply it.
-
-        Slack is zero for an edge. For a convex region it is measured along the half-plane's normal; otherwise it is
-        the distance from the region to the limit or contact curve, and boundaries without a curve here are left out.
-
-        Example:
-            >>> import pinbound as pb
-            >>> region = pb.feasible_region(pb.load("minervabot_v3"))
-            >>> region.supports()["beta_1"].by
-            ('beta_4',)
-        """
-        found: dict[str, Support] = {}
-        if self.planes and not self.is_empty:
-            for plane in self.planes:
-                one = support(self.vertices, self._cell[1], plane)
-                if plane.name not in found or one.slack < found[plane.name].slack:
-                    found[plane.name] = one
-            return found
-        names = {edge.name for edge in self.edges}
-        found = {name: Support(0.0, ()) for name in names}
-        for line in self._lines:
-            slack = 0.0 if line.name in names else float(self.polygon.distance(gis.linestrings(line.points)))
-            if line.name not in found or slack < found[line.name].slack:
-                found[line.name] = Support(slack, ())
-        return found
-
-    def halfspaces(self) -> tuple[Array, Array]:
-        """Return A (k, 2) and b (k,) with `A x <= b`, rows of unit length, one an edge.
-
-        Raises:
-            UnsupportedError: If the region is not a convex polygon; see `convex_parts` and `inscribed_polygon`.
-
-        Example:
-            >>> import pinbound as pb
-            >>> region = pb.feasible_region(pb.load("minervabot_v3"))
-            >>> A, b = region.halfspaces()
-            >>> bool(np.all(A @ region.centroid < b))
-            True
-        """
-        if self.planes:
-            planes = self._cell[1]
-            lengths = np.array([np.linalg.norm(plane.normal) for plane in planes])
-            normals = np.array([plane.normal for plane in planes]).reshape(-1, _PLANE)
-            return normals / lengths[:, None], np.array([plane.bound for plane in planes]) / lengths
-        if not self.is_convex:
-            raise UnsupportedError(
-                "the region is not a convex polygon, so no A q <= b describes it; "
-                "use inscribed_polygon() for a convex part of it, or convex_parts() for all of it"
-            )
-        return convex.polygon_halfspaces(self.polygon)
-
-    def points(self, Q: ArrayLike) -> Array:
-        """Return the region's two coordinates (N, 2) of q's (N, n); rows of another slice become NaN."""
-        array = np.asarray(Q, dtype=np.float64)
-        if array.shape[-1:] == (_PLANE,) and len(self.robot_coordinates) != _PLANE:
-            return as_configurations(array, self.coordinates).reshape(-1, _PLANE).copy()
-        rows = as_configurations(array, self.robot_coordinates).reshape(-1, len(self.robot_coordinates))
-        points = rows[:, [self.robot_coordinates.index(name) for name in self.coordinates]]
-        held = [self.robot_coordinates.index(name) for name in self.fixed]
-        elsewhere = np.any(rows[:, held] != self.at[held], axis=1) | ~np.all(np.isfinite(rows), axis=1)
-        points[elsewhere] = np.nan
-        return points
-
-    def contains(self, Q: ArrayLike) -> Any:
-        """Return whether q is inside: a bool, or (N,) bools; False on the contour and for non-finite rows.
-
-        A point counts as inside only if the exact clearances say so too, so that no chord ever hides a contact; a
-        point nearer to a curved edge than `accuracy` may count as outside.
-
-        Args:
-            Q: (n,) or (N, n) configurations of the robot, or (2,) or (N, 2) points of the plane. Coordinates that
-                no boundary and no coupled limit depends on are ignored; their own limits are not looked at.
-        """
-        points = self.points(Q)
-        inside = np.zeros(len(points), dtype=bool)
-        finite = np.flatnonzero(np.all(np.isfinite(points), axis=1))
-        if self.planes:
-            inside = self._distance(points) > 0.0
-        elif not self.is_empty:
-            gis.prepare(self.polygon)
-            within = finite[gis.contains_xy(self.polygon, points[finite])]
-            inside[within] = self.plane.free(points[within])
-        return inside if np.ndim(Q) > 1 else bool(inside[0])
-
-    def signed_distance(self, Q: ArrayLike) -> Any:
-        """Return the Euclidean distance to the contour in the plane [rad]: positive inside, negative outside.
-
-        For curved edges it is that to the polyline, right to `accuracy`; a point in contact never gets a positive one.
-
-        Args:
-            Q: As in `contains`.
-
-        Returns:
-            A float, or (N,); NaN for non-finite rows and for rows of another slice; -inf if the region is empty.
-
-        Example:
-            >>> import pinbound as pb
-            >>> region = pb.feasible_region(pb.load("minervabot_v3"))
-            >>> bool(region.contains([0.0, 0.0, 0.0])), region.contains([0.0, 0.0, np.radians(60)])
-            (True, False)
-        """
-        distance = self._distance(self.points(Q))
-        return distance if np.ndim(Q) > 1 else float(distance[0])
-
-    def _distance(self, points: Array) -> Array:
-        finite = np.all(np.isfinite(points), axis=1)
-        distance = np.full(len(points), np.nan)
-        if self.is_empty:
-            distance[finite] = -np.inf
-        elif self.planes:
-            A, b = self.halfspaces()
-            depth = np.asarray(np.min(b - points[finite] @ A.T, axis=1), dtype=np.float64)
-            outside = depth < 0.0
-            far = gis.distance(gis.points(points[finite][outside]), self.polygon.exterior)
-            depth[outside] = -np.asarray(far)
-            distance[finite] = depth
-        else:
-            gis.prepare(self.polygon)
-            away = gis.distance(gis.points(points[finite]), self.polygon.boundary)
-            inside = gis.contains_xy(self.polygon, points[finite])
-            depth = np.asarray(np.where(inside, away, -away), dtype=np.float64)
-            depth[inside & ~self.plane.free(points[finite])] = 0.0
-            distance[finite] = depth
-        return distance
 
     def scale(self, factor: float) -> Region:
         """Return the region scaled about its centroid, the paper's safety margin; edges keep their names.
@@ -286,20 +76,30 @@ class Region:
         margins.check_scaled(self.polygon, factor, self.plane, self.accuracy)
         return self._moved(lambda x: centre + factor * (x - centre))
 
-    def inset(self, angle: float) -> Region:
-        """Return the points at least `angle` [rad] inside every edge; it may be empty.
+    def inset(self, angle: float, weights: Mapping[str, float] | None = None, budget: float = REGION_BUDGET) -> Region:
+        """Return the points at least `angle` [rad or m] inside every edge; it may be empty.
 
         Where edges are curved the inset is deeper by `accuracy` and its own rounding, so that "at least" holds. If it
         falls apart, the part that holds the start is returned, or the largest; `components` has all.
 
+        Args:
+            angle: How far inside.
+            weights: By coordinate, how much one radian or metre of it counts; needed where the two units differ.
+            budget: [s], after which it ends in an error.
+
         Raises:
-            DimensionError: If the angle is negative or not finite.
+            DimensionError: If the angle is negative or not finite, or radians and metres would be added.
+            UnsupportedError: If the budget runs out.
         """
         if not 0.0 <= angle < math.inf:
             raise DimensionError(f"the inset {angle} is not a finite angle of zero or more")
+        factors = inside.metric(self.plane, weights, "an inset")
         if self.planes:
-            return self._with(plane.inset(angle) for plane in self.planes)
-        parts = margins.inset_parts(self.polygon, self.edges, angle, self.accuracy, self.plane.start)
+            return self._with(plane.inset(angle, factors) for plane in self.planes)
+        scales = self.plane.scales
+        accuracy = self.accuracy * float(np.max(factors * scales)) / float(np.max(scales))
+        deadline = Deadline(budget, f"the inset by {angle:g}")
+        parts = margins.inset_parts(self.polygon, self.edges, angle, accuracy, self.plane.start, factors, deadline)
         return _of_loops(self.plane, parts, self.accuracy)
 
     def with_clearance(self, margin: float) -> Region:
@@ -340,36 +140,42 @@ class Region:
         """
         return margins.smallest_clearance(self.plane, self.polygon, gap)
 
-    def inscribed_polygon(self, rim: float = 1e-3) -> Region:
+    def inscribed_polygon(self, rim: float = 1e-3, weights: Mapping[str, float] | None = None) -> Region:
         """Return a large convex polygon inside the region; the region itself if it is a convex polygon.
 
         Args:
-            rim: [rad], how far from the contour its simplified copy may stay, in which the polygon is grown.
+            rim: [rad or m], how far from the contour its simplified copy may stay, in which the polygon is grown.
+            weights: By coordinate, how much one radian or metre of it counts; needed where the two units differ.
 
         Raises:
-            DimensionError: If the rim is not positive.
+            DimensionError: If the rim is not positive, or radians and metres would be added.
         """
         if self.is_convex:
             return self
-        return self._part(convex.inscribed_polygon(self._inner(rim)))
+        found, factors = self._inner(rim, weights)
+        return self._part(inside.weighted(convex.inscribed_polygon(found), 1.0 / factors))
 
-    def convex_parts(self, rim: float = 1e-3) -> tuple[Region, ...]:
+    def convex_parts(self, rim: float = 1e-3, weights: Mapping[str, float] | None = None) -> tuple[Region, ...]:
         """Return convex polygons that do not overlap and together are the region, less a rim.
 
         Args:
-            rim: [rad], how far from the contour the parts may stay; less rim, more parts.
+            rim: [rad or m], how far from the contour the parts may stay; less rim, more parts.
+            weights: By coordinate, how much one radian or metre of it counts; needed where the two units differ.
 
         Raises:
-            DimensionError: If the rim is not positive.
+            DimensionError: If the rim is not positive, or radians and metres would be added.
         """
         if self.is_convex:
             return (self,)
-        return tuple(self._part(part) for part in convex.convex_parts(self._inner(rim)))
+        found, factors = self._inner(rim, weights)
+        return tuple(self._part(inside.weighted(part, 1.0 / factors)) for part in convex.convex_parts(found))
 
-    def _inner(self, rim: float) -> Any:
+    def _inner(self, rim: float, weights: Mapping[str, float] | None) -> tuple[Any, Array]:
         if not 0.0 < rim < math.inf:
             raise DimensionError(f"the rim {rim} is not a finite angle above zero")
-        return convex.inner(self.polygon, rim, self.accuracy)
+        factors, scales = inside.metric(self.plane, weights, "the rim"), self.plane.scales
+        accuracy = self.accuracy * float(np.max(factors * scales)) / float(np.max(scales))
+        return convex.inner(inside.weighted(self.polygon, factors), rim, accuracy), factors
 
     def _part(self, polygon: Any) -> Region:
         A, b = convex.polygon_halfspaces(polygon)

@@ -32,6 +32,7 @@ from pinbound.region.planar_image import PlanarImage, planar_image, restrict
 from pinbound.region.region import Region
 from pinbound.robot import Robot
 from pinbound.tolerances import CHORD, QUADRATURE, REDUCTION
+from pinbound.values import Value
 
 __all__ = ["Measure", "Section", "workspace_section"]
 
@@ -61,8 +62,8 @@ class Measure:
     method: str
 
 
-@dataclass(frozen=True)
-class Turn:
+@dataclass(frozen=True, eq=False)
+class Turn(Value):
     """A coordinate that turns the whole section about one line.
 
     Attributes:
@@ -81,7 +82,7 @@ class Turn:
 
 
 @dataclass(frozen=True)
-class Section:
+class Section(Value):
     """The image of a region in the plane in which a frame moves.
 
     Attributes:

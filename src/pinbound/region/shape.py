@@ -1,0 +1,335 @@
+"""What a region is: named edges around a part of a plane, its area and units, and the points that it holds.
+
+`region` makes regions, and others of them. Which points are inside is told in `inside`. A plane of an angle and a
+prismatic joint has no distance of its own: what would add radians and metres takes `weights`, or is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+from pinbound.exceptions import UnsupportedError
+from pinbound.region import convex, inside
+from pinbound.region.arrangement import Corner, Edge, Line, Unresolved
+from pinbound.region.halfplanes import HalfPlane, Support, intersect, support
+from pinbound.region.plane import Plane
+
+if TYPE_CHECKING:
+    from pinbound.region.region import Region
+
+__all__ = ["PlanarShape"]
+
+Array = NDArray[np.float64]
+gis = cast(Any, shapely)  # its stubs know only part of what its functions take
+Loops = tuple[tuple[Edge, ...], ...]
+
+_PLANE = 2
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarShape:
+    """Where a region is: its edges, its area, what it implies, and which points it holds.
+
+    Attributes:
+        plane: The plane: robot, coordinates, limits and contacts.
+        loops: Named edges of the exterior, counter-clockwise, then of each hole, clockwise.
+        corners: Where two edges meet, in the order of the loops.
+        accuracy: [rad or m]; no point of the true contour is further than this from the edges. Zero if all is straight.
+        planes: Every half-plane that bounds it, edges and implied ones alike, if it is convex in closed form.
+        unresolved: Places on its contour, each with its two coordinates, that are too small to be resolved: there a
+            contact curve may cross itself, and it is undecided whether parts meet. The region is the reading in
+            which they do not; `joined_area` is the area if they do.
+    """
+
+    plane: Plane
+    loops: Loops
+    corners: tuple[Corner, ...]
+    accuracy: float
+    planes: tuple[HalfPlane, ...] = ()
+    _lines: tuple[Line, ...] = field(default=(), repr=False, compare=False)
+    _others: Callable[[], tuple[Region, ...]] | None = field(default=None, repr=False, compare=False)
+    unresolved: tuple[Unresolved, ...] = ()
+    _joined: float | None = field(default=None, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        """Return the plane and the edges."""
+        names = ", ".join(dict.fromkeys(edge.name for edge in self.edges)) or "empty"
+        holes = f"; {len(self.loops) - 1} holes" if len(self.loops) > 1 else ""
+        open_ = f"; {self.unresolved_text}" if self.unresolved else ""
+        area = f"area {self.area:.6g} {self.area_unit}"
+        return f"<Region ({', '.join(self.coordinates)}): {names}; {area}{holes}{open_}>"
+
+    @property
+    def unresolved_text(self) -> str:
+        """What is undecided, in one sentence for people; empty if nothing is."""
+        if not self.unresolved:
+            return ""
+        places = [
+            f"{place.name} at ({', '.join(f'{n} = {v:.9g} {u}' for n, v, u in zip(*axes, strict=True))})"
+            for place in self.unresolved
+            for axes in ((self.coordinates, place.point, self.units),)
+        ]
+        text = f"UNDECIDED whether parts meet in a point of contact: {'; '.join(places)}"
+        if self.joined_area > self.area:
+            text += f"; not joined, area {self.area:.6g} {self.area_unit}; joined, {self.joined_area:.6g}"
+        return text
+
+    @property
+    def joined_area(self) -> float:
+        """Area [`area_unit`] if all parts that meet at `unresolved` places are joined there; else `area`."""
+        return self.area if self._joined is None else max(self._joined, self.area)
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """The unit of each coordinate: ``"rad"``, or ``"m"`` of a prismatic joint."""
+        return self.plane.units
+
+    @property
+    def area_unit(self) -> str:
+        """The unit of `area`: ``"rad^2"``, ``"m^2"``, or ``"m rad"`` of an angle and a prismatic joint."""
+        first, second = sorted(self.units)
+        return f"{first}^2" if first == second else f"{first} {second}"
+
+    @property
+    def coordinates(self) -> tuple[str, str]:
+        """The two coordinates of the plane."""
+        return self.plane.coordinates
+
+    @property
+    def robot_coordinates(self) -> tuple[str, ...]:
+        """All active coordinates of the robot."""
+        return self.plane.robot.coordinates
+
+    @property
+    def at(self) -> Array:
+        """(n,) where the other coordinates are held."""
+        return self.plane.at
+
+    @property
+    def fixed(self) -> tuple[str, ...]:
+        """Other coordinates that some boundary or limit depends on: a q inside must have them as in `at`."""
+        return self.plane.fixed
+
+    @cached_property
+    def edges(self) -> tuple[Edge, ...]:
+        """All edges, those of the exterior first; the region lies to the left of each."""
+        return tuple(edge for loop in self.loops for edge in loop)
+
+    @cached_property
+    def vertices(self) -> Array:
+        """(k, 2) where each edge starts [rad or m], in the order of `edges`."""
+        starts = np.array([edge.start for edge in self.edges]).reshape(-1, _PLANE)
+        starts.flags.writeable = False
+        return starts
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is left."""
+        return not self.loops
+
+    @property
+    def is_convex(self) -> bool:
+        """Whether it is a convex polygon with straight edges."""
+        if self.planes or self.is_empty:
+            return True
+        return all(len(edge.points) == _PLANE for edge in self.edges) and convex.is_convex(self.polygon)
+
+    @cached_property
+    def _cell(self) -> tuple[Array, tuple[HalfPlane, ...]]:
+        return intersect(self.planes)
+
+    @cached_property
+    def polygon(self) -> Any:
+        """The region as a `shapely.Polygon`, holes included."""
+        rings = [np.concatenate([edge.points[:-1] for edge in loop]) for loop in self.loops]
+        return gis.Polygon(rings[0], rings[1:]) if rings else gis.Polygon()
+
+    @property
+    def area(self) -> float:
+        """Area [`area_unit`], by the boundary integral (shoelace)."""
+        return float(self.polygon.area)
+
+    @property
+    def area_error(self) -> float:
+        """[`area_unit`], a bound of what the accuracy leaves open: accuracy times the length of the curved edges.
+
+        Both are taken in units of `Plane.scales`, which is one of rad and m or less.
+        """
+        scales = self.plane.scales
+        curved = [edge.points / scales for edge in self.edges if len(edge.points) > _PLANE]
+        length = float(sum(np.sum(np.linalg.norm(np.diff(p, axis=0), axis=1)) for p in curved))
+        return self.accuracy / float(np.max(scales)) * length * float(np.prod(scales))
+
+    def perimeter(self, weights: Mapping[str, float] | None = None) -> float:
+        """Return the length of the contour, holes included [rad or m, or the unit of the weights].
+
+        Args:
+            weights: By coordinate, how much one radian or metre of it counts; needed where the two units differ.
+
+        Raises:
+            DimensionError: If radians and metres would be added.
+        """
+        return float(inside.weighted(self.polygon, inside.metric(self.plane, weights, "the perimeter")).length)
+
+    @property
+    def centroid(self) -> Array:
+        """(2,) centre of area [rad or m]; NaN if the region is empty."""
+        return np.array([self.polygon.centroid.x, self.polygon.centroid.y]) if not self.is_empty else np.full(2, np.nan)
+
+    def supports(self, weights: Mapping[str, float] | None = None) -> dict[str, Support]:
+        """Return, for everything that could bound the region, its slack and, if convex, the edges that imply it.
+
+        Slack is zero for an edge. For a convex region it is measured along the half-plane's normal; otherwise it is
+        the distance from the region to the limit or contact curve, and boundaries without a curve here are left out.
+        It is in rad or m; where it would add both, it is NaN without weights.
+
+        Args:
+            weights: By coordinate, how much one radian or metre of it counts.
+
+        Example:
+            >>> import pinbound as pb
+            >>> region = pb.feasible_region(pb.load("minervabot_v3"))
+            >>> region.supports()["beta_1"].by
+            ('beta_4',)
+        """
+        mixed = weights is None and self.units[0] != self.units[1]
+        factors = np.ones(_PLANE) if mixed else inside.metric(self.plane, weights, "the slack")
+        found: dict[str, Support] = {}
+        if self.planes and not self.is_empty:
+            for plane in self.planes:
+                one = support(self.vertices, self._cell[1], plane, factors)
+                if mixed and one.slack and np.all(plane.normal):
+                    one = Support(float("nan"), one.by)
+                if plane.name not in found or not one.slack >= found[plane.name].slack:
+                    found[plane.name] = one
+            return found
+        names = {edge.name for edge in self.edges}
+        found = {name: Support(0.0, ()) for name in names}
+        polygon = inside.weighted(self.polygon, factors)
+        for line in self._lines:
+            if line.name in names:
+                continue
+            drawn = inside.weighted(gis.linestrings(line.points), factors)
+            slack = float("nan") if mixed else float(polygon.distance(drawn))
+            if line.name not in found or slack < found[line.name].slack:
+                found[line.name] = Support(slack, ())
+        return found
+
+    def halfspaces(self) -> tuple[Array, Array]:
+        """Return A (k, 2) and b (k,) with `A x <= b`, rows of unit length, one an edge.
+
+        Raises:
+            UnsupportedError: If the region is not a convex polygon; see `convex_parts` and `inscribed_polygon`.
+
+        Example:
+            >>> import pinbound as pb
+            >>> region = pb.feasible_region(pb.load("minervabot_v3"))
+            >>> A, b = region.halfspaces()
+            >>> bool(np.all(A @ region.centroid < b))
+            True
+        """
+        if self.planes:
+            planes = self._cell[1]
+            lengths = np.array([np.linalg.norm(plane.normal) for plane in planes])
+            normals = np.array([plane.normal for plane in planes]).reshape(-1, _PLANE)
+            return normals / lengths[:, None], np.array([plane.bound for plane in planes]) / lengths
+        if not self.is_convex:
+            raise UnsupportedError(
+                "the region is not a convex polygon, so no A q <= b describes it; "
+                "use inscribed_polygon() for a convex part of it, or convex_parts() for all of it"
+            )
+        return convex.polygon_halfspaces(self.polygon)
+
+    def points(self, Q: ArrayLike, order: inside.Order | None = None) -> Array:
+        """Return the region's two coordinates (N, 2) of q's; rows of another slice, or not finite, become NaN.
+
+        Args:
+            Q: As in `contains`.
+            order: As in `contains`.
+        """
+        reading = inside.read_points(self.plane, Q, order)
+        reading.points[np.any(reading.elsewhere, axis=1) | ~reading.finite] = np.nan
+        return reading.points
+
+    def applies(self, Q: ArrayLike, order: inside.Order | None = None) -> Any:
+        """Return whether the region can tell of q: finite, and its held coordinates as in `at` where they matter.
+
+        Args:
+            Q: As in `contains`.
+            order: As in `contains`.
+
+        Returns:
+            A bool, or (N,) bools.
+        """
+        reading = inside.read_points(self.plane, Q, order)
+        found = ~np.any(reading.elsewhere, axis=1) & reading.finite
+        return found if np.ndim(Q) > 1 else bool(found[0])
+
+    def contains(self, Q: ArrayLike, order: inside.Order | None = None) -> Any:
+        """Return whether q is inside: a bool, or (N,) bools; False for rows that are not finite.
+
+        Limits belong to the region, and may be passed by `tolerances.LIMIT`; contact does not. A point counts as inside
+        only if the exact clearances say so too, so that no chord ever hides a contact; a point nearer to a curved
+        edge than `accuracy` may count as outside. The limits of all held coordinates count, mimic joints' too.
+
+        Args:
+            Q: (n,) or (N, n) configurations of the robot, or (2,) or (N, 2) points of the plane.
+            order: ``"robot"``: Q holds configurations, ``"region"``: points of the plane, in the order of
+                `coordinates`. By default the last axis tells; it cannot if the robot has two coordinates and the plane
+                has them in another order.
+
+        Raises:
+            DimensionError: If Q has another shape or could be read in two ways, or a held coordinate, on which some
+                boundary or limit depends (`fixed`), is not as in `at`: this slice does not know (`applies` tells).
+
+        Example:
+            >>> import pinbound as pb
+            >>> region = pb.feasible_region(pb.load("minervabot_v3"))
+            >>> region.contains([0.0, 0.2, 0.2]), region.contains([3.0, 0.2, 0.2])  # q1 may reach 2.356
+            (True, False)
+        """
+        reading = inside.read_points(self.plane, Q, order)
+        inside.refuse_elsewhere(self.plane, reading)
+        found = inside.held(self, reading.points) & reading.within & reading.finite
+        return found if np.ndim(Q) > 1 else bool(found[0])
+
+    def signed_distance(
+        self, Q: ArrayLike, order: inside.Order | None = None, weights: Mapping[str, float] | None = None
+    ) -> Any:
+        """Return the Euclidean distance to the contour in the plane [rad or m]: positive inside, negative outside.
+
+        For curved edges it is that to the polyline, right to `accuracy`; a point in contact never gets a positive one.
+        It is zero on the contour, of which limits belong to the region and contacts do not.
+
+        Args:
+            Q: As in `contains`.
+            order: As in `contains`.
+            weights: By coordinate, how much one radian or metre of it counts, `|(w_1 dx_1, w_2 dx_2)|`; needed where
+                the two units differ.
+
+        Returns:
+            A float, or (N,); NaN for non-finite rows and for rows of another slice; -inf if the region is empty, or a
+            held coordinate is out of limits.
+
+        Raises:
+            DimensionError: If Q has another shape or could be read in two ways, or radians and metres would be added.
+
+        Example:
+            >>> import pinbound as pb
+            >>> region = pb.feasible_region(pb.load("minervabot_v3"))
+            >>> bool(region.contains([0.0, 0.0, 0.0])), region.contains([0.0, 0.0, np.radians(60)])
+            (True, False)
+        """
+        factors = inside.metric(self.plane, weights, "the signed distance")
+        reading = inside.read_points(self.plane, Q, order)
+        reading.points[np.any(reading.elsewhere, axis=1) | ~reading.finite] = np.nan
+        distance = inside.signed_distances(self, reading.points, factors)
+        distance[~reading.within & ~np.isnan(distance)] = -np.inf
+        return distance if np.ndim(Q) > 1 else float(distance[0])

@@ -1,0 +1,49 @@
+"""What can be traced in the plane of two coordinates."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.interpreters.derivative_bounds import LeverArms
+
+__all__ = ["Smooth"]
+
+Array = NDArray[np.float64]
+
+
+class Smooth(Protocol):
+    """A smooth function of two coordinates with bounds of its derivatives, whose zeros can be traced."""
+
+    @property
+    def arms(self) -> LeverArms:
+        """Bounds over the window: of what the threshold is taken from, and its first and second derivatives."""
+        ...
+
+    @property
+    def scale(self) -> float:
+        """What rounding is relative to: the length of the path."""
+        ...
+
+    @property
+    def threshold(self) -> float:
+        """What `parts`' third value is on the curve."""
+        ...
+
+    def value(self, X: Array) -> Array:
+        """Return g (N,)."""
+        ...
+
+    def value_gradient(self, X: Array) -> tuple[Array, Array]:
+        """Return g (N,) and its gradient (N, 2)."""
+        ...
+
+    def parts(self, X: Array) -> tuple[Array, Array, Array, Array]:
+        """Return g, its gradient, what the threshold is taken from, and the sizes of the latter's slopes."""
+        ...
+
+    def curvature(self, length: Array, slopes: Array, half: Array) -> Array:
+        """Return bounds (N, 2, 2) of g's Hessian over boxes of half-sides `half` (N, 2)."""
+        ...

@@ -1,0 +1,121 @@
+"""What the report says of boundaries and edges, by the region's own edges."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import pinbound as pb
+from pinbound.cli import app
+from pinbound.report import boundary_rows, write_report
+from robots import joint, robot_xml
+
+Load = Callable[..., pb.Robot]
+
+ARM = [
+    joint("q1", "revolute", "base", "a", axis="0 0 1", limit="-2 2"),
+    joint("q2", "revolute", "a", "b", axis="0 0 1", xyz="1 0 0", limit="-2 2"),
+    joint("q3", "revolute", "base", "c", axis="1 0 0"),
+]
+MARKS = (
+    '<pinbound:point name="tip" link="b" xyz="0.5 0 0"/>'
+    '<pinbound:point name="near" link="base" xyz="0.4 1.1 0" radius="0.2"/>'  # an island
+    '<pinbound:point name="far" link="base" xyz="-1.2 0 0" radius="0.05"/>'  # behind what q2 reaches from home
+    '<pinbound:point name="out" link="base" xyz="3 0 0" radius="0.1"/>'  # never reached
+    '<pinbound:point name="high" link="c" xyz="0 0 1"/>'  # does not move with the plane
+    '<pinbound:point name="low" link="base" xyz="0 0 -1"/>'
+)
+
+
+def pair(a: str, b: str) -> str:
+    return f'<pinbound:boundary name="{a}_{b}" a="{a}" b="{b}"/>'
+
+
+def arm(load_text: Load) -> pb.Robot:
+    pairs = [("tip", "near"), ("tip", "far"), ("tip", "out"), ("high", "low")]
+    return load_text(robot_xml(ARM, {}, [], MARKS + "".join(pair(*names) for names in pairs)))
+
+
+def test_only_edges_are_called_edges(load_text: Load) -> None:
+    robot = arm(load_text)
+    region = pb.feasible_region(robot, ("q1", "q2"))
+    edges = {edge.source for edge in region.edges if edge.is_contact}
+    rows = {row.boundary.name: row for row in boundary_rows(robot, region)}
+    assert {name for name, row in rows.items() if row.status == "active"} == edges == {"tip_near"}
+    assert rows["tip_near"].where == "an edge"
+    assert rows["tip_out"].where == "no contact here"
+    assert rows["high_low"].status == "constant"
+    assert rows["tip_far"].status in ("not an edge", "no contact here")
+    assert all("edge" not in row.where for row in boundary_rows(robot, None))
+
+
+def test_a_contact_curve_elsewhere_is_not_an_edge_and_has_its_distance(load_text: Load) -> None:
+    """A wall of q1 alone keeps the region away from the island behind it."""
+    marks = '<pinbound:point name="tip" link="b" xyz="0.5 0 0"/><pinbound:point name="knee" link="a" xyz="1 0 0"/>'
+    marks += '<pinbound:point name="stop" link="base" xyz="0 1 0" radius="0.3"/>'
+    marks += '<pinbound:point name="post" link="base" xyz="-0.59 1.29 0" radius="0.1"/>'
+    robot = load_text(robot_xml(ARM[:2], {}, [], marks + pair("knee", "stop") + pair("tip", "post")))
+    region = pb.feasible_region(robot)
+    rows = {row.boundary.name: row for row in boundary_rows(robot, region)}
+    assert {edge.source for edge in region.edges if edge.is_contact} == {"knee_stop"}
+    assert rows["knee_stop"].where == "an edge"
+    assert rows["tip_post"].status == "not an edge"
+    assert rows["tip_post"].by == ()
+    assert rows["tip_post"].slack > 0.0
+    assert rows["tip_post"].where.endswith("° away")
+
+
+def test_the_page_counts_edges(load_text: Load, tmp_path: Path) -> None:
+    robot = arm(load_text)
+    by_hand = robot.boundaries.names
+    page, rows = write_report(robot, tmp_path / "out")  # q1, q2 and q3: no plane of its own
+    assert len(rows) == len(by_hand)
+    assert "<b>0 of 4</b>" in page.read_text(encoding="utf-8")
+
+
+def saddle(folder: Path) -> Path:
+    """The outstretched tip is exactly on the post's rim at q = 0."""
+    marks = '<pinbound:home q1="1.5" q2="0.3"/><pinbound:point name="tip" link="b" xyz="0.5 0 0"/>'
+    marks += '<pinbound:point name="post" link="base" xyz="0.75 0 0" radius="0.75"/>' + pair("tip", "post")
+    path = folder / "saddle.urdf"
+    path.write_text(robot_xml(ARM[:2], {}, [], marks))
+    return path
+
+
+def test_what_is_undecided_is_printed_everywhere(tmp_path: Path) -> None:
+    path = saddle(tmp_path)
+    region = pb.feasible_region(pb.load(path))
+    assert region.joined_area > 1.5 * region.area
+    said = CliRunner().invoke(app, ["region", str(path)])
+    assert said.exit_code == 0
+    assert "UNDECIDED" in said.stdout
+    assert f"joined, {region.joined_area:.6g}" in said.stdout
+    record = json.loads(CliRunner().invoke(app, ["region", str(path), "--json"]).stdout)
+    assert record["joined_area"] == pytest.approx(region.joined_area)
+    assert record["units"] == ["rad", "rad"]
+    (place,) = record["unresolved"]
+    assert place["name"] == "tip_post"
+    assert place["joins"] is True
+    assert place["point"] == pytest.approx([0.0, 0.0], abs=1e-6)
+    page, _ = write_report(pb.load(path), tmp_path / "out")
+    text = page.read_text(encoding="utf-8")
+    assert "UNDECIDED" in text
+    assert "<b>1 of 1</b>" in text
+
+
+def test_the_window_of_the_command_line(tmp_path: Path) -> None:
+    path = tmp_path / "free.urdf"
+    path.write_text(robot_xml([joint("q1", "continuous", "base", "a"), joint("s", "prismatic", "a", "b")], {}, []))
+    refused = CliRunner().invoke(app, ["region", str(path)])
+    assert refused.exit_code == 2
+    assert "--window q1=LOWER..UPPER" in refused.stderr
+    for deg, window, width in ((), "q1=-1..1", 2.0), (("--deg",), "q1=-90..90,s=0..0.5", 3.14159265358979):
+        said = CliRunner().invoke(app, ["region", str(path), "--window", window, "--json", *deg])
+        ends = [vertex[0] for vertex in json.loads(said.stdout)["vertices"]]
+        assert max(ends) - min(ends) == pytest.approx(width)
+    for wrong in ("q1=1..-1", "q9=0..1", "q1=0", "q1=a..b", "q1"):
+        said = CliRunner().invoke(app, ["region", str(path), "--window", wrong])
+        assert said.exit_code == 2
+        assert "NAME=LOWER..UPPER" in said.stderr
