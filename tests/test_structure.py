@@ -11,7 +11,7 @@ import pinbound
 
 PACKAGE = Path(pinbound.__file__).parent
 FLOORS = [
-    ("exceptions", "tolerances", "values"),
+    ("exceptions", "tolerances", "units", "values"),
     ("tables",),
     ("xml_text", "xacro_child"),
     ("expansion",),

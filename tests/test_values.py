@@ -63,7 +63,7 @@ def answers(robot: pb.Robot) -> dict[str, Any]:
         "smallest": robot.boundaries.smallest(q),
         "coverage": robot.coverage,
         "region": region,
-        "margins": region.smallest_clearance(),
+        "margins": region.clearance(),
         "membership": pb.region_membership(robot, region, q),
         "certificate": pb.certify(robot, [q, other]),
         "box": pb.certified_box(robot, q),

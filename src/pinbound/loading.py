@@ -197,7 +197,7 @@ def _home(
             if not limit.holds(home[None])[0]:
                 value, ends = float(limit.values(home[None])[0]), f"[{limit.lower:.6g}, {limit.upper:.6g}]"
                 message = f"home is outside the limits of {limit.joint!r}: {value:.6g} is not in {ends}"
-                remedy = "Choose a home inside all limits"
+                remedy = "Choose a home inside all limits; angles are in radians"
                 if not marks.home:
                     message = f"no configuration keeps all joint limits: at zero {limit.joint!r} is {value:.6g}"
                     message += f", which is not in {ends}"

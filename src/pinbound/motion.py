@@ -53,8 +53,9 @@ class MotionHistory(Value):
         Q: (N, n) [rad or m].
         clearances: (N, m) signed clearances [m], as certificates use them.
         mu: (N, n) membership of Eq. (21) [rad or m]; None without a region.
-        signed_distance: (N,) to the region's contour [rad], positive inside; None without a region.
+        signed_distance: (N,) to the region's contour [unit], positive inside; None without a region.
         places: (N,) of `Place`; None without a region.
+        unit: Of the signed distance, as `Membership.unit` says it.
     """
 
     coordinates: tuple[str, ...]
@@ -66,6 +67,7 @@ class MotionHistory(Value):
     mu: Array | None = None
     signed_distance: Array | None = None
     places: NDArray[np.int64] | None = None
+    unit: str = "rad"
 
 
 def history(
@@ -123,6 +125,7 @@ def history(
         found.mu,
         found.signed_distance,
         classify(found.signed_distance),
+        found.unit,
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from pinbound import units
 from pinbound.certificates import Certificate, Verdict
 from pinbound.motion import MotionHistory, tightest
 from pinbound.plots import without_math
@@ -70,10 +71,11 @@ def draw_paths(region: Region, paths: Mapping[str, MotionHistory], margin: Regio
 
     figure = cast(Any, Figure(figsize=(7.6, 6.4), layout="constrained"))
     axes = figure.add_subplot()
-    vertices, centre = np.degrees(region.vertices), np.degrees(region.centroid)
+    scale = units.factors(region.units)
+    vertices, centre = scale * region.vertices, scale * region.centroid
     axes.fill(*vertices.T, color="#DCEBF5", zorder=1)
     for edge in region.edges:
-        ends = np.degrees(np.array([edge.start, edge.end]))
+        ends = scale * np.array([edge.start, edge.end])
         axes.plot(*ends.T, color="#333333", linewidth=1.6, zorder=2)
         middle = ends.mean(axis=0)
         direction = np.array([ends[1, 1] - ends[0, 1], ends[0, 0] - ends[1, 0]])
@@ -81,17 +83,19 @@ def draw_paths(region: Region, paths: Mapping[str, MotionHistory], margin: Regio
         side = "left" if place[0] > centre[0] else "right"
         axes.text(*place, edge.name, ha=side, va="center", fontsize=9, color="#333333")
     if margin is not None:
-        outline = np.degrees(np.vstack([margin.vertices, margin.vertices[:1]]))
+        outline = scale * np.vstack([margin.vertices, margin.vertices[:1]])
         axes.plot(*outline.T, color="#333333", linewidth=0.9, linestyle=(0, (4, 3)), label="margin", zorder=2)
     columns = [region.robot_coordinates.index(name) for name in region.coordinates]
     for row, (label, seen) in enumerate(paths.items()):
-        points = np.degrees(seen.Q[:, columns])
+        points = scale * seen.Q[:, columns]
         axes.plot(*points.T, color=_PALETTE[row], linewidth=1.8, linestyle=_STYLES[row], label=label, zorder=3)
         outside = np.asarray(seen.places) == Place.OUTSIDE
         if np.any(outside):
             style = {"s": 16, "marker": "x", "color": _CONTACT, "linewidth": 0.9, "zorder": 4}
             axes.scatter(*points[outside].T, label=f"{label}: outside", **style)
-    axes.set(xlabel=f"{region.coordinates[0]} [deg]", ylabel=f"{region.coordinates[1]} [deg]", aspect="equal")
+    a, b = units.names(region.units)
+    axes.set(xlabel=f"{region.coordinates[0]} [{a}]", ylabel=f"{region.coordinates[1]} [{b}]")
+    axes.set_aspect("equal" if a == b else "auto")
     axes.set_title("Motions in the plane of the feasible region", loc="left", fontsize=10)
     axes.margins(x=0.2, y=0.1)
     axes.set_axisbelow(True)
@@ -135,10 +139,13 @@ def _membership(axes: Any, seen: MotionHistory) -> None:
         values = np.degrees(cast(Any, seen.mu)[:, place])
         style = {"color": _PALETTE[place % _MOST], "linestyle": _STYLES[place % _MOST], "linewidth": 1.3}
         axes.plot(seen.times, values, label=f"\N{GREEK SMALL LETTER MU} of {name}", **style)
-    distance = np.degrees(cast(Any, seen.signed_distance))
+    factor, unit = (
+        (units.factors([seen.unit])[0], units.names([seen.unit])[0]) if seen.unit in ("rad", "m") else (1.0, "1")
+    )
+    distance = factor * cast(Any, seen.signed_distance)
     axes.plot(seen.times, distance, color="black", linewidth=2.0, label="signed distance\nto the region")
     axes.fill_between(seen.times, distance, 0.0, where=distance < 0.0, color="#F6E3E3")
-    axes.set_ylabel("inside by [deg]")
+    axes.set_ylabel(f"inside by [{unit}]" if unit == "deg" else f"signed distance [{unit}], mu [deg]")
 
 
 def _marks(axes: Any, certificate: Certificate) -> None:

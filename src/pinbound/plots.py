@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from pinbound import units
 from pinbound.annotations import FlatMark, Mark, Plane
 from pinbound.boundary import Boundary
 from pinbound.region import Edge, Region
@@ -85,28 +86,30 @@ def draw_region(region: Region, home: Array, contacts: Sequence[tuple[str, Array
     """Draw a region with every edge in its colour and with its name, and implied contact lines in grey.
 
     Args:
-        region: The region; its two coordinates are angles [rad], drawn in degrees.
-        home: (2,) the start point [rad].
-        contacts: Lines `c @ x = value` [rad] that are no edges: name, c (2,), value.
+        region: The region; angles are drawn in degrees, lengths in millimetres.
+        home: (2,) the start point [rad or m].
+        contacts: Lines `c @ x = value` that are no edges: name, c (2,), value, in rad and m.
     """
     figure, axes = _figure(8.2, 7.2)
-    _fill(axes, [[np.degrees(edge.points) for edge in loop] for loop in region.loops])
-    low, high = _frame(np.degrees(np.concatenate([edge.points for edge in region.edges])), contacts)
-    for name, normal, value in contacts:
-        _draw_line(axes, name, normal, float(np.degrees(value)), low, high)
-    colours = _colours(region.edges)
+    scale = units.factors(region.units)
+    _fill(axes, [[scale * edge.points for edge in loop] for loop in region.loops])
+    lines = [(name, normal / scale, value) for name, normal, value in contacts]
+    low, high = _frame(scale * np.concatenate([edge.points for edge in region.edges]), lines)
+    for name, normal, value in lines:
+        _draw_line(axes, name, normal, value, low, high)
+    colours, alike = _colours(region.edges), region.units[0] == region.units[1]
     for edge in region.edges:
-        _draw_edge(axes, edge.name, np.degrees(edge.points), np.degrees(region.centroid), colours[edge.name])
-    corners = np.degrees([corner.point for corner in region.corners]).reshape(-1, 2)
+        _draw_edge(axes, edge.name, scale * edge.points, scale * region.centroid, colours[edge.name], turned=alike)
+    corners = scale * np.array([corner.point for corner in region.corners]).reshape(-1, 2)
     axes.plot(*corners.T, "o", color="#333333", markersize=4, zorder=4)
-    shown = axes.plot(*np.degrees(home), "s", color="#333333", markersize=7, label="home", zorder=5)
-    shown += axes.plot(*np.degrees(region.centroid), "+", color="#333333", markersize=11, label="centroid", zorder=5)
+    shown = axes.plot(*(scale * home), "s", color="#333333", markersize=7, label="home", zorder=5)
+    shown += axes.plot(*(scale * region.centroid), "+", color="#333333", markersize=11, label="centroid", zorder=5)
     if contacts:
         shown += axes.plot([], [], color=_GREY, linestyle=(0, (4, 3)), label="contact, implied by an edge")
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-    axes.set_xlabel(f"{region.coordinates[0]} [deg]")
-    axes.set_ylabel(f"{region.coordinates[1]} [deg]")
-    axes.set_title(f"Feasible region of ({', '.join(region.coordinates)}): {region.area:.4f} rad²", loc="left")
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    _label_plane(axes, region)
+    area = f"{region.area:.4g} {units.area_name(region.area_unit)}"
+    axes.set_title(f"Feasible region of ({', '.join(region.coordinates)}): {area}", loc="left")
     axes.legend(handles=shown, loc="upper left", framealpha=1)
     return without_math(figure)
 
@@ -121,12 +124,25 @@ def _fill(axes: Any, loops: Sequence[Sequence[Array]]) -> None:
     axes.add_patch(PathPatch(outline, facecolor=_FILL, edgecolor="none", zorder=1))
 
 
-def _draw_edge(axes: Any, name: str, points: Array, inside: Array, colour: str, linewidth: float = 3.0) -> None:
-    """Draw an edge (k, 2), and its name along its middle, on the side on which the point `inside` lies."""
+def _label_plane(axes: Any, region: Region) -> None:
+    """Name the axes with their units; they are scaled alike only if they have the same."""
+    a, b = units.names(region.units)
+    axes.set_xlabel(f"{region.coordinates[0]} [{a}]")
+    axes.set_ylabel(f"{region.coordinates[1]} [{b}]")
+    axes.set_aspect("equal" if a == b else "auto")
+
+
+def _draw_edge(
+    axes: Any, name: str, points: Array, inside: Array, colour: str, linewidth: float = 3.0, turned: bool = True
+) -> None:
+    """Draw an edge (k, 2), and its name at its middle, on the side on which the point `inside` lies.
+
+    The name runs along the edge if `turned`: where both axes are scaled alike.
+    """
     axes.plot(*points.T, color=colour, linewidth=linewidth, solid_capstyle="butt", zorder=3)
     start, end = _resample(points, np.array([0.48, 0.52]))
     if np.any(start != end):  # an edge may be mapped to one place
-        _name_edge(axes, name, start, end, inside, colour)
+        _name_edge(axes, name, start, end, inside, colour, turned)
 
 
 def _resample(points: Array, share: Array) -> Array:
@@ -138,54 +154,54 @@ def _resample(points: Array, share: Array) -> Array:
 
 
 def draw_verdicts(region: Region, home: Array, groups: Mapping[str, Array]) -> Any:
-    """Draw what another engine said of a region: each group of points (k, 2) [rad] with its own colour and marker.
+    """Draw what another engine said of a region: each group of points (k, 2) [rad or m] with its own colour and marker.
 
     Args:
-        region: The region; its two coordinates are angles [rad], drawn in degrees.
-        home: (2,) the start point [rad].
+        region: The region; angles are drawn in degrees, lengths in millimetres.
+        home: (2,) the start point [rad or m].
         groups: Points by what they are; the legend counts them, empty groups too.
     """
     figure, axes = _figure(8.2, 7.6)
-    _fill(axes, [[np.degrees(edge.points) for edge in loop] for loop in region.loops])
+    scale, alike = units.factors(region.units), region.units[0] == region.units[1]
+    _fill(axes, [[scale * edge.points for edge in loop] for loop in region.loops])
     markers = ("o", "X", "s", "^", "v")
-    shown = [np.degrees(np.concatenate([edge.points for edge in region.edges]))]
+    shown = [scale * np.concatenate([edge.points for edge in region.edges])]
     for index, (name, points) in enumerate(groups.items()):
         style = {"color": PALETTE[index % len(PALETTE)], "zorder": 3 + index, "label": f"{name} ({len(points)})"}
         size = 2.5 if index == 0 else 4.5
-        points_deg = np.degrees(points).reshape(-1, 2)
-        axes.plot(*points_deg.T, markers[index % len(markers)], markersize=size, markeredgewidth=0, **style)
-        shown.append(points_deg)
+        drawn = scale * np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        axes.plot(*drawn.T, markers[index % len(markers)], markersize=size, markeredgewidth=0, **style)
+        shown.append(drawn)
     for edge in region.edges:
-        points_deg, centre = np.degrees(edge.points), np.degrees(region.centroid)
-        _draw_edge(axes, edge.name, points_deg, centre, "#333333", linewidth=1.2)
-    axes.plot(*np.degrees(home), "P", color="#333333", markersize=8, label="home", zorder=9)
+        _draw_edge(axes, edge.name, scale * edge.points, scale * region.centroid, "#333333", 1.2, alike)
+    axes.plot(*(scale * home), "P", color="#333333", markersize=8, label="home", zorder=9)
     everything = np.concatenate(shown)
-    pad = 0.06 * float(np.max(np.ptp(everything, axis=0)))
+    spread = np.ptp(everything, axis=0)
+    pad = 0.06 * (float(np.max(spread)) if alike else spread)
     low, high = everything.min(axis=0) - pad, everything.max(axis=0) + pad
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-    axes.set_xlabel(f"{region.coordinates[0]} [deg]")
-    axes.set_ylabel(f"{region.coordinates[1]} [deg]")
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    _label_plane(axes, region)
     axes.set_title(f"Region of ({', '.join(region.coordinates)}) against coal's flood fill from home", loc="left")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, frameon=False)
     return without_math(figure)
 
 
 def _frame(vertices: Array, contacts: Sequence[tuple[str, Array, float]]) -> tuple[Array, Array]:
-    """Return the lower and upper corner [deg] of a frame that also shows the implied lines nearby."""
+    """Return the lower and upper corner of a frame that also shows the implied lines nearby."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    span = float(np.max(high - low))
+    span = np.maximum(high - low, 1e-3 * float(np.max(high - low)))
     points = [*vertices]
     for _, normal, value in contacts:
         length = float(np.linalg.norm(normal))
         nearest = vertices[np.argmax(vertices @ normal)]
-        gap = (float(np.degrees(value)) - float(nearest @ normal)) / length
-        if gap < 0.3 * span:
+        gap = (value - float(nearest @ normal)) / length
+        if np.all(np.abs(gap * normal / length) < 0.3 * span):
             points.append(nearest + gap * normal / length)
     pad = 0.1 * span
     return np.min(points, axis=0) - pad, np.max(points, axis=0) + pad
 
 
-def _name_edge(axes: Any, name: str, start: Array, end: Array, inside: Array, colour: str) -> None:
+def _name_edge(axes: Any, name: str, start: Array, end: Array, inside: Array, colour: str, turned: bool = True) -> None:
     """Write an edge's name along it, on the side on which the point `inside` lies."""
     along = end - start
     normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
@@ -197,7 +213,7 @@ def _name_edge(axes: Any, name: str, start: Array, end: Array, inside: Array, co
         (start + end) / 2,
         xytext=11 * inwards,
         textcoords="offset points",
-        rotation=upright,
+        rotation=upright if turned else 0.0,
         rotation_mode="anchor",
         ha="center",
         va="center",

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pinbound import plots
+from pinbound import plots, units
 from pinbound.boundary import Boundary
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.region import Region, feasible_region
@@ -140,15 +140,14 @@ def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Pat
         residuals=dict(
             zip((c.name for c in robot.closures), robot.closure_residuals(samples).max(axis=0), strict=True)
         ),
-        degrees=_degrees,
+        amount=units.amount,
+        units=units.names(region.units) if region else (),
+        area_unit=units.area_name(region.area_unit) if region else "",
+        shown=lambda point: units.shown(point, region.units).tolist() if region else [],
     )
     target = out / "index.html"
     target.write_text(page, encoding="utf-8")
     return target, rows
-
-
-def _degrees(angle: float, digits: int = 9) -> str:
-    return f"{np.degrees(angle):.{digits}f}"
 
 
 def _region(robot: Robot) -> tuple[Region | None, str]:

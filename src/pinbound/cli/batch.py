@@ -39,6 +39,7 @@ from pinbound.cli.shared import (
     XacroArgs,
     console,
     emit_json,
+    hint_degrees,
     load_robot,
     millimetres,
     print_table,
@@ -50,6 +51,7 @@ __all__ = ["batch"]
 
 QUANTILES = (0.01, 0.1, 0.5, 0.9)
 _DIGITS = 15
+_LOOK = 1000  # rows of a file that are looked at for degrees
 
 
 def batch(
@@ -144,7 +146,10 @@ def _source(
     if len(given) != 1:
         raise _bad("batch", f"{len(given)} sources of configurations", "Give one of --in, --grid, --random, --sobol")
     if file is not None:
-        return open_source(file, robot.coordinates, [deg and robot.turns(name) for name in robot.coordinates])
+        source = open_source(file, robot.coordinates, [deg and robot.turns(name) for name in robot.coordinates])
+        if not deg and source.rows:
+            hint_degrees(robot, source.read(0, min(source.rows, _LOOK)), "--in")
+        return source
     if grid is not None:
         axes = [(float(value), float(value), 1) for value in robot.home]
         for index, words in _parts(robot, "--grid", grid, 3, "NAME=FROM:TO:COUNT"):

@@ -33,6 +33,7 @@ from pinbound.interpreters import symbolic
 from pinbound.region import Region, feasible_region
 from pinbound.robot import Robot
 from pinbound.tolerances import REGION_BUDGET
+from pinbound.units import amount, factors, names, shown
 
 __all__ = ["derive", "info", "limits", "region"]
 
@@ -341,20 +342,31 @@ def region(
         require_coverage(loaded.coverage, require_coverage_)
         return
     x, y = found.coordinates
-    rows = [(edge.name, *(degrees(float(value), 9) for value in (*edge.start, *edge.end))) for edge in found.edges]
-    columns = ("edge", f"{x} from [deg]", f"{y} from [deg]", f"{x} to [deg]", f"{y} to [deg]")
-    centre = ", ".join(degrees(float(value), 9) for value in found.centroid)
-    note = f"area {found.area:.10f} {found.area_unit}, centroid ({centre}) deg"
+    a, b = names(found.units)
+    rows = [
+        (edge.name, *(f"{value:.9f}" for end in (edge.start, edge.end) for value in shown(end, found.units).tolist()))
+        for edge in found.edges
+    ]
+    columns = ("edge", f"{x} from [{a}]", f"{y} from [{b}]", f"{x} to [{a}]", f"{y} to [{b}]")
+    numbers = [f"{value:.9f}" for value in shown(found.centroid, found.units).tolist()]
+    centre = f"({', '.join(numbers)}) {a}" if a == b else f"({numbers[0]} {a}, {numbers[1]} {b})"
+    note = f"area {found.area:.10f} {found.area_unit}, centroid {centre}"
     if len(found.loops) > 1:
         note += f"; {len(found.loops) - 1} holes"
     if found.accuracy:
-        note += f"; curved edges to {degrees(found.accuracy)} deg, area to {found.area_error:.1e} {found.area_unit}"
+        to = " and ".join(dict.fromkeys(amount(found.accuracy, unit) for unit in found.units))
+        note += f"; curved edges to {to}, area to {found.area_error:.1e} {found.area_unit}"
     print_table(f"Feasible region of ({x}, {y}) around home", columns, rows, note)
     if found.unresolved:
         console().print(f"{found.unresolved_text}.", markup=False, soft_wrap=True)
-    implied = [(name, ", ".join(s.by), degrees(s.slack)) for name, s in found.supports().items() if s.by]
+    alike = a == b  # a distance in a plane of angles and lengths has no unit
+    implied = [
+        (name, ", ".join(s.by), f"{factors(found.units)[0] * s.slack:.6f}" if alike else "-")
+        for name, s in found.supports().items()
+        if s.by
+    ]
     if implied:
-        print_table("Implied", ("boundary or limit", "implied by", "slack [deg]"), implied)
+        print_table("Implied", ("boundary or limit", "implied by", f"slack [{a}]" if alike else "slack"), implied)
     if not len(loaded.boundaries):
         console().print("no boundary: the region is what the joint limits alone allow", markup=False)
     say_coverage(loaded.coverage.record)

@@ -32,6 +32,7 @@ __all__ = [
     "degrees",
     "emit_json",
     "guarded",
+    "hint_degrees",
     "load_robot",
     "millimetres",
     "parse_configuration",
@@ -137,7 +138,18 @@ def parse_configuration(robot: Robot, text: str | None, deg: bool = False) -> np
             remedy = f"Write NAME=NUMBER, NAME one of: {', '.join(robot.coordinates)}"
             raise _bad("--at", f"{part.strip()!r} is no coordinate with a finite number", remedy)
         q[robot.coordinates.index(name)] = math.radians(value) if deg and robot.turns(name) else value
+    if not deg:
+        hint_degrees(robot, q[None], "--at")
     return q
+
+
+def hint_degrees(robot: Robot, Q: np.ndarray[Any, Any], option: str) -> None:
+    """Say on stderr if numbers that are read as radians look like degrees."""
+    from pinbound.certificates.degrees import look_like_degrees
+
+    if look_like_degrees(robot, Q[np.all(np.isfinite(Q), axis=1)]):
+        message = f"note: {option}: these numbers look like degrees, and are read as radians; add --deg if they are"
+        typer.echo(message, err=True)
 
 
 def parse_window(robot: Robot, text: str | None, deg: bool = False) -> dict[str, tuple[float, float]]:

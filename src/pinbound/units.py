@@ -1,0 +1,63 @@
+"""Units for people: degrees for angles and millimetres for lengths; API, files and JSON hold radians and metres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["amount", "area_name", "factors", "names", "shown"]
+
+Array = NDArray[np.float64]
+
+_SHOWN = {"rad": (180.0 / math.pi, "deg"), "m": (1e3, "mm")}
+
+
+def names(units: Sequence[str]) -> tuple[str, ...]:
+    """Return what people read instead of ``"rad"`` and ``"m"``.
+
+    Example:
+        >>> names(("m", "rad"))
+        ('mm', 'deg')
+    """
+    return tuple(_SHOWN[unit][1] for unit in units)
+
+
+def factors(units: Sequence[str]) -> Array:
+    """Return by what values in these units are multiplied for people (k,).
+
+    Example:
+        >>> (factors(("m", "rad")) * [0.5, np.pi]).tolist()
+        [500.0, 180.0]
+    """
+    return np.array([_SHOWN[unit][0] for unit in units])
+
+
+def shown(values: NDArray[np.float64] | Sequence[float], units: Sequence[str]) -> Array:
+    """Return values (..., k), a column a unit, as people read them."""
+    return np.asarray(values, dtype=np.float64) * factors(units)
+
+
+def amount(value: float, unit: str, digits: int = 6) -> str:
+    """Return one value with its unit, for people.
+
+    Example:
+        >>> amount(0.5, "m", 3), amount(np.pi / 6, "rad", 3), amount(np.inf, "rad")
+        ('500.000 mm', '30.000 deg', 'none')
+    """
+    if not math.isfinite(value):
+        return "none"
+    factor, name = _SHOWN[unit]
+    return f"{factor * value:.{digits}f} {name}"
+
+
+def area_name(unit: str) -> str:
+    """Return a region's unit of area as a formula says it.
+
+    Example:
+        >>> area_name("rad^2"), area_name("m rad")
+        ('rad²', 'm rad')
+    """
+    return unit.replace("^2", "\N{SUPERSCRIPT TWO}")
