@@ -58,6 +58,9 @@ SHARED = {
 KNOWN = {
     ("minimum_norm", "kernel"),  # where there is no closed form, and what a swept path's bounds are made of
     ("univariate", "isolation"),
+    ("outwards", "univariate"),  # the nearest contacts: closed forms where there are any, else isolated ones
+    ("outwards", "isolation"),
+    ("outwards", "swept_isolation"),
     ("univariate", "swept_isolation"),
     ("univariate", "swept_sliding"),
     ("swept_isolation", "isolation"),

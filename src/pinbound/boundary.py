@@ -15,7 +15,7 @@ from pinbound.annotations import Mark
 from pinbound.contact import ContactRule
 from pinbound.coupling import as_configurations, linear_text
 from pinbound.exceptions import DimensionError, UnknownNameError
-from pinbound.interpreters import separation, univariate
+from pinbound.interpreters import outwards, separation, univariate
 from pinbound.path import Kind, RelativePath
 from pinbound.tolerances import ROOT
 from pinbound.values import Value
@@ -309,26 +309,26 @@ class Boundary(Value):
         if not self.signed_clearance(q) > 0.0:
             return None
         index, (low, high) = self.robot_coordinates.index(coordinate), within
-        if self.is_stop or univariate.is_closed(self.path, index):
+        if self.is_stop or outwards.is_closed(self.path, index):
             span = _around(self.rule.arcs(index, coordinate, q[None])[0], float(q[index]))
         elif not low < high:
             return -math.inf, math.inf
         else:
             value = float(q[index])
-            span = univariate.around(self.path, index, coordinate, q, self.rule.distance, 0.0, within) or (value, value)
+            span = outwards.around(self.path, index, coordinate, q, self.rule.distance, 0.0, within) or (value, value)
         return -math.inf if span[0] <= low else span[0], math.inf if span[1] >= high else span[1]
 
     def spans(self, coordinate: str, Q: Array, within: tuple[float, float]) -> Array:
         """Return what `span` says for each of many q (N, n): (N, 2), NaN where q itself is in contact."""
         index, (low, high) = self.robot_coordinates.index(coordinate), within
         value = Q[:, index]
-        if self.is_stop or univariate.is_closed(self.path, index):
+        if self.is_stop or outwards.is_closed(self.path, index):
             arcs = self.rule.arcs(index, coordinate, Q)
             found = arcs.around(value)
             for row in np.flatnonzero(np.isnan(found[:, 0])):
                 found[row] = _around(arcs[int(row)], float(value[row]))
         elif low < high:
-            found = univariate.arounds(self.path, index, coordinate, Q, self.rule.distance, 0.0, within)
+            found = outwards.arounds(self.path, index, coordinate, Q, self.rule.distance, 0.0, within)
             found = np.where(np.isnan(found), value[:, None], found)
         else:
             found = np.tile([-math.inf, math.inf], (len(Q), 1))

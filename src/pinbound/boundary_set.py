@@ -41,10 +41,6 @@ class Smallest:
     index: Any
 
 
-def _no_common() -> None:
-    """Return that the marks have no common frame."""
-
-
 class BoundarySet(Sequence[Boundary]):
     """The boundaries of a robot, in order, evaluated together.
 
@@ -63,7 +59,7 @@ class BoundarySet(Sequence[Boundary]):
         coordinates: Sequence[str],
         limits: Sequence[LinearLimit] = (),
         home: ArrayLike | None = None,
-        common: Callable[[], Mapping[str, CommonMark] | None] = _no_common,
+        common: Callable[[], Mapping[str, CommonMark] | None] = lambda: None,
     ) -> None:
         """Hold boundaries of one robot, with its joint limits and home for `limits`.
 

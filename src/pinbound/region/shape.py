@@ -20,6 +20,7 @@ from pinbound.region import convex, inside
 from pinbound.region.arrangement import Corner, Edge, Line, Unresolved
 from pinbound.region.halfplanes import HalfPlane, Support, intersect, support
 from pinbound.region.plane import Plane
+from pinbound.values import read_only
 
 if TYPE_CHECKING:
     from pinbound.region.region import Region
@@ -181,7 +182,9 @@ class PlanarShape:
     @property
     def centroid(self) -> Array:
         """(2,) centre of area [rad or m]; NaN if the region is empty."""
-        return np.array([self.polygon.centroid.x, self.polygon.centroid.y]) if not self.is_empty else np.full(2, np.nan)
+        if self.is_empty:
+            return read_only(np.full(2, np.nan))
+        return read_only(np.array([self.polygon.centroid.x, self.polygon.centroid.y]))
 
     def supports(self, weights: Mapping[str, float] | None = None) -> dict[str, Support]:
         """Return, for everything that could bound the region, its slack and, if convex, the edges that imply it.
