@@ -19,6 +19,7 @@ from pinbound.interpreters import separation
 from pinbound.interpreters.closest import nearest
 from pinbound.path import relative_path
 from robots import joint
+from test_loop_errors import crank_loop
 
 SIZES = {"sphere": (0.1,), "box": (0.3, 0.1, 0.05), "cylinder": (0.05, 0.4), "capsule": (0.05, 0.3)}
 HEAD = '<robot name="r" xmlns:pinbound="urn:pinbound:1">'
@@ -407,3 +408,12 @@ def test_a_proposal_states_what_overlaps_by_design_and_leaves_open_what_it_does_
     assert pairs["a", "c"].basis is Basis.PROOF
     for other in ("base", "a", "b"):
         assert pairs[other, "d"].is_open
+
+
+@pytest.mark.parametrize("off", [0.0, 8e-5])
+def test_behind_a_loop_whose_sides_differ_nothing_is_proven_to_stay_apart(load_text: LoadText, off: float) -> None:
+    text = crank_loop(off, tolerance=1e-4).urdf()
+    for link in ("base", "coupler"):
+        text = text.replace(f'<link name="{link}"/>', f'<link name="{link}">{body_of("sphere", "0.055")}</link>')
+    (pair,) = load_text(text).coverage.pairs  # the coupler's pivot stays 120 mm from the base's, if the loop is exact
+    assert pair.basis is (None if off else Basis.PROOF)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pinbound.annotations import KINDS, Annotations, BoundaryMark, LeftOutMark, Mark, RawItem, read_inline
 from pinbound.bodies import SHAPES, Body, LinkBodies, read_bodies
 from pinbound.candidates import can_be_home, configuration_text, draw, home_entries, within_limits
+from pinbound.closures import place_error
 from pinbound.contact import contact_distance
 from pinbound.coverage.reach import least_separation
 from pinbound.covers import By, Cover, covers
@@ -218,7 +219,10 @@ class _Judge:
             distance = contact_distance(path, radii, robot.annotations.contact_tolerance)
             joints = len(robot.tree.path_between(a.link, b.link))
             rounding = FOLDING * UNIT_ROUNDOFF * (joints + 2) ** 2 * path.minimal.scale
-            if least_separation(path) > distance + rounding:  # false where a number is not finite: that proves nothing
+            off = place_error(robot.tree, robot.coupling, robot.linear_limits, robot.closures, a, b)
+            if (
+                least_separation(path) > distance + off + rounding
+            ):  # false where a number is not finite: that proves nothing
                 return None
             found = separation.separations(path, self.Q)
         if not np.all(np.isfinite(found)):

@@ -131,7 +131,8 @@ class Robot(Value):
             >>> len(coverage.watched), len(coverage.in_part), coverage.is_complete
             (0, 7, False)
         """
-        return Coverage(self.tree, self.coupling, self.annotations, collision_bodies(self), self.boundaries)
+        bodies = collision_bodies(self)
+        return Coverage(self.tree, self.coupling, self.annotations, bodies, self.boundaries, self.closures)
 
     def closure_residuals(self, Q: ArrayLike) -> Array:
         """Return the gap of every closure, (n_closures,) or (N, n_closures) [m].

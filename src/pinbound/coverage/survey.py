@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pinbound.annotations import Annotations, LeftOutMark, Mark
 from pinbound.bodies import Body
 from pinbound.boundary import Boundary
+from pinbound.closures import Closure, joint_errors
 from pinbound.coupling import Coupling
 from pinbound.coverage.holding import holders, is_known
 from pinbound.coverage.poses import Poses
@@ -62,9 +63,10 @@ class Coverage:
         annotations: Annotations,
         bodies: Sequence[Body],
         boundaries: Iterable[Boundary],
+        closures: Sequence[Closure] = (),
     ) -> None:
         """Take a robot's parts; `bodies` are those of all links."""
-        self._survey = _Survey(tree, coupling, annotations, bodies)
+        self._survey = _Survey(tree, coupling, annotations, bodies, closures)
         self._boundaries = tuple(boundaries)
         self._parts: dict[frozenset[str], Coverage] = {}
 
@@ -165,7 +167,16 @@ class Coverage:
 class _Survey:
     """What does not depend on which boundaries are asked: bodies, what holds them, which links can meet."""
 
-    def __init__(self, tree: Tree, coupling: Coupling, annotations: Annotations, bodies: Sequence[Body]) -> None:
+    def __init__(
+        self,
+        tree: Tree,
+        coupling: Coupling,
+        annotations: Annotations,
+        bodies: Sequence[Body],
+        closures: Sequence[Closure],
+    ) -> None:
+        errors = joint_errors(coupling, closures)
+        self.loose = {name for name, error in zip(coupling.joints, errors.tolist(), strict=True) if error}
         self.tree, self.coupling, self.annotations, self.all_bodies = tree, coupling, annotations, tuple(bodies)
         self.reaches: dict[tuple[str, str], Reach] = {}
         self.bases: dict[tuple[str, str], tuple[Basis | None, str]] = {}
@@ -241,7 +252,7 @@ class _Survey:
 
     def _proof(self, a: str, b: str) -> tuple[Basis, str] | None:
         degrees = self.degrees.get(frozenset((a, b)), _FAR)
-        if degrees == 0:
+        if degrees == 0 and not self._is_loose(a, b):
             return Basis.PROOF, "never move against each other"
         if self._is_free(a, b):
             return None
@@ -251,13 +262,17 @@ class _Survey:
         if pin is not None:
             return Basis.NEIGHBOURS, f"neighbours: joined by the pin of closure {pin}"
         one, two = self.shapes[a], self.shapes[b]
-        if not one or not two:
+        if not one or not two or self._is_loose(a, b):
             return None
         rows = [self.coupling.row(joint.name)[0] for joint in self.tree.path_between(a, b) if joint.moves]
         used = int(np.count_nonzero(np.any(np.array(rows), axis=0)))
         if used > _FEW and self.poses.come_near(a, one, b, two):
             return None  # no bound of `reach` can prove apart what comes this near
         return (Basis.PROOF, "can never meet") if self._reach(a, b).never_meet(one, two) else None
+
+    def _is_loose(self, a: str, b: str) -> bool:
+        """Return whether a joint between two links is known up to the error of a loop only, so that no proof holds."""
+        return bool(self.loose) and any(joint.name in self.loose for joint in self.tree.path_between(a, b))
 
     def _is_free(self, a: str, b: str) -> bool:
         return any(joint.type in ("floating", "planar") for joint in self.tree.path_between(a, b))
@@ -324,7 +339,7 @@ class _Survey:
         for chosen in (chosen for options in choices for chosen in options):
             needed[chosen] = True
         left = np.argwhere(needed & ~settled)
-        if len(left) <= MOST_PATHS:
+        if len(left) <= MOST_PATHS and not self._is_loose(a, b):
             marks_a, marks_b = self.marks[a], self.marks[b]
             for row, column in left.tolist():
                 settled[row, column] = self._reach(a, b).never_meet([marks_a[row]], [marks_b[column]])
@@ -333,7 +348,9 @@ class _Survey:
     def _apart(self, a: str, b: str) -> NDArray[np.bool_]:
         """Return which marks of two links are proven apart by the chain between them, (marks of a, marks of b)."""
         if (a, b) not in self.apart:
-            self.apart[a, b] = self._reach(a, b).apart(self.marks[a], self.marks[b])
+            nothing = np.zeros((len(self.marks[a]), len(self.marks[b])), dtype=np.bool_)
+            proven = not self._is_loose(a, b)
+            self.apart[a, b] = self._reach(a, b).apart(self.marks[a], self.marks[b]) if proven else nothing
         return self.apart[a, b]
 
     def _missing(self, a: str, b: str, watched: int, count: int) -> str:
