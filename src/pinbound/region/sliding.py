@@ -135,7 +135,7 @@ def _shoot(function: SlidingFunction, centre: Array, directions: Array, window: 
     f is convex along a ray, so a tangent from outside never passes the border: Newton and bisection in one bracket.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        gaps: Array = np.where(directions > 0.0, window[1] - centre, window[0] - centre)
+        gaps: Array = np.asarray(np.where(directions > 0.0, window[1] - centre, window[0] - centre), dtype=np.float64)
         away: Array = np.asarray(gaps / directions, dtype=np.float64)
     far = np.maximum(np.min(np.where(np.isfinite(away), away, np.inf), axis=1), 0.0)
     on_curve = function.value(centre + far[:, None] * directions) > 0.0
