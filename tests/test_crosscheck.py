@@ -410,3 +410,82 @@ def test_command_line(minerva: pb.Robot, load_text: Load, tmp_path: Path) -> Non
     assert "points, boundaries, bodies, region" in run("minervabot_v3", "--levels", "points,body", code=2)
     assert ".png or .svg" in run("minervabot_v3", "--out", "region.pdf", code=2)
     assert "Add it to --levels" in run("minervabot_v3", "--levels", "points", "--out", "region.png", code=2)
+
+
+BOXES = """<robot name="boxes" xmlns:pinbound="urn:pinbound:1"><link name="base"/><link name="arm"/><link name="hand"/>
+  <joint name="q1" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+  <joint name="q2" type="revolute"><parent link="arm"/><child link="hand"/><origin xyz="{l} 0 0"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+  <pinbound:annotations contact_tolerance="{t}"><pinbound:home q1="0.2" q2="0.1"/>
+    <pinbound:sweep name="fist" link="hand" xyz="{a} -{b} -{b}" ways="{l} 0 0  0 {c} 0  0 0 {c}"/>
+    <pinbound:sweep name="palm" link="hand" xyz="{a} -{b} 0" ways="{l} 0 0  0 {c} 0"/>
+    <pinbound:line name="pole" link="base" xyz="-{l} {l} 0" direction="0 0 1" radius="{b}"/>
+    <pinbound:plane name="floor" link="base" xyz="0 -{l} 0" normal="0.6 0.8 0"/>
+    <pinbound:point name="post" link="base" xyz="{l} {l} 0" radius="{b}"/>
+    <pinbound:boundary name="fist_pole" a="fist" b="pole"/>
+    <pinbound:boundary name="fist_floor" a="fist" b="floor"/>
+    <pinbound:boundary name="fist_post" a="post" b="fist"/>
+    <pinbound:boundary name="palm_pole" a="palm" b="pole"/>
+    <pinbound:boundary name="palm_post" a="palm" b="post"/></pinbound:annotations></robot>"""
+
+
+@pytest.mark.parametrize("size", [1.0, 1e3, 1e5])
+def test_boxes_across_lines_and_above_planes_hold_at_every_size(load_text: Load, size: float) -> None:
+    """A pole goes through a fist: distance zero, not coal's depth. Coal makes boxes larger by 1e-10 of themselves."""
+    lengths = {name: repr(value * size) for name, value in {"l": 0.5, "a": 0.1, "b": 0.05, "c": 0.1, "t": 2e-5}.items()}
+    robot = load_text(BOXES.format(**lengths))
+    found = pb.cross_check(robot, samples=1_500, rays=25, levels=("points", "boundaries"))
+    assert found.points is not None
+    assert found.holds, (found.points.differences, found.boundaries)
+    Q = np.random.default_rng(0).uniform(-2.0, 2.0, (4_000, 2))
+    pierced = robot.boundaries["fist_pole"].clearance(Q) == -robot.boundaries["fist_pole"].threshold
+    assert np.any(pierced)
+
+
+def test_a_wrong_box_is_still_caught(load_text: Load) -> None:
+    """The allowance of boxes is far below a tenth of a micrometre."""
+    lengths = {"l": "0.5", "a": "0.1", "b": "0.05", "c": "0.1", "t": "2e-5"}
+    robot = load_text(BOXES.format(**lengths))
+    boundary = robot.boundaries["fist_floor"]
+    chain = boundary.path.swept.chain
+    moved = replace(chain, offsets=chain.offsets + 1e-7)
+    path = replace(boundary.path, swept=replace(boundary.path.swept, chain=moved))
+    wrong = replace(boundary, path=path)
+    others = [wrong if one is boundary else one for one in robot.boundaries]
+    made = replace(robot, boundaries=BoundarySet(others, robot.coordinates, robot.linear_limits, robot.home))
+    found = pb.cross_check(made, samples=50, levels=("points",))
+    assert found.points is not None
+    assert not found.holds
+    assert found.points.differences["fist_floor"] > found.points.allowed["fist_floor"]
+
+
+THREE = """<robot name="three" xmlns:pinbound="urn:pinbound:1">
+  <link name="base"/><link name="a"/><link name="b"/><link name="c"/>
+  <joint name="q1" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>
+  <joint name="q2" type="continuous"><parent link="a"/><child link="b"/><origin xyz="0.5 0 0"/>
+    <axis xyz="0 0 1"/></joint>
+  <joint name="q3" type="continuous"><parent link="b"/><child link="c"/><origin xyz="0.5 0 0"/>
+    <axis xyz="0 1 0"/></joint>
+  <pinbound:annotations><pinbound:point name="tip" link="c" xyz="0.3 0 0" radius="0.05"/>
+    <pinbound:point name="post" link="base" xyz="0.7 0.7 0.1" radius="0.1"/>
+    <pinbound:boundary name="beta" a="tip" b="post"/></pinbound:annotations></robot>"""
+
+
+def test_what_the_region_level_asks_for_can_be_given(load_text: Load, tmp_path: Path) -> None:
+    """Three coordinates without limits: it asks for two of them, then for a window; both are parameters."""
+    robot = load_text(THREE)
+    asked = pb.cross_check(robot, levels=("region",)).not_checked["region"]
+    assert "give coordinates=" in asked
+    asked = pb.cross_check(robot, levels=("region",), coordinates=("q1", "q2")).not_checked["region"]
+    assert "give window=" in asked
+    window = {"q1": (-0.6, 0.6), "q2": (-0.6, 0.6)}
+    found = pb.cross_check(robot, levels=("region",), coordinates=("q1", "q2"), window=window, step=0.03, accuracy=1e-4)
+    assert found.region is not None
+    assert found.holds
+    assert found.region.region.accuracy <= 1e-4
+    path = tmp_path / "three.urdf"
+    path.write_text(THREE)
+    words = [str(path), "--levels", "region", "--coordinates", "q1,q2", "--step", "0.05"]
+    assert "region holds" in run(*words, "--window", "q1=-0.6:0.6", "--window", "q2=-0.6:0.6")
+    assert "NAME=LOWER:UPPER" in run(*words, "--window", "q1=-0.6", code=2)

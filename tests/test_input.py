@@ -6,9 +6,12 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import pinbound as pb
+from pinbound.cli import app
 
 Load = Callable[..., pb.Robot]
 
@@ -311,3 +314,45 @@ def test_the_command_line_says_it_once_and_exits_with_2(tmp_path: Path, fault: s
     assert done.stdout == ""
     assert f"arm.urdf, line {line}" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+LONG = (
+    '<robot name="r" xmlns:pinbound="urn:pinbound:1"><link name="b"/><link name="x"/>'
+    '<joint name="q" type="continuous"><parent link="b"/><child link="x"/><origin xyz="{offset} 0 0"/>'
+    '<axis xyz="0 0 1"/></joint><pinbound:annotations><pinbound:point name="p" link="x" xyz="{mark} 0.1 0"/>'
+    '<pinbound:point name="o" link="b" xyz="0 0 1"/><pinbound:boundary name="beta" a="p" b="o"/>'
+    "</pinbound:annotations></robot>"
+)
+
+
+@pytest.mark.parametrize("long", ["1e155", "-1e80", "1e300"])
+def test_lengths_whose_products_overflow_are_refused(load_text: Load, long: str) -> None:
+    """The square of 1e155 m is no number; what can be measured is said."""
+    for text, what in (
+        (LONG.format(offset="0", mark=long), "mark 'p' is"),
+        (LONG.format(offset=long, mark="0"), "joint 'q' has an offset of"),
+    ):
+        with pytest.raises(pb.InputError, match=rf"{what}.*up to 1e\+75 m"):
+            load_text(text)
+    far = load_text(LONG.format(offset="1e74", mark="1"))
+    assert np.isfinite(far.boundaries.norms([0.3])).all()
+    assert np.isfinite(far.boundaries.norms([[0.3]] * 3)).all()
+
+
+def test_a_floating_base_is_held_at_its_origin(load_text: Load, tmp_path: Path) -> None:
+    """Positions are those of `robot.model`, and a report says so instead of speaking of boundaries."""
+    text = (
+        '<robot name="r"><link name="world"/><link name="base"/><link name="arm"/>'
+        '<joint name="root" type="floating"><parent link="world"/><child link="base"/><origin xyz="0.1 0 0"/></joint>'
+        '<joint name="q" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0 0 0.5"/>'
+        '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
+    )
+    robot = load_text(text)
+    found = robot.positions("arm", [0.3], (0.0, 0.0, 0.2))
+    assert found == pytest.approx([0.1 + 0.2 * np.sin(0.3), 0.0, 0.5 + 0.2 * np.cos(0.3)])
+    assert any("held at its origin" in note for note in robot.notes)
+    path = tmp_path / "floating.urdf"
+    path.write_text(text)
+    result = CliRunner().invoke(app, ["report", str(path), "--out", str(tmp_path / "out")])
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "out" / "index.html").is_file()

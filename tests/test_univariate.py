@@ -284,3 +284,190 @@ def test_the_ten_contacts_in_symbols() -> None:
         others = dict.fromkeys(found.aligned.free_symbols, 0)
         assert float(found.aligned.subs(others)) == pytest.approx(contact.angle, abs=1e-13)
         assert found.half_width == 0
+
+
+ONE = (
+    '<robot name="r" xmlns:pinbound="urn:pinbound:1"><link name="w"/><link name="m"/><joint name="q" type="{kind}">'
+    '<parent link="w"/><child link="m"/><axis xyz="{axis}"/><limit lower="{lower}" upper="{upper}" effort="1" '
+    'velocity="1"/></joint><pinbound:annotations>{marks}<pinbound:boundary name="beta" a="A" b="B"/>'
+    "</pinbound:annotations></robot>"
+)
+
+
+def box(name: str, link: str, corner: str, size: str, radius: float = 0.0) -> str:
+    x, y, z = size.split()
+    return (
+        f'<pinbound:sweep name="{name}" link="{link}" xyz="{corner}" ways="{x} 0 0 0 {y} 0 0 0 {z}" radius="{radius}"/>'
+    )
+
+
+def bar(name: str, link: str, start: str, end: str, radius: float) -> str:
+    return f'<pinbound:segment name="{name}" link="{link}" xyz_a="{start}" xyz_b="{end}" radius="{radius}"/>'
+
+
+SLIDING = {
+    "face to face": (
+        "0 0 1",
+        box("A", "w", "-0.75 -0.75 2.25", "1.5 1.5 1.5") + box("B", "m", "-0.75 -0.75 -0.75", "1.5 1.5 1.5"),
+        1.5 - 2e-5,
+    ),
+    "parallel capsules": ("1 0 0", bar("A", "w", "3 0 0", "3 0 2", 0.1) + bar("B", "m", "0 0 0", "0 0 2", 0.1), 2.8),
+    "along itself": ("0 0 1", bar("A", "w", "0 0 4", "0 0 6", 0.0) + bar("B", "m", "0 0 0", "0 0 1", 0.0), 3.0 - 2e-5),
+    "into a box": (
+        "1 0 0",
+        box("A", "w", "2 -1 -1", "2 2 2") + '<pinbound:point name="B" link="m" xyz="0 0 0"/>',
+        2.0 - 2e-5,
+    ),
+    "prism into a box": (
+        "1 0 0",
+        box("A", "w", "2 -1 -1", "4 4 4")
+        + '<pinbound:sweep name="B" link="m" xyz="0 0 0" ways="0.5 0 0 0.2 0.4 0 -0.2 0.4 0 0 0 0.5"/>',
+        1.3 - 2e-5,
+    ),
+    "plates in one plane": (
+        "1 0 0",
+        '<pinbound:sweep name="A" link="w" xyz="3 0 0" ways="1 0 0 0 1 0"/>'
+        '<pinbound:sweep name="B" link="m" xyz="0 0 0" ways="1 0 0 0 1 0"/>',
+        2.0 - 2e-5,
+    ),
+    "bar on a pole": (
+        "1 0 0",
+        '<pinbound:line name="A" link="w" xyz="3 0 0" direction="0 0 1"/>' + bar("B", "m", "0 0 0", "0 0 1", 0.1),
+        2.9,
+    ),
+    "box to the floor": (
+        "0 0 -1",
+        '<pinbound:plane name="A" link="w" xyz="0 0 -3" normal="0 0 1"/>' + box("B", "m", "0 0 0", "1 1 1"),
+        3.0,
+    ),
+}
+
+
+@pytest.mark.parametrize("travel", [4.5, 100.0, 1e8, 1e200])
+@pytest.mark.parametrize("name", SLIDING)
+def test_bodies_that_slide_stop_where_they_meet_however_far_they_may_go(
+    name: str, travel: float, load_text: Any
+) -> None:
+    """They overlap for whole stretches beyond: the distance is zero there, not the contact distance."""
+    axis, marks, stop = SLIDING[name]
+    robot = load_text(ONE.format(kind="prismatic", axis=axis, lower=-1, upper=travel, marks=marks))
+    found = robot.boundaries.limits("q", [0.0])
+    assert (found.lower, found.lower_stop, found.upper_stop) == (-1.0, "q", "beta")
+    assert found.upper == pytest.approx(stop, abs=4e-15)
+    ends, stops = robot.boundaries.limits_table("q", [[0.0], [-0.5]])
+    assert np.all(ends[:, 1] == found.upper)
+    assert stops[:, 1].tolist() == ["beta", "beta"]
+    beyond = robot.boundaries.limits("q", [min(travel, 1e3)])
+    arcs = robot.boundaries["beta"].limits("q", [0.0])
+    assert arcs.contains(min(travel, 1e3)) == (beyond.blocked_by == ())
+
+
+TURNING = {
+    "corner into a box": (box("A", "w", "1 1 -1", "0.9 0.9 2"), '<pinbound:point name="B" link="m" xyz="1.4 0 0"/>'),
+    "over a face, with room": (box("A", "w", "-1 -1 -1", "2 2 2"), box("B", "m", "-0.5 -0.5 1.05", "1 1 1")),
+    "plates in one plane": (
+        '<pinbound:sweep name="A" link="w" xyz="0.5 0.5 0" ways="1 0 0 0 1 0"/>',
+        '<pinbound:sweep name="B" link="m" xyz="0.3 -0.6 0" ways="1 0 0 0 0.5 0"/>',
+    ),
+    "a side that lands flat": (box("A", "w", "1 -2 -1", "2 2 2"), box("B", "m", "1 0.05 -1", "2 1.9 2")),
+    "a face that slides at the contact distance": (
+        box("A", "w", "1 1 -1", "0.9 0.9 2"),
+        box("B", "m", "0.9 -0.1 1.1", "0.5 0.2 0.1", 0.1),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TURNING)
+def test_bodies_that_turn_stop_where_they_meet(name: str, load_text: Any) -> None:
+    """A stop is a contact, and all before it is free, by dense sampling."""
+    robot = load_text(ONE.format(kind="revolute", axis="0 0 1", lower=-3, upper=3, marks="".join(TURNING[name])))
+    boundary = robot.boundaries["beta"]
+    found = robot.boundaries.limits("q", [0.0])
+    free = np.linspace(found.lower, found.upper, 20_001)[1:-1, None]
+    level = boundary.contact_distance - boundary.threshold
+    assert boundary.clearance(free).min() > level - 1e-12
+    for end, stop, side in ((found.lower, found.lower_stop, -1.0), (found.upper, found.upper_stop, 1.0)):
+        if stop == "beta":
+            assert abs(boundary.clearance([end]) - level) < 1e-11
+            assert boundary.clearance([end + 1e-6 * side]) <= level + 1e-12
+        else:
+            assert abs(end) == 3.0
+
+
+def test_a_joint_that_turns_and_slides_is_searched_outwards(load_text: Any) -> None:
+    """A screw of 10^7 turns: the nearest contacts are found, and lists of all are refused with their number."""
+    text = ONE.format(
+        kind="revolute",
+        axis="0 0 1",
+        lower=-6e7,
+        upper=6e7,
+        marks='<pinbound:segment name="A" link="w" xyz_a="0.2 0 2" xyz_b="0.3 0 2" radius="0.05"/>'
+        '<pinbound:segment name="B" link="n" xyz_a="0.25 0 0" xyz_b="0.25 0 0.01" radius="0.05"/>',
+    )
+    screw = (
+        '<link name="n"/><joint name="s" type="prismatic"><parent link="m"/><child link="n"/><axis xyz="0 0 1"/>'
+        '<limit lower="-1e9" upper="1e9" effort="1" velocity="1"/><mimic joint="q" multiplier="0.01"/></joint>'
+    )
+    robot = load_text(text.replace("<pinbound:annotations>", screw + "<pinbound:annotations>"))
+    boundary = robot.boundaries["beta"]
+    found = robot.boundaries.limits("q", [0.5])
+    assert (found.lower_stop, found.upper_stop) == ("q", "beta")
+    assert abs(boundary.clearance([found.upper])) < 1e-11
+    assert boundary.clearance(np.linspace(0.0, found.upper, 50_001)[:-1, None]).min() > 0.0
+    high = robot.boundaries.limits("q", [5e7])  # behind all contacts
+    assert (high.lower_stop, high.upper_stop) == ("beta", "q")
+    assert abs(boundary.clearance([high.lower])) < 1e-11
+    assert boundary.clearance(np.linspace(high.lower, 400.0, 50_001)[1:, None]).min() > 0.0
+    ends, _ = robot.boundaries.limits_table("q", [[0.5], [5e7]])
+    np.testing.assert_allclose(ends, [[found.lower, found.upper], [high.lower, high.upper]], rtol=1e-15)
+    with pytest.raises(pb.UnsupportedError, match=r"turns the path 1\.91e\+07 times"):
+        boundary.limits("q", [0.5], window=(-6e7, 6e7))
+
+
+@pytest.mark.parametrize("multiplier", ["0", "1e6", "-1e6", "2", "0.5"])
+def test_multipliers_of_any_size(multiplier: str, load_text: Any) -> None:
+    """A coordinate that turns two joints, one of them not at all, or a million times as fast."""
+    text = ONE.format(
+        kind="revolute",
+        axis="0 0 1",
+        lower=-3,
+        upper=3,
+        marks='<pinbound:point name="A" link="w" xyz="0.9 0.8 0" radius="0.1"/>'
+        '<pinbound:point name="B" link="n" xyz="0.2 0 0" radius="0.05"/>',
+    )
+    elbow = (
+        '<link name="n"/><joint name="s" type="continuous"><parent link="m"/><child link="n"/>'
+        f'<origin xyz="1 0 0"/><axis xyz="0 0 1"/><mimic joint="q" multiplier="{multiplier}"/></joint>'
+    )
+    robot = load_text(text.replace("<pinbound:annotations>", elbow + "<pinbound:annotations>"))
+    boundary = robot.boundaries["beta"]
+    values = [0.0, -2.0, 2.0]
+    if abs(float(multiplier)) == 1e6:  # where the elbow is near, contact comes within a turn; elsewhere not for 10,000
+        with pytest.raises(pb.UnsupportedError, match="within 10000 turns"):
+            robot.boundaries.limits("q", [0.0])
+        assert robot.boundaries.limits("q", [0.0], window=(-0.05, 0.05)).upper_stop == "q"
+        turns = 0.7 + np.arange(64) * 1e-7
+        values = turns[boundary.clearance(turns[:, None]) > 0.01][:3].tolist()
+    for value in values:
+        found = robot.boundaries.limits("q", [value])
+        assert not found.blocked_by
+        inside = np.linspace(max(found.lower, -3), min(found.upper, 3), 20_001)[1:-1, None]
+        assert boundary.clearance(inside).min() > -1e-9
+        for end, stop, side in ((found.lower, found.lower_stop, -1.0), (found.upper, found.upper_stop, 1.0)):
+            if stop == "beta":
+                assert abs(boundary.clearance([end])) < 1e-9
+                assert boundary.clearance([end + side * 1e-9]) < 1e-8
+        ends, _ = robot.boundaries.limits_table("q", [[value]])
+        np.testing.assert_allclose(ends, [[found.lower, found.upper]], rtol=1e-12)
+
+
+def test_windows_that_cannot_be_meant_are_refused(arm: pb.Robot) -> None:
+    name, q = arm.coordinates[1], arm.home
+    for window in ((1.0, -1.0), (0.0, 0.0), (np.nan, 1.0), (0.0,), (0.0, 1.0, 2.0), "low", 3.0):
+        for ask in (arm.boundaries.limits, arm.boundaries[0].limits):
+            with pytest.raises(pb.DimensionError, match="window"):
+                ask(name, q, window=window)
+    value = float(q[1])
+    with pytest.raises(pb.DimensionError, match="outside the window"):
+        arm.boundaries.limits(name, q, window=(value + 1.0, value + 2.0))
+    assert not arm.boundaries.limits(name, q, window=(value, value + 1.0)).blocked_by

@@ -40,9 +40,9 @@ _BLOCK = 20_000
 _UNLIMITED_SLIDE = 1.0  # metres: how far a slide without limits is sampled
 _MOST_DRAWS = 50
 _SOLID = 3  # dimensions
-_GJK = 1e-9  # metres
+_GJK, _GJK_SHARE = 1e-9, 1e-11  # metres; path lengths, where these are longer than 100 m
 _ITERATED = ("box", "cylinder", "hull")
-_LINE = 1e3  # metres, or as many path lengths: the capsule that stands for a line
+_LINE, _LONGER = 1e3, 8.0  # metres at least, path lengths at least: the capsule that stands for a line
 _INFLATED = ("box",)
 
 
@@ -102,7 +102,7 @@ class Engine:
         size = max((size_of(boundary) for boundary in robot.boundaries), default=1.0)
         if any(shape.kind in _ITERATED for shape in shapes):
             for request in self._geometry_data.distanceRequests:  # coal's own 1e-6 m is what it may be off by
-                request.gjk_tolerance = _GJK * size
+                request.gjk_tolerance = max(_GJK, _GJK_SHARE * size)
 
     def distances(self, Q: Array) -> Array:
         """Return coal's distance (N, pairs) [m] at every row of Q (N, n)."""
@@ -220,7 +220,7 @@ def mark_shape(mark: Mark, more: float, reach: float = 1.0) -> Shape:
     if isinstance(mark, Plane):
         return Shape(mark.link, "halfspace", (more,), rotation, first)
     if isinstance(mark, Line):
-        return Shape(mark.link, "capsule", (thick, _LINE * reach), rotation, first)
+        return Shape(mark.link, "capsule", (thick, max(_LINE, _LONGER * reach)), rotation, first)
     return Shape(mark.link, "capsule", (thick, length), rotation, first + along / 2)
 
 

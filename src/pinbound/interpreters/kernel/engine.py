@@ -394,6 +394,8 @@ def _shares(out: Array, source: Array) -> bool:
 
 def _overlaps_itself(out: Array) -> bool:
     """Return whether two elements may be one: a stride is no longer than all that shorter strides span."""
+    if not out.size:
+        return False
     span = out.itemsize
     for stride, count in sorted((abs(stride), count) for stride, count in zip(out.strides, out.shape, strict=True)):
         if count > 1 and stride < span:
