@@ -51,6 +51,26 @@ def test_random_loops_stay_within_their_stated_errors(load_text: Load) -> None:
     assert answered > 50
 
 
+def test_of_a_loop_that_is_not_exact_every_side_counts(load_text: Load) -> None:
+    """A shoulder 1.4 pm wide is rounding in an exact loop, and a seventh of what a loop of 8 pm is off."""
+    joints = [
+        Joint("arm", "base", "upper", 0j, 1, -1.0, 1.0),
+        Joint("elbow", "upper", "fore", 0.5 + 0j, 1, 0.1, 1.6),
+        Joint("crank", "base", "short", 1.2e-12 + 0.7e-12j, 1, -1.0, 3.0),
+        Joint("rod", "short", "bar", 0.1 + 0j, -1),
+    ]
+    home = {"arm": 0.0, "elbow": 1.0, "crank": 1.0, "rod": 1.0}
+    loop = Loop(joints, (("bar", 0.5 + 8e-12 + 0j), ("fore", 0.1 + 0j)), home)
+    rng = np.random.default_rng(3)
+    robot = load_text(loop.urdf(marked(loop, rng)))
+    assert robot.closures[0].deviations
+    found = judge(loop, robot, rng, poses=8)
+    assert found.holds
+    assert found.angle > 0.5
+    elbow = next(one for one in robot.closures[0].deviations if one.joint == "elbow")
+    assert elbow.bound > (8e-12 + abs(joints[2].at)) / (0.1 * np.sin(0.1))
+
+
 @pytest.mark.parametrize("off", [0.9e-6, -0.9e-6])
 def test_a_loop_that_passes_through_its_flat_pose_needs_equal_sides(load_text: Load, off: float) -> None:
     passes = r"differ by 0\.9 um .* passes through its flat pose \(at 'A' = 0 deg\)"

@@ -65,6 +65,7 @@ class Parallelogram(Value):
         rows: (2, n), `rows @ q = constant` where the sides of each pair are parallel.
         constant: (2,) [rad], the turn being that of the assembled pose.
         shape: [rad], the angle from the first pair's first side to the second pair's, in the assembled pose.
+        size: [m], the length of the path around the loop.
     """
 
     pairs: tuple[tuple[Side, Side], tuple[Side, Side]]
@@ -72,6 +73,7 @@ class Parallelogram(Value):
     rows: Array
     constant: Array
     shape: float
+    size: float
 
     @property
     def differences(self) -> tuple[float, float]:
@@ -81,8 +83,12 @@ class Parallelogram(Value):
 
     @property
     def mismatch(self) -> float:
-        """What the sides differ by in all [m], small sides included."""
-        return sum(self.differences) + sum(side.length for side in self.small)
+        """What the sides differ by in all [m], small sides and what the reduction took for zero included.
+
+        Zero if the loop is exact: then nothing of it is more than rounding. Otherwise all of it counts.
+        """
+        total = sum(self.differences) + sum(side.length for side in self.small)
+        return 0.0 if total <= EXACT_LOOP * self.size else total + _SIDES * REDUCTION * self.size
 
 
 def apart_along(chain: Chain) -> float:
@@ -151,10 +157,11 @@ def parallelogram(
     turns = np.round((rows @ reference - constant) / (2 * math.pi))
     return Parallelogram(
         ((sides[first[0]], sides[first[1]]), (sides[second[0]], sides[second[1]])),
-        tuple(side for side in small if side.length > EXACT_LOOP * closure.size),
+        tuple(small),
         rows,
         constant + 2 * math.pi * turns,
         _apart(axis, turned[first[0]], turned[second[0]]),
+        closure.size,
     )
 
 
