@@ -299,14 +299,16 @@ class Boundary(Value):
         table = self.rule.arcs(index, coordinate, points.reshape(-1, len(self.robot_coordinates)), window)
         return table if points.ndim > 1 else table[0]
 
-    def span(self, coordinate: str, q: Array, within: tuple[float, float]) -> tuple[float, float] | None:
+    def span(
+        self, coordinate: str, q: Array, within: tuple[float, float], clear: bool | None = None
+    ) -> tuple[float, float] | None:
         """Return how far a coordinate can move from q (n,) within an interval that holds its value; None if in contact.
 
         What `limits(...).around(...)` says, cut to the interval, but no further is looked; infinite where nothing stops
-        it before the interval ends. Whether q itself is in contact is what its signed clearance says; where rounding
-        sees the end of an arc on the other side of q, the end is q itself.
+        it before the interval ends. Whether q itself is in contact is what its signed clearance says (`clear`, if the
+        caller knows); where rounding sees the end of an arc on the other side of q, the end is q itself.
         """
-        if not self.signed_clearance(q) > 0.0:
+        if not (self.signed_clearance(q) > 0.0 if clear is None else clear):
             return None
         index, (low, high) = self.robot_coordinates.index(coordinate), within
         if self.is_stop or outwards.is_closed(self.path, index):
@@ -318,8 +320,8 @@ class Boundary(Value):
             span = outwards.around(self.path, index, coordinate, q, self.rule.distance, 0.0, within) or (value, value)
         return -math.inf if span[0] <= low else span[0], math.inf if span[1] >= high else span[1]
 
-    def spans(self, coordinate: str, Q: Array, within: tuple[float, float]) -> Array:
-        """Return what `span` says for each of many q (N, n): (N, 2), NaN where q itself is in contact."""
+    def spans(self, coordinate: str, Q: Array, within: tuple[float, float], clear: NDArray[np.bool_]) -> Array:
+        """Return what `span` says for each of many q (N, n): (N, 2), NaN where q itself is not `clear` (N,)."""
         index, (low, high) = self.robot_coordinates.index(coordinate), within
         value = Q[:, index]
         if self.is_stop or outwards.is_closed(self.path, index):
@@ -334,7 +336,7 @@ class Boundary(Value):
             found = np.tile([-math.inf, math.inf], (len(Q), 1))
         found[found[:, 0] <= low, 0] = -math.inf
         found[found[:, 1] >= high, 1] = math.inf
-        found[~(self.signed_clearance(Q) > 0.0)] = np.nan
+        found[~clear] = np.nan
         return found
 
     def limit_expressions(self, coordinate: str) -> Any:

@@ -378,12 +378,12 @@ class BoundarySet(Sequence[Boundary]):
             window = max((s[0] for s in held), default=-math.inf), min((s[1] for s in held), default=math.inf)
         low, high = window
         outside = any(span is None for _, span in spans)
-        for boundary in self:
+        for boundary, clear in zip(self, (self.signed_clearances(point) > 0.0).tolist(), strict=True):
             if outside:  # no way is asked for: only whether this boundary forbids the value, too
-                clear = boundary.signed_clearance(point) > 0.0
                 spans.append((boundary.name, (-math.inf, math.inf) if clear else None))
                 continue
-            span = boundary.span(coordinate, point, (low, high) if low <= value <= high else (-math.inf, math.inf))
+            ends = (low, high) if low <= value <= high else (-math.inf, math.inf)
+            span = boundary.span(coordinate, point, ends, clear)
             if span is not None:  # what lies beyond a stop that is known stops nothing
                 low, high = max(low, span[0]), min(high, span[1])
             spans.append((boundary.name, span))
@@ -441,7 +441,8 @@ class BoundarySet(Sequence[Boundary]):
         if not len(rows):
             return ends, stops.astype(np.str_)
         held = float(some[:, 0].min()), float(some[:, 1].max())
-        for boundary in self:
-            tighten(some, named, boundary.name, boundary.spans(coordinate, rows, held))
+        clear = self.signed_clearances(rows) > 0.0
+        for k, boundary in enumerate(self):
+            tighten(some, named, boundary.name, boundary.spans(coordinate, rows, held, clear[:, k]))
         ends[inside], stops[inside] = some, named
         return ends, stops.astype(np.str_)

@@ -193,8 +193,9 @@ class SignedKernel:
                 if self._plays[column]:  # the gap is narrower than the arms' alignment
                     values[:] = self._amplitudes[column] * signed_share(depth)
                     continue
+                vanishes = not (np.min(np.abs(depth)) > 0.0 and np.min(values) > 0.0)
                 np.copysign(values, depth, out=values, casting="same_kind")
-                if not (depth.all() and values.all()):  # at contact nothing is positive, just before it something is
+                if vanishes:  # at contact nothing is positive, just before it something is
                     odd = np.flatnonzero((values == 0.0) | (depth == 0.0))
                     values[odd] = self._amplitudes[column] * signed_share(depth[odd])
         return found
