@@ -783,7 +783,9 @@ def test_skew_bars_of_a_planar_mechanism_may_part_though_they_cross_as_seen_alon
     assert np.array_equal([arcs.contains(x) for x in Q[:, 0]], boundary.clearance(Q) > 0.0)
 
 
-def test_contact_above_a_plane_is_at_its_threshold_and_of_a_distance_at_the_tolerance_at_least(robot: pb.Robot) -> None:
+def test_contact_above_a_plane_is_at_its_threshold_and_of_a_distance_at_the_tolerance_atleast_separation(
+    robot: pb.Robot,
+) -> None:
     for boundary in robot.boundaries:
         bare = dataclasses.replace(boundary, min_distance=-boundary.threshold)
         assert bare.contact_distance == (0.0 if boundary.path.is_signed else boundary.contact_tolerance)
@@ -810,21 +812,21 @@ def test_a_slide_along_the_axis_moves_what_crosses_in_the_plane_apart(load_text:
 
 
 def test_what_no_pose_can_be_nearer_than_is_a_lower_bound(robot: pb.Robot, load_text: Load) -> None:
+    from pinbound.coverage.reach import least_separation
     from pinbound.interpreters.univariate import one_angle_smallest
-    from pinbound.marking import _least  # pyright: ignore[reportPrivateUsage]
     from segments import PLANAR, assemble
 
     far = ['<pinbound:segment name="A" link="base" xyz_a="3 0 0" xyz_b="5 0 0"/>']
     far += ['<pinbound:segment name="B" link="b" xyz_a="0 0 0" xyz_b="0 0 0.4"/>']
     away = load_text(assemble(PLANAR, far, ["A_B"]))
-    assert _least(away.boundaries["A_B"].path) > 1.0
+    assert least_separation(away.boundaries["A_B"].path) > 1.0
     for one in (robot, away):
         Q = random_q(one, 3000, seed=24)
         for boundary in one.boundaries:
             if boundary.path.is_signed:
                 continue
             least = float(boundary.norm(Q).min())
-            assert _least(boundary.path) <= least
+            assert least_separation(boundary.path) <= least
             single = one_angle_smallest(boundary.path)
             assert single is None or least - 1e-4 < single <= least
 

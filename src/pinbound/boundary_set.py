@@ -211,10 +211,16 @@ class BoundarySet(Sequence[Boundary]):
     def _signed(self, Q: ArrayLike, mode: str, out: Any, threads: int, backend: Backend, dtype: Any) -> Array:
         array = as_configurations(Q, self._coordinates)
         if array.ndim == 1:
-            if mode == "clearances" and out is None and backend == "auto" and dtype is np.float64:
+            if (
+                mode == "clearances"
+                and out is None
+                and (threads, backend) == (1, "auto")
+                and threads is not True
+                and dtype is np.float64
+            ):
                 return self.signed_kernel.one(array)
-            found = self.signed_kernel.rows(array[None], mode, None if out is None else out[None], 1, backend, dtype)
-            return found[0]
+            to = None if out is None else out[None]
+            return self.signed_kernel.rows(array[None], mode, to, threads, backend, dtype)[0]
         return self.signed_kernel.rows(array, mode, out, threads, backend, dtype)
 
     def gradients(
@@ -312,8 +318,9 @@ class BoundarySet(Sequence[Boundary]):
             (True, False, True)
         """
         array = as_configurations(Q, self._coordinates)
-        if array.ndim > 1:
-            return self.signed_kernel.free(array, limits, threads, backend)
+        if array.ndim > 1 or (threads, backend) != (1, "auto") or threads is True:
+            found = self.signed_kernel.free(array.reshape(-1, len(self._coordinates)), limits, threads, backend)
+            return found if array.ndim > 1 else bool(found[0])
         return self.signed_kernel.one_is_free(array, limits)
 
     def hessians(self, Q: ArrayLike) -> Array:

@@ -46,7 +46,8 @@ class Problem:
     def __str__(self) -> str:
         """Return ``source:line: message -> remedy``."""
         place = self.source if self.line is None else f"{self.source}, line {self.line}"
-        return printable(f"{place}: {self.message}. {self.remedy}.")
+        end = "" if self.remedy.endswith(("?", ".", "!")) else "."
+        return printable(f"{place}: {self.message}. {self.remedy}{end}")
 
 
 class InputError(PinboundError, ValueError):

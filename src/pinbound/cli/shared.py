@@ -188,11 +188,17 @@ def _plain(value: Any) -> Any:
 
 
 def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]], note: str = "") -> None:
-    """Print a table for people; columns whose heading ends in ``]`` hold numbers and are right-aligned."""
+    """Print a table for people; columns whose heading ends in ``]`` hold numbers and are right-aligned.
+
+    A number without a unit is headed ``"rows []"``, and the brackets are not printed. A table without rows is left out.
+    """
+    rows = list(rows)
+    if not rows:
+        return
     table = Table(title=title, title_justify="left", title_style="bold", caption=note, caption_justify="left")
     for column in columns:
         is_number = column.endswith("]")
-        table.add_column(column, justify="right" if is_number else "left")
+        table.add_column(column.removesuffix(" []"), justify="right" if is_number else "left")
     for row in rows:
         table.add_row(*map(str, row))
     console().print(table)

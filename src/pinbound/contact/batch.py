@@ -100,6 +100,9 @@ class SignedKernel:
 
     def free(self, Q: NDArray[np.float64], limits: bool, threads: int = 1, backend: Backend = "auto") -> Array:
         """Return which rows (N,) have positive signed clearances alone, and are within all joint limits."""
+        from pinbound.interpreters.kernel import check_choices
+
+        check_choices(threads, backend)
         found = (self._within if limits else self._open).hold(Q)
         if len(self.areas):
             least, _ = self.kernel.smallest(Q, False, None, threads, backend)
@@ -134,8 +137,9 @@ class SignedKernel:
         dtype: Any = np.float64,
     ) -> Array:
         """Return the signed clearances (N, m), or with the mode ``"gradients"`` their gradients (N, m, n)."""
-        from pinbound.interpreters.kernel.engine import buffer, real
+        from pinbound.interpreters.kernel.engine import buffer, check_choices, real
 
+        check_choices(threads, backend)
         m, is_slope, kind = len(self.rules), mode == "gradients", real(dtype)
         if not len(self.stops):
             return self.kernel.rows(Q, "gradients" if is_slope else "clearances", out, threads, backend, dtype)
