@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal, overload
@@ -17,7 +16,7 @@ from pinbound.contact import SignedKernel
 from pinbound.coupling import LinearLimit, as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import separation
-from pinbound.spans import CoordinateLimits, linear_span, linear_spans, tighten
+from pinbound.spans import CoordinateLimits, Smallest, linear_span, linear_spans, tighten
 
 if TYPE_CHECKING:
     from pinbound.interpreters.kernel import Backend, CommonMark, Kernel, MixedKernel
@@ -27,18 +26,8 @@ __all__ = ["BoundarySet", "CoordinateLimits", "Smallest"]
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Smallest:
-    """The smallest signed clearance of a set, and which boundary has it.
-
-    Attributes:
-        clearance: [m], signed: a float or (N,); inf if there is no boundary, NaN if one of them is NaN.
-        index: Position of that boundary in the set, an int or (N,); -1 if there is none, or a NaN. Between
-            boundaries whose clearances are equal to rounding it is one of them.
-    """
-
-    clearance: Any
-    index: Any
+def _as_usual(threads: Any, backend: Any) -> bool:
+    return type(threads) is int and threads == 1 and backend == "auto"
 
 
 class BoundarySet(Sequence[Boundary]):
@@ -249,7 +238,7 @@ class BoundarySet(Sequence[Boundary]):
     ) -> Array:
         array = as_configurations(Q, self._coordinates)
         if array.ndim == 1:
-            if type(threads) is not int or threads != 1 or backend != "auto":
+            if not _as_usual(threads, backend):
                 from pinbound.interpreters.kernel import check_choices
 
                 check_choices(threads, backend)
@@ -318,7 +307,7 @@ class BoundarySet(Sequence[Boundary]):
             (True, False, True)
         """
         array = as_configurations(Q, self._coordinates)
-        if array.ndim > 1 or (threads, backend) != (1, "auto") or threads is True:
+        if array.ndim > 1 or not _as_usual(threads, backend):
             found = self.signed_kernel.free(array.reshape(-1, len(self._coordinates)), limits, threads, backend)
             return found if array.ndim > 1 else bool(found[0])
         return self.signed_kernel.one_is_free(array, limits)

@@ -1,16 +1,17 @@
-"""How far one coordinate can move: the record of an answer, and the intervals that joint limits leave it."""
+"""How far one coordinate can move, and what is nearest: records of answers, and the intervals that joint limits leave it."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.coupling import LinearLimit
 
-__all__ = ["CoordinateLimits", "linear_span", "linear_spans", "tighten"]
+__all__ = ["CoordinateLimits", "Smallest", "linear_span", "linear_spans", "tighten"]
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,20 @@ class CoordinateLimits:
     upper_stop: str | None
     blocked_by: tuple[str, ...] = ()
     beyond: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Smallest:
+    """The smallest signed clearance of a set, and which boundary has it.
+
+    Attributes:
+        clearance: [m], signed: a float or (N,); inf if there is no boundary, NaN if one of them is NaN.
+        index: Position of that boundary in the set, an int or (N,); -1 if there is none, or a NaN. Between
+            boundaries whose clearances are equal to rounding it is one of them.
+    """
+
+    clearance: Any
+    index: Any
 
 
 def tighten(ends: Array, stops: NDArray[np.object_], name: str, spans: Array) -> None:
