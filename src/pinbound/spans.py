@@ -1,4 +1,4 @@
-"""How far one coordinate can move, and what is nearest: records of answers, and the intervals that joint limits leave it."""
+"""Records of answers: how far a coordinate can move, what is nearest; and the intervals that joint limits leave."""
 
 from __future__ import annotations
 
