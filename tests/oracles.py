@@ -25,7 +25,7 @@ class JointData:
     xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    limits: tuple[float, float] = (-1e9, 1e9)
+    limits: tuple[float, float] = (-1e14, 1e14)
     mimic: tuple[int, float, float] | None = None
 
     @property
