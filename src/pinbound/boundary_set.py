@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -246,7 +246,7 @@ class BoundarySet(Sequence[Boundary]):
                 found = self.kernel.one(array, mode)
                 if found is not None:
                     return found
-            given = None if out is None else np.asarray(out)[None] if isinstance(out, np.ndarray) else out
+            given: Any = cast(Any, out)[None] if isinstance(out, np.ndarray) else out
             return self.kernel.rows(array[None], mode, given, threads, backend, dtype)[0]
         return self.kernel.rows(array, mode, out, threads, backend, dtype)
 

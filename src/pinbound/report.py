@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -143,7 +144,7 @@ def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Pat
         amount=units.amount,
         units=units.names(region.units) if region else (),
         area_unit=units.area_name(region.area_unit) if region else "",
-        shown=lambda point: units.shown(point, region.units).tolist() if region else [],
+        shown=partial(units.shown, units=region.units if region else ()),
     )
     target = out / "index.html"
     target.write_text(page, encoding="utf-8")

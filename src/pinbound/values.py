@@ -13,6 +13,7 @@ __all__ = ["FrozenDict", "Value", "read_only"]
 
 K = TypeVar("K", bound=Hashable)
 V = TypeVar("V")
+A = TypeVar("A", bound=NDArray[Any])
 
 
 class FrozenDict(dict[K, V]):
@@ -46,7 +47,7 @@ class FrozenDict(dict[K, V]):
         return FrozenDict, (dict(self),)
 
 
-def read_only(array: NDArray[Any]) -> NDArray[Any]:
+def read_only(array: A) -> A:
     """Return the array itself if it cannot be written to, else a copy that cannot.
 
     Example:
@@ -60,7 +61,7 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
         return array
     copy = array.copy(order="K")
     copy.flags.writeable = False
-    return copy
+    return cast(A, copy)
 
 
 class Value:
@@ -81,7 +82,8 @@ def _frozen(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return read_only(cast(NDArray[Any], value))
     if isinstance(value, Mapping) and not isinstance(value, FrozenDict):
-        return FrozenDict({key: _frozen(entry) for key, entry in cast(Mapping[Any, Any], value).items()})
+        entries: dict[Any, Any] = {key: _frozen(entry) for key, entry in cast(Mapping[Any, Any], value).items()}
+        return cast(Any, FrozenDict(entries))
     if isinstance(value, list):
         return tuple(_frozen(entry) for entry in cast(list[Any], value))
     if isinstance(value, tuple):

@@ -256,7 +256,7 @@ class _Checker:
                 message = f"the file holds xacro elements, <xacro:{tag}> first: they would be ignored"
                 self._fault(message, "Name the file .urdf.xacro, or expand it with xacro", child)
             self.xacro_seen = True
-        elif child.prefix and local_name(child.getparent()) == "geometry":
+        elif child.prefix and (parent := child.getparent()) is not None and local_name(parent) == "geometry":
             return  # a shape of another reader, e.g. <drake:capsule>: `bodies` names it as one that no mark holds
         elif tag in word.read or tag in ("link", "joint"):
             message = f"<{tag}> in {said} is in the namespace {namespace!r}: some readers see it, and some do not"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import yaml
 
@@ -166,7 +166,7 @@ def sidecar_text(items: Iterable[RawItem]) -> str:
             data["home"] = {name: float(text) for name, text in item.fields.items()}
         else:
             data.setdefault(lists[item.kind], []).append(item.fields["text"] if item.kind == "assumption" else fields)
-    return yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=150, allow_unicode=True)
+    return cast(Any, yaml).safe_dump(data, sort_keys=False, default_flow_style=None, width=150, allow_unicode=True)
 
 
 def _value(key: str, given: str | tuple[str, ...]) -> Any:

@@ -120,8 +120,8 @@ def cut_along_folds(image: PlanarImage, polygon: Any) -> Parts:
     west, south, east, north = polygon.bounds
     wide = np.array([east - west, north - south]) * 1e-3 + REDUCTION
     window = np.array([[west - wide[0], south - wide[1]], [east + wide[0], north + wide[1]]])
-    sides = [np.linspace(low, high, _GRID) for low, high in window.T.tolist()]
-    grid: Any = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+    sides: list[Any] = [np.linspace(low, high, _GRID) for low, high in window.T.tolist()]
+    grid: Array = np.stack(cast(Any, np).meshgrid(*sides), axis=-1).reshape(-1, 2)
     values = image.determinant(grid)
     size = float(image.first_bound[0] * image.first_bound[1])
     if float(np.abs(values).max()) <= 1e3 * REDUCTION * size:
