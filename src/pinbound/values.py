@@ -61,7 +61,7 @@ def read_only(array: A) -> A:
         return array
     copy = array.copy(order="K")
     copy.flags.writeable = False
-    return cast(A, copy)
+    return copy
 
 
 class Value:
@@ -91,4 +91,4 @@ def _frozen(value: Any) -> Any:
         kept = [_frozen(entry) for entry in parts]
         changed = any(a is not b for a, b in zip(kept, parts, strict=True))
         return tuple(kept) if changed and type(parts) is tuple else parts
-    return value
+    return cast(Any, value)

@@ -208,8 +208,9 @@ class SignedKernel:
         """Yield how deep each stop's angle is in home's gap (N,) [rad]."""
         block = Q.T.copy().T
         with np.errstate(invalid="ignore"):
-            angles = [combination(c, block) for c in self._angles]
-            for place, (low, high) in zip(self._angle.tolist(), self._gaps.tolist(), strict=True):
+            angles: list[NDArray[np.float64]] = [combination(c, block) for c in self._angles]
+            gaps: list[tuple[float, float]] = self._gaps.tolist()
+            for place, (low, high) in zip(map(int, self._angle), gaps, strict=True):
                 yield np.minimum(angles[place] - low, high - angles[place])
 
     def _slopes(self, Q: NDArray[np.float64]) -> NDArray[np.float64]:
