@@ -1,5 +1,6 @@
 """Fixtures: the packaged robot, and small robots written out as URDF."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -7,6 +8,8 @@ import pytest
 
 import pinbound as pb
 import robots
+
+os.environ.setdefault("PINBOUND_XACRO_SECONDS", "60")  # machines under test may be slow; that is no fault of xacro's
 
 
 @pytest.fixture(scope="session")

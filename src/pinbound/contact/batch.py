@@ -209,7 +209,7 @@ class SignedKernel:
         block = Q.T.copy().T
         with np.errstate(invalid="ignore"):
             angles: list[NDArray[np.float64]] = [combination(c, block) for c in self._angles]
-            gaps: list[tuple[float, float]] = self._gaps.tolist()
+            gaps: list[list[float]] = self._gaps.tolist()
             for place, (low, high) in zip(map(int, self._angle), gaps, strict=True):
                 yield np.minimum(angles[place] - low, high - angles[place])
 
