@@ -208,14 +208,15 @@ def _name_edge(axes: Any, name: str, start: Array, end: Array, inside: Array, co
     inwards = normal * np.sign(normal @ (inside - start))
     angle = float(np.degrees(np.arctan2(along[1], along[0])))
     upright = angle - 180.0 if angle > 91 else angle + 180.0 if angle < -89 else angle
+    beside = not turned and abs(inwards[0]) > abs(inwards[1])  # a level name beside a steep edge starts there
     axes.annotate(
         name,
         (start + end) / 2,
-        xytext=11 * inwards,
+        xytext=(8.0 if beside else 11.0) * inwards,
         textcoords="offset points",
         rotation=upright if turned else 0.0,
         rotation_mode="anchor",
-        ha="center",
+        ha=("left" if inwards[0] > 0.0 else "right") if beside else "center",
         va="center",
         color=colour,
         weight="bold",
