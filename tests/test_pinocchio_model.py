@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -106,3 +107,19 @@ def test_limits_that_a_mimic_joint_takes_from_its_primary_are_said(load_text: Lo
     said = [note for note in robot.notes if "leave" in note]
     assert len(said) == 1
     assert "mimic joint 'right' (0 .. 0.8) leave 0 .. 0 of 0 .. 0.8 to 'left'" in said[0]
+
+
+def test_huge_offsets_and_slides_are_no_difference(tmp_path: Path) -> None:
+    """Offsets of 1e8 rad are rounded by 1e-8, over arms of 1e6 m: both readers, each in its own way."""
+    path = tmp_path / "huge.urdf"
+    path.write_text("""<robot name="r"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
+      <joint name="q" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint>
+      <joint name="s" type="prismatic"><parent link="b"/><child link="c"/><axis xyz="1 0 0"/>
+        <limit lower="-1e9" upper="1e9" effort="1" velocity="1"/>
+        <mimic joint="q" multiplier="0.3" offset="7000000.1"/></joint>
+      <joint name="t" type="continuous"><parent link="c"/><child link="d"/><origin xyz="1 2 3"/><axis xyz="0 0 1"/>
+        <mimic joint="q" multiplier="1.7" offset="100000000.3"/></joint></robot>""")
+    assert pb.load(path).coordinates == ("q",)
+    path.write_text(path.read_text().replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><axis xyz="0 1 0"/>'))
+    with pytest.raises(pb.InputError, match="axis"):
+        pb.load(path)

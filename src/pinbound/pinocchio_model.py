@@ -16,7 +16,7 @@ from pinbound.coupling import couple
 from pinbound.document import Document
 from pinbound.exceptions import Problems
 from pinbound.kinematics import Joint, Kinematics
-from pinbound.tolerances import AGREEMENT
+from pinbound.tolerances import AGREEMENT, UNIT_ROUNDOFF
 from pinbound.tree import Tree
 from pinbound.xml_text import local_name, refusal
 
@@ -219,8 +219,9 @@ def _compare_placements(model: Any, tree: Tree, theta: Array, problems: Problems
         problems.add(f"Pinocchio does not see link {unseen[0]!r}", _REPORT, tree.links[unseen[0]].line)
         return
     theirs = np.array([data.oMf[bodies[name]].homogeneous[:3] for name in names])
-    size = 1.0 + sum(math.hypot(*joint.translation) for joint in tree.kinematics.joints)
-    allowed = AGREEMENT * np.array([1.0, 1.0, 1.0, size])
+    slid, turned_by = _magnitudes(tree, dict(zip(order, theta.tolist(), strict=True)))
+    size = 1.0 + slid + sum(math.hypot(*joint.translation) for joint in tree.kinematics.joints)
+    allowed = (AGREEMENT + 8.0 * UNIT_ROUNDOFF * turned_by) * np.array([1.0, 1.0, 1.0, size])
     wrong = np.flatnonzero(~np.all(np.abs(theirs - ours) <= allowed, axis=(1, 2)))
     if wrong.size:  # in the order of the tree: the first link that differs is below the joint that differs
         first = int(wrong[0])
@@ -234,6 +235,26 @@ def _compare_placements(model: Any, tree: Tree, theta: Array, problems: Problems
         )
         message += f"axes differ by up to {turned:.3g}; {what} is the first that differs"
         problems.add(message, _REPORT, joint.line if joint else tree.links[link].line)
+
+
+def _magnitudes(tree: Tree, theta: Mapping[str, float]) -> tuple[float, float]:
+    """Return the sums of all slides [m] and of all angles [rad], each as large as the terms that it is made of.
+
+    Both readers round the terms of a mimic joint, which may cancel: `abs(multiplier) abs(primary) + abs(offset)`.
+    """
+    joints = {joint.name: joint for joint in tree.moving_joints}
+    known: dict[str, float] = {}
+
+    def size(name: str) -> float:
+        if name not in known:
+            mimic = joints[name].mimic
+            known[name] = abs(theta[name])
+            if mimic is not None:
+                known[name] = max(known[name], abs(mimic.multiplier) * size(mimic.primary) + abs(mimic.offset))
+        return known[name]
+
+    slid = sum(size(name) for name, joint in joints.items() if joint.type == "prismatic")
+    return slid, sum(size(name) for name, joint in joints.items() if joint.type != "prismatic")
 
 
 def _placements(tree: Tree, theta: Mapping[str, float]) -> tuple[list[str], Array]:
