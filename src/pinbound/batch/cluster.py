@@ -25,6 +25,8 @@ __all__ = ["results"]
 
 _CONNECT = "20s"
 _KNOCK = 10.0  # seconds
+_RECOVERY = 10.0  # seconds for a cluster to get a worker again
+_ATTEMPTS = 3
 _TASKS_PER_THREAD = 2
 """Chunks under way for each thread of the cluster: enough to keep it busy, and flat in memory."""
 
@@ -60,22 +62,48 @@ def results(
                 f"the scheduler at {address!r} has no worker after 60 s; start one, then run again"
             ) from error
         lost = (*_lost(distributed), OSError, TimeoutError, asyncio.TimeoutError, asyncio.CancelledError)
-        try:
-            threads = sum(client.nthreads().values())
-            shared = client.scatter(evaluation, broadcast=True)
-            pending = _tasks(client, shared, source, size, wanted)
-            first = list(_take(pending, _TASKS_PER_THREAD * max(1, threads)))
-            if not first:
+        done: set[int] = set()
+        for attempt in range(_ATTEMPTS):
+            try:
+                left = [index for index in wanted if index not in done]
+                for index, result in _run(distributed, client, evaluation, source, size, left):
+                    done.add(index)
+                    yield index, result
                 return
-            running = distributed.as_completed(first, loop=client.loop)
-            for future in running:
-                yield future.result()
-                future.release()
-                for following in _take(pending, 1):
-                    running.add(following)
-        except lost as error:
-            message = f"the cluster at {address!r} lost its scheduler or its workers ({_words(error)})"
-            raise MachineError(f"{message}. What is written is kept: run the same command again to resume.") from error
+            except lost as error:
+                if attempt + 1 < _ATTEMPTS and _has_worker(client, lost):
+                    continue  # some worker went, and took what others needed along: what is left is sent again
+                message = f"the cluster at {address!r} lost its scheduler or its workers ({_words(error)})"
+                raise MachineError(
+                    f"{message}. What is written is kept: run the same command again to resume."
+                ) from error
+
+
+def _run(
+    distributed: Any, client: Any, evaluation: Evaluation, source: Source, size: int, wanted: list[int]
+) -> Iterator[tuple[int, tuple[bytes, Statistics]]]:
+    """Yield each chunk as the cluster finishes it; a few for each thread are under way at a time."""
+    threads = sum(client.nthreads().values())
+    shared = client.scatter(evaluation, broadcast=True)
+    pending = _tasks(client, shared, source, size, wanted)
+    first = list(_take(pending, _TASKS_PER_THREAD * max(1, threads)))
+    if not first:
+        return
+    running = distributed.as_completed(first, loop=client.loop)
+    for future in running:
+        yield future.result()
+        future.release()
+        for following in _take(pending, 1):
+            running.add(following)
+
+
+def _has_worker(client: Any, lost: tuple[type[BaseException], ...]) -> bool:
+    """Return whether the scheduler still answers, and has a worker, or gets one soon."""
+    try:
+        client.wait_for_workers(1, timeout=_RECOVERY)
+    except (TimeoutError, asyncio.TimeoutError, *lost):
+        return False
+    return True
 
 
 def _knock(address: str) -> None:
