@@ -154,7 +154,7 @@ def check_vocabulary(root: etree._Element, problems: Problems) -> list[str]:
         >>> check_vocabulary(root, problems)
         ['<spring> in <joint> is no word of URDF and is ignored (on line 1)']
         >>> print(problems.found[0])
-        arm.urdf, line 1: <limit> of joint 'q' has 'uper', which URDF does not have. Did you mean 'upper'?.
+        arm.urdf, line 1: <limit> of joint 'q' has 'uper', which URDF does not have. Did you mean 'upper'?
     """
     checker = _Checker(problems)
     checker.walk(root, "robot", "")
