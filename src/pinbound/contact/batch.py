@@ -190,28 +190,27 @@ class SignedKernel:
     def _signed(self, Q: NDArray[np.float64], out: Array | None, threads: int, backend: Backend, dtype: Any) -> Array:
         """Return the signed clearances of the stops (N, k): sizes by the kernel, with the sign of the side."""
         found = self._sizes.rows(Q, "norms", out, threads, backend, dtype)
+        least = float(np.finfo(found.dtype).tiny)
         for start in range(0, len(Q), _BLOCK):
             part = slice(start, start + _BLOCK)
-            for column, depth in enumerate(self._depths(Q[part])):
+            for column, beyond in enumerate(self._beyond(Q[part])):
                 values = found[part, column]
                 if self._plays[column]:  # the gap is narrower than the arms' alignment
-                    values[:] = self._amplitudes[column] * signed_share(depth)
+                    values[:] = self._amplitudes[column] * signed_share(-beyond)
                     continue
-                vanishes = not (np.min(np.abs(depth)) > 0.0 and np.min(values) > 0.0)
-                np.copysign(values, depth, out=values, casting="same_kind")
-                if vanishes:  # at contact nothing is positive, just before it something is
-                    odd = np.flatnonzero((values == 0.0) | (depth == 0.0))
-                    values[odd] = self._amplitudes[column] * signed_share(depth[odd])
+                np.maximum(values, least, out=values)  # a free q has a positive clearance, however small
+                np.copysign(values, beyond, out=values, casting="same_kind")  # at a contact line it is no free one
+                np.negative(values, out=values)
         return found
 
-    def _depths(self, Q: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-        """Yield how deep each stop's angle is in home's gap (N,) [rad]."""
+    def _beyond(self, Q: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+        """Yield how far each stop's angle is out of home's gap (N,) [rad], negative in it: `-Stop.depth`."""
         block = Q.T.copy().T
         with np.errstate(invalid="ignore"):
             angles: list[NDArray[np.float64]] = [combination(c, block) for c in self._angles]
             gaps: list[list[float]] = self._gaps.tolist()
             for place, (low, high) in zip(map(int, self._angle), gaps, strict=True):
-                yield np.minimum(angles[place] - low, high - angles[place])
+                yield np.maximum(low - angles[place], angles[place] - high)
 
     def _slopes(self, Q: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the gradients of the stops' signed clearances (N, k, n)."""
