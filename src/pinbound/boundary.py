@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
@@ -86,7 +86,7 @@ class Boundary(Value):
     robot_coordinates: tuple[str, ...]
     contact_tolerance: float
     place_error: float = 0.0
-    home: Array | None = field(default=None, compare=False)
+    home: Array | None = None
     stop: bool = False
 
     def __repr__(self) -> str:
@@ -317,7 +317,7 @@ class Boundary(Value):
             return -math.inf, math.inf
         else:
             value = float(q[index])
-            span = outwards.around(self.path, index, coordinate, q, self.rule.distance, 0.0, within) or (value, value)
+            span = outwards.around(self.path, index, coordinate, q, self.rule.distance, within) or (value, value)
         return -math.inf if span[0] <= low else span[0], math.inf if span[1] >= high else span[1]
 
     def spans(self, coordinate: str, Q: Array, within: tuple[float, float], clear: NDArray[np.bool_]) -> Array:
@@ -330,7 +330,7 @@ class Boundary(Value):
             for row in np.flatnonzero(np.isnan(found[:, 0])):
                 found[row] = _around(arcs[int(row)], float(value[row]))
         elif low < high:
-            found = outwards.arounds(self.path, index, coordinate, Q, self.rule.distance, 0.0, within)
+            found = outwards.arounds(self.path, index, coordinate, Q, self.rule.distance, within)
             found = np.where(np.isnan(found), value[:, None], found)
         else:
             found = np.tile([-math.inf, math.inf], (len(Q), 1))

@@ -72,7 +72,8 @@ def _box(robot: Robot) -> tuple[Array, Array]:
 def _hit_and_run(robot: Robot, box: tuple[Array, Array], count: int, rng: np.random.Generator) -> Array:
     """Return configurations (count, n), each from the one before by a random step along a random line."""
     rows, low, high = _inequalities(robot, box)
-    q = robot.home if within_limits(robot.linear_limits, robot.home[None])[0] else _inside(robot, rows, low, high)
+    limits = Intervals.of(robot.linear_limits, len(robot.coordinates))
+    q = robot.home if limits.hold(robot.home[None])[0] else _inside(robot, rows, low, high)
     along = _wide_directions(rows, low, high)
     found = np.empty((count, len(q)))
     for row in range(count):
@@ -86,7 +87,7 @@ def _hit_and_run(robot: Robot, box: tuple[Array, Array], count: int, rng: np.ran
         first, last = float(np.max(ends[0][moving])), float(np.min(ends[1][moving]))
         step = rng.uniform(first, last) if first < last else 0.0
         following = q + step * direction
-        if within_limits(robot.linear_limits, following[None])[0]:
+        if limits.holds_at(following.tolist()):
             q = following
         found[row] = q
     return found

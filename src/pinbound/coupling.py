@@ -124,7 +124,11 @@ class LinearLimit(Value):
             >>> LinearLimit("f", np.array([3.0]), 0.0, -0.3, 0.3).holds([[0.1], [0.1 + 1e-12]])  # 3 * 0.1 > 0.3
             array([ True, False])
         """
-        return Intervals.of([self], len(self.coefficients)).hold(np.asarray(Q, dtype=np.float64))
+        return self._interval.hold(np.asarray(Q, dtype=np.float64))
+
+    @cached_property
+    def _interval(self) -> Intervals:
+        return Intervals.of([self], len(self.coefficients))
 
 
 @dataclass(frozen=True, eq=False)

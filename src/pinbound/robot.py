@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,9 +28,6 @@ from pinbound.path import absolute_chain
 from pinbound.pinocchio_model import build_model
 from pinbound.tree import Tree
 from pinbound.values import Value
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["Robot"]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Hashable, Mapping
+from functools import cache
 from typing import Any, NoReturn, TypeVar, cast
 
 import numpy as np
@@ -14,6 +15,8 @@ __all__ = ["FrozenDict", "Value", "read_only"]
 K = TypeVar("K", bound=Hashable)
 V = TypeVar("V")
 A = TypeVar("A", bound=NDArray[Any])
+
+_PLAIN = (str, float, int, bool, type(None))
 
 
 class FrozenDict(dict[K, V]):
@@ -71,16 +74,23 @@ class Value:
 
     def __post_init__(self) -> None:
         """Freeze the fields."""
-        for one in dataclasses.fields(cast(Any, self)):
-            given = getattr(self, one.name)
+        for name in _names(type(self)):
+            given = getattr(self, name)
             kept = _frozen(given)
             if kept is not given:
-                object.__setattr__(self, one.name, kept)
+                object.__setattr__(self, name, kept)
+
+
+@cache
+def _names(kind: type) -> tuple[str, ...]:
+    return tuple(one.name for one in dataclasses.fields(cast(Any, kind)))
 
 
 def _frozen(value: Any) -> Any:
+    if type(value) in _PLAIN:
+        return value
     if isinstance(value, np.ndarray):
-        return read_only(cast(NDArray[Any], value))
+        return read_only(cast(Any, value))
     if isinstance(value, Mapping) and not isinstance(value, FrozenDict):
         entries: dict[Any, Any] = {key: _frozen(entry) for key, entry in cast(Mapping[Any, Any], value).items()}
         return cast(Any, FrozenDict(entries))

@@ -91,11 +91,9 @@ class _Validator:
     def _once(self, settings: list[RawItem], key: str) -> float:
         given = [item for item in settings if self._complete(item) and key in item.fields]
         for extra in given[1:]:
-            if extra.fields[key] == given[0].fields[key]:
-                continue
-            self.item = extra
             if parse_floats(str(extra.fields[key]), 1) == parse_floats(str(given[0].fields[key]), 1):
                 continue  # a sidecar that repeats what the URDF says does not contradict it
+            self.item = extra
             self._fault(f"{key} is given twice", f"Keep one (the first is on line {given[0].line})")
         if not given:
             return CONTACT

@@ -32,7 +32,6 @@ def around(
     name: str,
     q: Array,
     threshold: float,
-    tolerance: float,
     domain: tuple[float, float],
 ) -> tuple[float, float] | None:
     """Return the allowed interval of coordinate `index` around q's (n,) own value, within a domain that holds it.
@@ -44,7 +43,7 @@ def around(
         UnsupportedError: If the coordinate has contacts that never repeat, and none is near.
     """
     if is_closed(path, index):
-        return allowed_arcs_table(path, index, name, q[None], threshold, tolerance)[0].around(float(q[index]))
+        return allowed_arcs_table(path, index, name, q[None], threshold, 0.0)[0].around(float(q[index]))
     far = _farthest_contact(path, index, q, threshold)
     low, high = max(domain[0], -far), min(domain[1], far)
     if not low < high:
@@ -88,7 +87,6 @@ def arounds(
     name: str,
     Q: Array,
     threshold: float,
-    tolerance: float,
     domain: tuple[float, float],
 ) -> Array:
     """Return `around` for many q (N, n) whose values are in the domain: (N, 2), NaN where the value is in contact."""
@@ -96,8 +94,8 @@ def arounds(
     used = chain.coefficients[chain.coefficients[:, index] != 0.0, index]
     repeats = len(used) and not np.any(chain.slides[:, :, index])
     if is_closed(path, index) or (repeats and _repeats_soon(used)):
-        return allowed_arcs_table(path, index, name, Q, threshold, tolerance).around(Q[:, index])
-    found = [around(path, index, name, q, threshold, tolerance, domain) for q in Q]
+        return allowed_arcs_table(path, index, name, Q, threshold, 0.0).around(Q[:, index])
+    found = [around(path, index, name, q, threshold, domain) for q in Q]
     return np.array([(math.nan, math.nan) if one is None else one for one in found]).reshape(-1, 2)
 
 
