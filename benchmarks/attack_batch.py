@@ -12,18 +12,15 @@ and in batches, strided, reversed, into buffers; buffers that share memory must 
 
 from __future__ import annotations
 
-import argparse
 import sys
-import time
-from collections import Counter
 from typing import Any
 
 import numpy as np
 
 import pinbound as pb
-from benchmarks.attack_limits import Oracle, random_case
+from benchmarks.attack_limits import Oracle, campaign, random_case
 
-__all__ = ["attack_batch", "main"]
+__all__ = ["attack_batch"]
 
 TIGHT = 2e-9  # of the robot's length: what the oracle leaves where marks nearly meet
 SINGLE = 4e-6
@@ -137,24 +134,5 @@ def _slopes(oracle: Oracle, B: Any, Q: Any) -> str:
     return ""
 
 
-def main() -> int:
-    """Run the campaign, and print what came out."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("--trials", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
-    counts: Counter[str] = Counter()
-    began = time.process_time()
-    for number, child in enumerate(np.random.default_rng(given.seed).spawn(given.trials)):
-        answer = attack_batch(child)
-        counts[answer.split(":")[0]] += 1
-        if answer.startswith("WRONG"):
-            print(f"trial {number}: {answer}")
-    for answer, count in counts.most_common():
-        print(f"{count:6d}  {answer}")
-    print(f"{given.trials} trials, {time.process_time() - began:.0f} s of processor time")
-    return int("WRONG" in counts)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(campaign(attack_batch, __doc__ or "\n"))

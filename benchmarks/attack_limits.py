@@ -23,6 +23,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -384,18 +385,24 @@ def _windows(robot: pb.Robot, name: str, q: Any) -> str:
     return ""
 
 
-def main() -> int:
-    """Run the campaign, and print what came out."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+def campaign(attack: Callable[[np.random.Generator], str], about: str) -> int:
+    """Make `--trials` attacks from `--seed`, print how often each answered what, and return 1 if one found a fault.
+
+    Args:
+        attack: Returns "WRONG: what was found", or a line that says how the trial ended.
+        about: Of the command line; its first line is shown.
+    """
+    parser = argparse.ArgumentParser(description=about.splitlines()[0])
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     counts: Counter[str] = Counter()
     began = time.process_time()
     for number, child in enumerate(np.random.default_rng(given.seed).spawn(given.trials)):
-        answer = attack_limits(child)
-        counts[answer.split("\n")[0] if not answer.startswith("WRONG") else "WRONG"] += 1
-        if answer.startswith("WRONG"):
+        answer = attack(child)
+        wrong = answer.startswith("WRONG")
+        counts["WRONG" if wrong else answer.split("\n")[0]] += 1
+        if wrong:
             print(f"trial {number}: {answer}")
     for answer, count in counts.most_common():
         print(f"{count:6d}  {answer}")
@@ -404,7 +411,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
-
-
-__all__ = ["Joint", "Oracle", "Shape", "attack_limits", "main", "random_case"]
+    sys.exit(campaign(attack_limits, __doc__ or "\n"))

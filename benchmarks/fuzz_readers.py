@@ -279,17 +279,17 @@ def _xacro(folder: Path, rng: random.Random) -> str:
 
 
 def _yaml(folder: Path, rng: random.Random) -> str:
-    (folder / "r.urdf").write_text(URDF % "")
-    (folder / "m.yaml").write_bytes(mutated(YAML, rng))
-    robot = pb.load(folder / "r.urdf", annotations=folder / "m.yaml")
-    robot.boundaries.norms(robot.home)
-    return ""
+    return _annotated(folder, "m.yaml", mutated(YAML, rng))
 
 
 def _srdf(folder: Path, rng: random.Random) -> str:
+    return _annotated(folder, "m.srdf", mutated(SRDF, rng))
+
+
+def _annotated(folder: Path, name: str, annotations: bytes) -> str:
     (folder / "r.urdf").write_text(URDF % "")
-    (folder / "m.srdf").write_bytes(mutated(SRDF, rng))
-    robot = pb.load(folder / "r.urdf", annotations=folder / "m.srdf")
+    (folder / name).write_bytes(annotations)
+    robot = pb.load(folder / "r.urdf", annotations=folder / name)
     robot.boundaries.norms(robot.home)
     return ""
 
