@@ -126,6 +126,9 @@ def test_faults_of_arrays(tmp_path: Path) -> None:
     path.write_bytes(whole.replace(b"(10, 3)", b"(99999999999999, 3)".ljust(7))[: len(whole)])
     with pytest.raises(pb.InputError):
         open_table(path, NAMES)
+    path.write_bytes(whole.replace(b"(10, 3)", b"(True,3)").replace(b"} ", b"}", 1))
+    with pytest.raises(pb.InputError, match="no NPY file"):  # NumPy refuses it too
+        open_table(path, NAMES)
     path.write_bytes(whole)
     table = open_table(path, NAMES)
     path.write_bytes(whole[:-8])

@@ -76,9 +76,9 @@ def _header(stream: Any) -> Header:
     if version not in readers:
         raise ValueError(f"NPY version {version} is not known")
     shape, fortran, dtype = readers[version](stream, max_header_size=_HEADER)
-    if any(side < 0 for side in shape):
+    if any(type(side) is not int or side < 0 for side in shape):  # True is an int for NumPy's own check
         raise ValueError(f"shape {shape}")
-    return Header(tuple(int(side) for side in shape), bool(fortran), np.dtype(dtype), int(stream.tell()))
+    return Header(tuple(shape), bool(fortran), np.dtype(dtype), int(stream.tell()))
 
 
 @dataclass(frozen=True)
