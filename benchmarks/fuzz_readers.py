@@ -306,18 +306,19 @@ def _xacro(folder: Path, rng: random.Random) -> str:
 
 
 def _yaml(folder: Path, rng: random.Random) -> str:
-    return _annotated(folder, "m.yaml", mutated(YAML, rng))
+    return _annotated(folder, "m.yaml", rng, mutated(YAML, rng))
 
 
 def _srdf(folder: Path, rng: random.Random) -> str:
-    return _annotated(folder, "m.srdf", mutated(SRDF, rng))
+    return _annotated(folder, "m.srdf", rng, mutated(SRDF, rng))
 
 
-def _annotated(folder: Path, name: str, annotations: bytes) -> str:
+def _annotated(folder: Path, name: str, rng: random.Random, annotations: bytes) -> str:
     (folder / "r.urdf").write_text(URDF % "")
     (folder / name).write_bytes(annotations)
     robot = pb.load(folder / "r.urdf", annotations=folder / name)
-    robot.boundaries.norms(robot.home)
+    if rng.random() < 0.1:  # it costs more than the rest
+        robot.boundaries.norms(robot.home)
     return ""
 
 
@@ -355,7 +356,7 @@ READERS: dict[str, Callable[[Path, random.Random], str]] = {
 }
 """One function a reader: it writes a mutated file, loads it, and returns what is wrong with what was loaded."""
 
-SHARES = {"urdf": 28, "xacro": 8, "yaml": 20, "srdf": 14, "mark": 7, "csv": 8, "npy": 6, "npz": 4, "parquet": 5}
+SHARES = {"urdf": 28, "xacro": 8, "yaml": 10, "srdf": 18, "mark": 10, "csv": 9, "npy": 10, "npz": 4, "parquet": 3}
 """Files of each reader out of a hundred (`--all`)."""
 
 STUCK = 60.0
