@@ -9,7 +9,7 @@ from xml.parsers.expat import ExpatError, ParserCreate
 
 from lxml import etree
 
-from pinbound.exceptions import InputError, Problem
+from pinbound.exceptions import InputError, MachineError, Problem, blames_the_path
 
 __all__ = ["local_name", "parse_bytes", "parse_file", "parse_floats", "refusal", "xml_parser"]
 
@@ -31,10 +31,13 @@ def parse_file(path: Path) -> etree._Element:
 
     Raises:
         InputError: If it cannot be read, is not well-formed, or has a DOCTYPE.
+        MachineError: If the disk fails.
     """
     try:
         data = path.read_bytes()
     except OSError as error:
+        if not blames_the_path(error):
+            raise MachineError(f"{path}: reading failed: {error.strerror}") from error
         raise refusal(str(path), f"cannot be read ({error.strerror})", "Check the path and its permissions") from error
     return parse_bytes(data, path.name)
 

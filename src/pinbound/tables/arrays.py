@@ -19,7 +19,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from pinbound.exceptions import InputError, Problem
-from pinbound.tables.table import BLOCK, bad, check_names
+from pinbound.tables.table import BLOCK, bad, check_names, pass_on
 
 __all__ = ["NpyTable", "NpzTable"]
 
@@ -196,6 +196,7 @@ class NpzTable:
         except InputError:
             raise
         except (*_DAMAGE, OSError) as error:
+            pass_on(error)
             remedy = "Write it with numpy.savez(file, time=t, q1=..., ...)"
             raise bad(path, f"it is no NPZ file of numbers ({error})", remedy) from error
         if len(set(lengths.values())) > 1:
@@ -225,6 +226,7 @@ class NpzTable:
                     parts = [_column(s, t, count) for s, t in zip(streams, types, strict=True)]
                     yield np.stack(parts, axis=1) if parts else np.empty((count, 0))
         except (*_DAMAGE, OSError) as error:
+            pass_on(error)
             raise bad(self.path, f"it is damaged ({error})", "Write it again with numpy.savez") from error
 
 
