@@ -636,8 +636,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     cross = "crosscheck CRANE --samples 3 --levels points"
     yield commands("Let it end in .png or .svg", cross + ",region --out HERE/a.txt", cross + ",region --out HERE/a.png")
     yield commands("Add it to --levels", cross + " --out HERE/a.png", cross + ",region --out HERE/a.png")
-    ends = "Write NAME=LOWER:UPPER, e.g. q2=-1.5:1.5"
-    yield commands(ends, cross + ",region --window lift=1", cross + ",region --window lift=-1:1")
+    yield commands(window, cross + ",region --window lift=1", cross + ",region --window lift=-1..1")
     yield commands(
         "Write e.g. --xacro-arg bridge=as_printed",
         "info minervabot_v3 --xacro-arg bridge",
