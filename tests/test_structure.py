@@ -30,6 +30,7 @@ FLOORS = [
     ("loop_errors",),
     ("boundary",),
     ("boundary_set",),
+    ("model_view",),
     ("covers",),
     ("coverage",),
     ("robot",),
@@ -71,7 +72,7 @@ KNOWN = {
     ("swept_bounds", "rounding"),
 }
 ONLY = {
-    "pinocchio": {"pinocchio_model", "robot", "crosscheck"},
+    "pinocchio": {"pinocchio_model", "model_view", "robot", "crosscheck"},
     "coal": {"crosscheck"},
 }
 FILES = sorted(PACKAGE.rglob("*.py"))

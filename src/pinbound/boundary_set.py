@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal, cast, overload
 
 import numpy as np
@@ -89,6 +88,26 @@ class BoundarySet(Sequence[Boundary]):
                 raise UnknownNameError("boundary", key, self._index)
             return self._index[key]
         return self._boundaries[key]
+
+    def select(self, names: str | Iterable[str]) -> BoundarySet:
+        """Return some boundaries as a set of their own, in the order of `names`; joint limits and home stay.
+
+        Raises:
+            UnknownNameError: If there is no boundary of a name.
+            DimensionError: If a name is given twice.
+
+        Example:
+            >>> import pinbound as pb
+            >>> B = pb.load("minervabot_v3").boundaries
+            >>> some = B.select(["beta_4", "beta_1"])
+            >>> some.names, some.signed_clearances([0.0, 0.0, 0.0]).shape
+            (('beta_4', 'beta_1'), (2,))
+        """
+        wanted = [names] if isinstance(names, str) else list(names)
+        for name in wanted:
+            if wanted.count(name) > 1:
+                raise DimensionError(f"boundary {name!r} is named twice; name each boundary once")
+        return BoundarySet([self[name] for name in wanted], self._coordinates, self._limits, self._home, self._common)
 
     def __repr__(self) -> str:
         """Return the names."""
@@ -383,22 +402,7 @@ class BoundarySet(Sequence[Boundary]):
             if span is not None:  # what lies beyond a stop that is known stops nothing
                 low, high = max(low, span[0]), min(high, span[1])
             spans.append((boundary.name, span))
-        blocked = tuple(name for name, span in spans if span is None)
-        beyond = self.beyond(point)
-        if blocked:
-            return CoordinateLimits(coordinate, value, math.nan, math.nan, None, None, blocked, beyond)
-        first = itemgetter(0)  # of several at one place the first is named: joint limits, then boundaries, in order
-        lower, lower_stop = max(((span[0], name) for name, span in spans if span), default=(-math.inf, ""), key=first)
-        upper, upper_stop = min(((span[1], name) for name, span in spans if span), default=(math.inf, ""), key=first)
-        return CoordinateLimits(
-            coordinate,
-            value,
-            lower,
-            upper,
-            lower_stop if math.isfinite(lower) else None,
-            upper_stop if math.isfinite(upper) else None,
-            beyond=beyond,
-        )
+        return CoordinateLimits.of(coordinate, value, spans, self.beyond(point))
 
     def limits_table(self, coordinate: str, Q: ArrayLike) -> tuple[Array, NDArray[np.str_]]:
         """Return how far one coordinate can move from each of many q, and what stops it.
