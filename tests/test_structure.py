@@ -35,7 +35,7 @@ FLOORS = [
     ("coverage",),
     ("robot",),
     ("loading",),
-    ("certificates",),
+    ("certificates", "steps"),
     ("candidates",),
     ("marking",),
     ("region",),

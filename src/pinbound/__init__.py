@@ -65,6 +65,7 @@ if TYPE_CHECKING:
         swept_body,
         workspace_section,
     )
+    from pinbound.steps import StepBounds, StepRows
 
 __version__ = "0.1.0"
 
@@ -111,6 +112,8 @@ __all__ = [
     "Segment",
     "Smallest",
     "SmallestClearance",
+    "StepBounds",
+    "StepRows",
     "Sweep",
     "SweptBody",
     "UnknownNameError",
@@ -136,6 +139,8 @@ __all__ = [
 
 _LATER = {
     "CrossCheck": "pinbound.crosscheck",
+    "StepBounds": "pinbound.steps",
+    "StepRows": "pinbound.steps",
     "cross_check": "pinbound.crosscheck",
     "BoundedMotion": "pinbound.certificates",
     "BoxCertificate": "pinbound.certificates",

@@ -188,7 +188,11 @@ def _compare(
         for name, place in zip(names, ours, strict=True):
             if np.any(np.abs((root @ theirs[name])[:3] - place) > allowed):
                 said = f"the model places link {name!r} elsewhere than {tree.kinematics.name!r} does"
-                raise DimensionError(f"{said}; build the model from the same URDF, or load the robot from the model's")
+                remedy = "build the model from the same URDF"
+                if any(" as pi" in note or "pi/2" in note for note in tree.kinematics.notes):
+                    remedy += "; robot.notes say which printed angles are read as multiples of pi: write such angles "
+                    remedy += "with all digits"
+                raise DimensionError(f"{said}; {remedy}")
 
 
 @dataclass(frozen=True, eq=False)

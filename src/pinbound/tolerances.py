@@ -56,6 +56,7 @@ __all__ = [
     "SAME_ROBOT",
     "SAMPLE_ROUNDOFFS",
     "SOLVES",
+    "STEP_BOX",
     "STOP_MISS",
     "SYMBOLIC_DIGITS",
     "UNIT_CIRCLE",
@@ -192,6 +193,9 @@ Angles that are printed to 11 digits and read as pi leave 1e-11."""
 
 UNIT_CIRCLE: Final = 1e-6
 """Of `cos^2 + sin^2 - 1` of a continuous joint: integration leaves 1e-9, two numbers that are no angle leave more."""
+
+STEP_BOX: Final = 1.0 + 1e-3
+"""Factor on the box of a step in proofs: solvers of quadratic programs pass its sides by their tolerance, 1e-6 m."""
 
 ON_CONTOUR: Final = 1e-9
 """Radians. A configuration is on a region's contour within this: the rounding of a path given to nine decimals."""
