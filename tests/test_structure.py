@@ -39,7 +39,7 @@ FLOORS = [
     ("candidates",),
     ("marking",),
     ("region",),
-    ("batch", "motion", "inverse_kinematics"),
+    ("batch", "motion", "inverse_kinematics", "adapters"),
     ("plots",),
     ("motion_figure", "crosscheck"),
     ("report", "reproduce"),
@@ -107,6 +107,7 @@ def test_a_room_imports_only_from_floors_below(path: Path) -> None:
             assert asked in ("", asker) or asked in SHARED or (asker, asked) in KNOWN, f"{asker} knows {asked}"
             continue
         inside = there == here and here in (
+            "adapters",
             "annotations",
             "batch",
             "certificates",
