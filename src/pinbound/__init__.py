@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     )
     from pinbound.crosscheck import CrossCheck, cross_check
     from pinbound.inverse_kinematics import InverseKinematics, solve_ik
+    from pinbound.limit_tables import LimitTable, limit_table
     from pinbound.marking import Proposal, propose_marks
     from pinbound.motion import Motion, MotionHistory, history, read_motion
     from pinbound.region import (
@@ -96,6 +97,7 @@ __all__ = [
     "LeavesRegionError",
     "LeftOutMark",
     "LimitMark",
+    "LimitTable",
     "Line",
     "MachineError",
     "Membership",
@@ -126,6 +128,7 @@ __all__ = [
     "cross_check",
     "feasible_region",
     "history",
+    "limit_table",
     "load",
     "packaged_robots",
     "propose_marks",
@@ -139,6 +142,8 @@ __all__ = [
 
 _LATER = {
     "CrossCheck": "pinbound.crosscheck",
+    "LimitTable": "pinbound.limit_tables",
+    "limit_table": "pinbound.limit_tables",
     "StepBounds": "pinbound.steps",
     "StepRows": "pinbound.steps",
     "cross_check": "pinbound.crosscheck",

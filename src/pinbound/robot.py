@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -219,6 +221,53 @@ class Robot(Value):
         if self.again is None:
             raise UnsupportedError("this robot was not made by load(), so that it cannot be made anew; load() its file")
         return self.again(self, more)
+
+    def export(self, kind: str, path: str | Path, boundaries: Sequence[str] | str | None = None) -> tuple[Path, ...]:
+        """Write the boundaries for other programs; the same robot gives the same bytes.
+
+        ``"c"``: C99 without dependencies, `path` (ending in .c) and a header beside it that states units and order:
+        signed clearances, and their Jacobian. ``"json"``: the reduced chains as data, with the formula that evaluates
+        them.
+
+        Args:
+            kind: ``"c"`` or ``"json"``.
+            path: The file; one that exists is replaced.
+            boundaries: Names of boundaries; None: all.
+
+        Returns:
+            The files that were written.
+
+        Raises:
+            UnknownNameError: If there is no such kind, or no boundary of a name.
+            UnsupportedError: If C is asked for of boxes or prisms, whose nearest points are searched for.
+        """
+        from pinbound.export import c_files, chains_record, is_closed, signed_nodes
+
+        chosen = self.boundaries if boundaries is None else self.boundaries.select(boundaries)
+        file, names = Path(path), chosen.names
+        rules, marks = [b.rule for b in chosen], [(b.point_a.name, b.point_b.name) for b in chosen]
+        units = [(name, "rad" if self.turns(name) else "m") for name in self.coordinates]
+        if kind == "json":
+            record = chains_record(
+                self.name, units, self.home.tolist(), self.linear_limits, list(zip(names, marks, rules, strict=True))
+            )
+            file.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+            return (file,)
+        if kind != "c":
+            raise UnknownNameError("kind of export", kind, ("c", "json"))
+        searched = [name for name, rule in zip(names, rules, strict=True) if not is_closed(rule)]
+        if searched:
+            said = (
+                f"the nearest points of {', '.join(searched)} are searched for (boxes, prisms): no straight-line code"
+            )
+            raise UnsupportedError(f"{said}; name the other boundaries, or cover these bodies by capsules")
+        if file.suffix != ".c":
+            raise DimensionError(f"{file.name} does not end in .c; the header takes the same name, ending in .h")
+        nodes = signed_nodes(rules, marks, len(self.coordinates), chosen.common)
+        header, source = c_files(nodes, self.name, units, names, file.stem)
+        file.write_text(source, encoding="ascii")
+        file.with_suffix(".h").write_text(header, encoding="ascii")
+        return file, file.with_suffix(".h")
 
     def on(self, model: Any) -> ModelView:
         """Return the boundaries as a user's own `pinocchio.Model` asks for them: by its q, with gradients over its v.

@@ -59,6 +59,7 @@ __all__ = [
     "STEP_BOX",
     "STOP_MISS",
     "SYMBOLIC_DIGITS",
+    "TABLE",
     "UNIT_CIRCLE",
     "UNIT_ROUNDOFF",
     "VERTEX",
@@ -193,6 +194,10 @@ Angles that are printed to 11 digits and read as pi leave 1e-11."""
 
 UNIT_CIRCLE: Final = 1e-6
 """Of `cos^2 + sin^2 - 1` of a continuous joint: integration leaves 1e-9, two numbers that are no angle leave more."""
+
+TABLE: Final = 1e-9
+"""Radians. Entries of tables of coupled limits stay this far inside the limits: printing and a reader's interpolation
+round by less (1e-14)."""
 
 STEP_BOX: Final = 1.0 + 1e-3
 """Factor on the box of a step in proofs: solvers of quadratic programs pass its sides by their tolerance, 1e-6 m."""
