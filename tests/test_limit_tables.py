@@ -24,7 +24,7 @@ def from_skrobot(text: str) -> tuple[Any, Any, Any]:
 def from_jskeus(text: str) -> tuple[Any, Any, Any]:
     body = "\n".join(line for line in text.splitlines() if not line.startswith(";"))
     assert ':joint-min-max-target "q2"' in body
-    rows = re.search(r"#2f\(\((.*)\)\)", body).group(1).split(") (")
+    rows = re.search(r"#2f\(\((.*?)\)\)", body).group(1).split(") (")
     angles, lower, upper = (np.array([int(word) for word in row.split()]) for row in rows)
     return angles, lower, upper
 
