@@ -132,6 +132,19 @@ def test_steps_of_stops_and_limits_are_exact(minerva: pb.Robot) -> None:
     assert max(room) == pytest.approx(minerva.boundaries.limits("q2", q).lower - q[1], abs=1e-4)
 
 
+def test_a_robot_that_stands_at_a_stop_is_not_blocked(minerva: pb.Robot) -> None:
+    """It goes on towards the stop until nothing is left of the way: rounding there is no contact."""
+    bounds, q = pb.StepBounds(minerva), minerva.home
+    for _ in range(80):
+        rows = bounds.rows(q, 0.5)
+        assert not rows.blocked
+        assert np.all(rows.b >= 0.0)
+        q = q + corner(rows, np.array([0.0, -1.0, 0.0]))
+        assert minerva.boundaries.free(q)
+    assert minerva.boundaries.signed_clearances(q).min() < 1e-5
+    assert pb.StepBounds(minerva).rows(np.array([0.0, -0.5, 0.0]), 0.1).blocked == ("beta_10",)
+
+
 def test_mimic_joints_limits_are_rows() -> None:
     joints = [*JOINTS[:4], joint("e", "revolute", "l4", "l5", axis="0 1 1", limit="-0.1 0.1", mimic="b -0.5 0")]
     robot = pb.load(robot_xml(joints, {}, []))

@@ -15,14 +15,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.boundary import one_configuration
+from pinbound.boundary import Boundary, one_configuration
 from pinbound.coupling import real_array
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.interpreters.bounds import box_terms
@@ -120,9 +119,10 @@ class StepBounds:
         self.robot = robot
         self.boundaries = robot.boundaries if boundaries is None else robot.boundaries.select(boundaries)
         self.stops = [one for one in self.boundaries if one.is_stop]
-        self._places = np.array([k for k, one in enumerate(self.boundaries) if not one.is_stop], dtype=np.intp)
-        self._areas = tuple(one for one in self.boundaries if not one.is_stop)
+        self._areas: tuple[Boundary, ...] = tuple(one for one in self.boundaries if not one.is_stop)
         self._box: tuple[Array, Array] | None = None
+        self._groups: list[_Group] = []
+        self._moved = self._known = self._there = self._slack = np.zeros(0)
 
     def rows(
         self,
@@ -161,11 +161,10 @@ class StepBounds:
         point = one_configuration(q, self.robot.coordinates)
         asked = self._checked(step, gain, margin, reserve, most)
         half = asked * STEP_BOX
-        made = self._stop_rows(point, reserve, gain) + self._area_rows(point, half, reserve, margin, gain)
-        blocked = [row.name for row in made if row.value <= 0.0]
-        ends = self._limit_rows(point) if limits else []
-        blocked += [row.name for row in ends if row.value < 0.0]
-        found = [row for row in made + ends if row.value - row.loss(1.0) - float(np.abs(row.g) @ half) <= 0.0]
+        areas = self._area_rows(point, half, reserve, margin, gain)
+        ends = self._stop_rows(point, reserve, gain) + (self._limit_rows(point) if limits else [])
+        blocked = [row.name for row in areas if row.value <= 0.0] + [row.name for row in ends if row.value < 0.0]
+        found = [row for row in areas + ends if row.value - row.loss(1.0) - float(np.abs(row.g) @ half) <= 0.0]
         scale = min([1.0, *[row.fits(gain * row.value) for row in found if row.value > 0.0]])
         if most is not None:
             reach = [row.fits(row.value, float(np.abs(row.g) @ half)) for row in found]
@@ -201,9 +200,9 @@ class StepBounds:
             stop: Any = boundary.rule.stop
             c, (low, high), phi = stop.coefficients, stop.free_gap, float(stop.coefficients @ q)
             kept = LIMIT + UNIT_ROUNDOFF * (len(q) + 8.0) * (float(np.abs(c) @ np.abs(q)) + abs(low) + abs(high))
-            kept += 2.0 * reserve / stop.amplitude
-            rows.append(_Row(boundary.name, phi - low - kept, c, share=gain))
-            rows.append(_Row(boundary.name, high - phi - kept, -c, share=gain))
+            for room, g in ((phi - low, c), (high - phi, -c)):
+                value = room - kept - 2.0 * reserve / stop.amplitude
+                rows.append(_Row(boundary.name, max(value, 0.0) if room > kept else value, g, share=gain))
         return rows
 
     def _limit_rows(self, q: Array) -> list[_Row]:
@@ -217,51 +216,81 @@ class StepBounds:
         return rows
 
     def _area_rows(self, q: Array, half: Array, reserve: float, margin: float, gain: float) -> list[_Row]:
-        if not len(self._places):
-            return []
-        swept, error, moved = self._prepared(q, half)
-        here = self.boundaries.signed_clearances(q)[self._places]
-        idle = here - (moved @ half) * INFLATION - 8.0 * error - reserve > 0.0
-        which = np.flatnonzero(~idle)
-        if not len(which):
-            return []
-        count = swept.rows
-        terms = box_terms(swept.chains, swept.arms, all_rows(swept, which), *_repeated(q, half, len(which) * count))
-        r = terms.r.T.reshape(-1, count, 3)
-        _, n, _, _ = separated(swept, which, r)
-        along = np.einsum("mci,mi->mc", r, n)
-        rates = np.einsum("jimc,mi->mcj", np.array(terms.rates).reshape(len(q), 3, len(which), count), n) / half
-        bend = 0.5 * np.asarray(terms.second).reshape(-1, count) * INFLATION
-        off = error[which] * (1.0 + terms.wide.reshape(-1, count).max(axis=1)) + reserve
         rows: list[_Row] = []
-        for place, k in enumerate(which.tolist()):
-            boundary = self._areas[k]
-            value = along[place] - np.append(boundary.rule.distance + off[place], np.zeros(count - 1))
-            ways = len(boundary.path.swept.directions)
-            rows += _corner_rows(boundary.name, ways, value, rates[place], bend[place], half, margin, gain)
+        near = self._near(q, half, reserve)
+        for group in self._groups if len(near) else ():
+            which = np.flatnonzero(np.isin(group.places, near))
+            if not len(which):
+                continue
+            swept, count = group.swept, group.swept.rows
+            terms = box_terms(swept.chains, swept.arms, all_rows(swept, which), *_repeated(q, half, len(which) * count))
+            r = terms.r.T.reshape(-1, count, 3)
+            _, n, _, _ = separated(swept, which, r)
+            along = np.einsum("mci,mi->mc", r, n)
+            rates = np.einsum("jimc,mi->mcj", np.array(terms.rates).reshape(len(q), 3, len(which), count), n) / half
+            bend = 0.5 * np.asarray(terms.second).reshape(-1, count) * INFLATION
+            off = group.error[which] * (1.0 + terms.wide.reshape(-1, count).max(axis=1)) + reserve
+            for place, k in enumerate(map(int, group.places[which])):
+                boundary = self._areas[k]
+                value = along[place].copy()
+                value[0] -= boundary.rule.distance + off[place]
+                rows += _corner_rows(boundary.name, value, rates[place], bend[place], half, margin, gain)
         return rows
 
-    def _prepared(self, q: Array, half: Array) -> tuple[SweptBundle, Array, Array]:
-        """Return bounds that hold in a box around q, made anew when steps lead out of it."""
-        box = self._box
-        if box is None or np.any(q - half < box[0]) or np.any(q + half > box[1]):
-            ends = [q - half - 1.0, q + half + 1.0]
-            self._box = (
-                (ends[0], ends[1]) if box is None else (np.minimum(box[0], ends[0]), np.maximum(box[1], ends[1]))
-            )
-            self.__dict__.pop("_bounds", None)
-        return self._bounds
+    def _near(self, q: Array, half: Array, reserve: float) -> Indices:
+        """Return the places of the boundaries that some step may reach; proved of the others, mostly from earlier q.
 
-    @cached_property
-    def _bounds(self) -> tuple[SweptBundle, Array, Array]:
-        lower, upper = self._box or (np.zeros(0), np.zeros(0))
-        swept = swept_bundle([one.path for one in self._areas], lower, upper)
-        ends = [(one.ancestor, one.point_a.link, one.point_b.link) for one in self._areas]
-        error = rounding_bound(swept, walks(self.robot.tree, self.robot.coupling, ends), lower, upper)
-        moved = np.einsum("mk,mkn->mn", swept.arms, np.abs(swept.chains.coefficients))
-        if swept.chains.slides is not None:
-            moved = moved + np.linalg.norm(swept.chains.slides, axis=2).sum(axis=1)
-        return swept, error, moved[:: swept.rows]
+        A separation changes by at most `moved . |change of q|`, so that one that was measured bounds it elsewhere.
+        """
+        if not self._areas:
+            return np.zeros(0, dtype=np.intp)
+        self._prepare(q, half)
+        known, there = self._known, self._there
+        reach = self._moved @ half * INFLATION + self._slack + reserve
+        while True:
+            least = known - np.einsum("mn,mn->m", self._moved, np.abs(q - there)) * INFLATION
+            near = np.flatnonzero(~(least - reach > 0.0))
+            stale = [k for k in map(int, near) if not np.array_equal(there[k], q)]
+            for k in stale:
+                known[k], there[k] = float(self._areas[k].signed_clearance(q)), q
+            if not stale:
+                return near
+
+    def _prepare(self, q: Array, half: Array) -> None:
+        """Make bounds that hold in a box around q, anew when steps lead out of it."""
+        box = self._box
+        if box is not None and np.all(q - half >= box[0]) and np.all(q + half <= box[1]):
+            return
+        ends = q - half - 1.0, q + half + 1.0
+        lower, upper = ends if box is None else (np.minimum(box[0], ends[0]), np.maximum(box[1], ends[1]))
+        self._box = lower, upper
+        m, n = len(self._areas), len(q)
+        if box is None:
+            self._known, self._there = np.full(m, np.nan), np.full((m, n), np.nan)
+        self._moved, self._slack, groups = np.zeros((m, n)), np.zeros(m), list[_Group]()
+        for ways in sorted({len(one.path.swept.directions) for one in self._areas}):
+            places = np.array(
+                [k for k, one in enumerate(self._areas) if len(one.path.swept.directions) == ways], np.intp
+            )
+            chosen = [self._areas[k] for k in map(int, places)]
+            swept = swept_bundle([one.path for one in chosen], lower, upper)
+            links = [(one.ancestor, one.point_a.link, one.point_b.link) for one in chosen]
+            error = rounding_bound(swept, walks(self.robot.tree, self.robot.coupling, links), lower, upper)
+            moved = np.einsum("mk,mkn->mn", swept.arms, np.abs(swept.chains.coefficients))
+            if swept.chains.slides is not None:
+                moved = moved + np.linalg.norm(swept.chains.slides, axis=2).sum(axis=1)
+            self._moved[places], self._slack[places] = moved[:: swept.rows], 8.0 * error
+            groups.append(_Group(places, swept, error))
+        self._groups = groups
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Boundaries of one number of ways: their places, paths side by side, and rounding bounds [m]."""
+
+    places: Indices
+    swept: SweptBundle
+    error: Array
 
 
 def _repeated(q: Array, half: Array, count: int) -> tuple[Array, Array]:
@@ -269,13 +298,13 @@ def _repeated(q: Array, half: Array, count: int) -> tuple[Array, Array]:
 
 
 def _corner_rows(
-    name: str, ways: int, value: Array, rates: Array, bend: Array, half: Array, margin: float, gain: float
+    name: str, value: Array, rates: Array, bend: Array, half: Array, margin: float, gain: float
 ) -> list[_Row]:
     """Return a row a corner, or one row with what the other corners may lose; `bend[0]` is that of any corner."""
-    if ways <= _FEW:
+    if len(value) <= 1 + _FEW:
         found: list[_Row] = []
-        for corner in product((0, 1), repeat=ways):
-            chosen = np.array([1, *corner, *[0] * (len(value) - 1 - ways)], dtype=np.float64)
+        for corner in product((0.0, 1.0), repeat=len(value) - 1):
+            chosen = np.array([1.0, *corner])
             found.append(_Row(name, float(chosen @ value), chosen @ rates, 0.0, float(bend[0]), margin, gain))
         return found
     taken = np.append(1.0, (value[1:] < 0.0).astype(np.float64))
