@@ -97,44 +97,59 @@ def drive(case: Case, steps: int, seed: int) -> dict[str, Any]:
     return counts | {"smallest [mm]": round(1e3 * smallest, 3)}
 
 
-def seconds(call: Callable[[], Any], count: int) -> float:
-    call()
-    best = np.inf
-    for _ in range(count):
+def seconds(call: Callable[[Any], Any], way: list[Any]) -> float:
+    """Return the median time of a call along a way of configurations."""
+    took: list[float] = []
+    for q in way:
         start = time.perf_counter()
-        call()
-        best = min(best, time.perf_counter() - start)
-    return best
+        call(q)
+        took.append(time.perf_counter() - start)
+    return float(np.median(took))
 
 
 def cost(case: Case) -> dict[str, float]:
     """Return microseconds a step: our rows, and Pink's distances and rows on the same pairs of bodies."""
-    robot, q = case.robot, case.robot.to_pinocchio(case.model, case.robot.home)
+    robot, rng = case.robot, np.random.default_rng(1)
     limit = StepLimit(robot, case.model, velocity=2.0)
-    plain = pink.Configuration(case.model, case.model.createData(), q)
-    ours = seconds(lambda: limit.compute_qp_inequalities(plain, 1e-2), 200)
+    steps = np.cumsum(rng.uniform(-1e-3, 1e-3, (40, len(robot.home))), axis=0)
+    way = [robot.to_pinocchio(case.model, robot.home + step) for step in steps]
+    plain = pink.Configuration(case.model, case.model.createData(), way[0])
+
+    def ours(q: Any) -> None:
+        plain.q = q
+        limit.compute_qp_inequalities(plain, 1e-3)
+
+    mine = seconds(ours, way)
     if case.geometry is None:
-        return {"rows [us]": 1e6 * ours}
-    both = pink.Configuration(case.model, case.model.createData(), q, collision_model=case.geometry)
-    barrier = pink.barriers.SelfCollisionBarrier(
-        len(case.geometry.collisionPairs), safe_displacement_gain=0.0, d_min=0.0
-    )
-    moved = seconds(lambda: both.update(q), 50) - seconds(lambda: plain.update(q), 50)
+        return {"rows [us]": 1e6 * mine}
+    both = pink.Configuration(case.model, case.model.createData(), way[0], collision_model=case.geometry)
+    count = len(case.geometry.collisionPairs)
+    barrier = pink.barriers.SelfCollisionBarrier(count, safe_displacement_gain=0.0, d_min=0.0)
 
-    def rows() -> Any:
-        return barrier.compute_jacobian(both), barrier.compute_barrier(both)
+    def theirs(q: Any) -> None:
+        both.update(q)
+        barrier.compute_jacobian(both)
+        barrier.compute_barrier(both)
 
-    theirs = moved + seconds(rows, 50)
-    return {"rows [us]": 1e6 * ours, "Pink's barrier [us]": 1e6 * theirs, "ratio": theirs / ours}
+    other = seconds(theirs, way[:20]) - seconds(plain.update, way)
+    return {"rows [us]": 1e6 * mine, "Pink's barrier [us]": 1e6 * other, "ratio": other / mine}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--steps", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", help="name of one robot")
     options = parser.parse_args()
     feet = tuple(f"{side}_calf" for side in ("FR", "FL", "RR", "RL"))
-    for make in (minervabot, lambda: bodies(PANDA, ("panda_hand",), "panda_collision"), lambda: bodies(A1, feet, "a1")):
+    cases = {
+        "MinervaBotV3": minervabot,
+        "panda_collision": lambda: bodies(PANDA, ("panda_hand",), "panda_collision"),
+        "a1": lambda: bodies(A1, feet, "a1"),
+    }
+    for name, make in cases.items():
+        if options.only not in (None, name):
+            continue
         case = make()
         pairs = 0 if case.geometry is None else len(case.geometry.collisionPairs)
         print(f"{case.name}: {len(case.robot.boundaries)} boundaries, {pairs} pairs of bodies", flush=True)
