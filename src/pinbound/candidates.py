@@ -8,14 +8,14 @@ limits (hit and run), which a linear program finds.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.coupling import Intervals, LinearLimit, couple
+from pinbound.coupling import couple
 from pinbound.exceptions import Problems, UnsupportedError
 from pinbound.home import coordinate_ends
 from pinbound.parallelograms import settle
@@ -32,9 +32,9 @@ _ROUNDS = 20
 _NARROW = 0.01  # of the widest limit: a limit that is narrower is walked along
 
 
-def within_limits(limits: Sequence[LinearLimit], Q: Array) -> NDArray[np.bool_]:
+def within_limits(robot: Robot, Q: Array) -> NDArray[np.bool_]:
     """Return which rows of Q (N, n) keep all limits, as `free` judges it."""
-    return Intervals.of(limits, Q.shape[1]).hold(Q)
+    return robot.intervals.hold(Q)
 
 
 def draw(robot: Robot, count: int, rng: np.random.Generator) -> Array:
@@ -49,7 +49,7 @@ def draw(robot: Robot, count: int, rng: np.random.Generator) -> Array:
     drawn, have = list[Array](), 0
     for _ in range(_ROUNDS):
         Q = lower + rng.random((count, len(lower))) * (upper - lower)
-        drawn.append(Q[within_limits(robot.linear_limits, Q)])
+        drawn.append(Q[within_limits(robot, Q)])
         have += len(drawn[-1])
         if have >= count:
             break
@@ -72,7 +72,7 @@ def _box(robot: Robot) -> tuple[Array, Array]:
 def _hit_and_run(robot: Robot, box: tuple[Array, Array], count: int, rng: np.random.Generator) -> Array:
     """Return configurations (count, n), each from the one before by a random step along a random line."""
     rows, low, high = _inequalities(robot, box)
-    limits = Intervals.of(robot.linear_limits, len(robot.coordinates))
+    limits = robot.intervals
     q = robot.home if limits.hold(robot.home[None])[0] else _inside(robot, rows, low, high)
     along = _wide_directions(rows, low, high)
     found = np.empty((count, len(q)))
@@ -125,7 +125,7 @@ def _inside(robot: Robot, rows: Array, low: Array, high: Array) -> Array:
         np.append(np.zeros(n), -1.0), A_ub=A[finite], b_ub=b[finite], bounds=bounds
     )
     q: Any = np.full(n, np.nan) if found.x is None else np.array(found.x[:n], dtype=np.float64)
-    if not within_limits(robot.linear_limits, q[None])[0]:
+    if not within_limits(robot, q[None])[0]:
         raise UnsupportedError(
             f"no configuration of {robot.name!r} keeps the limits of all joints; widen the limits of mimic joints"
         )

@@ -16,7 +16,7 @@ from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
 from pinbound.closures import Closure, joint_errors, place_error
 from pinbound.contact import stop_fault
-from pinbound.coupling import Coupling, LinearLimit, couple, linear_limits, narrowed_by_mimics
+from pinbound.coupling import Coupling, GuardedLimit, LinearLimit, couple, linear_limits, narrowed_by_mimics
 from pinbound.document import Document, read_document
 from pinbound.exceptions import (
     Problems,
@@ -31,6 +31,7 @@ from pinbound.parallelograms import settle
 from pinbound.path import absolute_chain, direction_chain, relative_path
 from pinbound.pinocchio_model import compare_with_pinocchio
 from pinbound.robot import Robot
+from pinbound.rules import rule_limits
 from pinbound.tolerances import CONTACT, HOME, LONGEST, NEAR_STOP
 from pinbound.tree import Tree
 from pinbound.urdf import Mimic, read_kinematics
@@ -101,8 +102,13 @@ def load(
     coupling = settled.coupling
     limits = linear_limits(tree.moving_joints, coupling)
     closures, errors = carry(tree, settled, marks, limits, problems)
-    limits = narrowed(limits, coupling, joint_errors(coupling, closures))
-    home, notes = _home(tree, coupling, marks, limits, problems)
+    off = joint_errors(coupling, closures)
+    limits = narrowed(limits, coupling, off)
+    own = narrowed_by_mimics(tree.moving_joints, coupling, limits)
+    taken = [boundary.name for boundary in marks.boundaries]
+    rules, guarded = rule_limits(marks.rules, coupling, off, problems, taken, marks.sources)
+    limits = (*limits, *rules)
+    home, notes = _home(tree, coupling, marks, limits, guarded, problems)
     boundaries, stops = _boundaries(tree, coupling, marks, home, problems, limits, closures)
     problems.raise_if_any()
     return Robot(
@@ -113,7 +119,7 @@ def load(
         linear_limits=limits,
         closures=closures,
         boundaries=BoundarySet(
-            boundaries, coupling.coordinates, limits, home, partial(_common_marks, tree, coupling, boundaries)
+            boundaries, coupling.coordinates, limits, home, partial(_common_marks, tree, coupling, boundaries), guarded
         ),
         home=home,
         notes=(
@@ -121,11 +127,12 @@ def load(
             *said,
             *settled.notes,
             *errors,
-            *narrowed_by_mimics(tree.moving_joints, coupling, limits),
+            *own,
             *notes,
             *stops,
         ),
         package_dirs=tuple(map(str, package_dirs)),
+        guarded_limits=guarded,
     )
 
 
@@ -179,7 +186,12 @@ def _check_lengths(kinematics: Kinematics, marks: Annotations, problems: Problem
 
 
 def _home(
-    tree: Tree, coupling: Coupling, marks: Annotations, limits: Sequence[LinearLimit], problems: Problems
+    tree: Tree,
+    coupling: Coupling,
+    marks: Annotations,
+    limits: Sequence[LinearLimit],
+    guarded: Sequence[GuardedLimit],
+    problems: Problems,
 ) -> tuple[Array, list[str]]:
     """Return home within all limits: what is marked, and of the other coordinates what `feasible_start` says."""
     names, joints = coupling.coordinates, {joint.name: joint for joint in tree.moving_joints}
@@ -189,7 +201,7 @@ def _home(
             what = "follows another joint" if name in joints else "does not exist"
             problems.add(f"home names {name!r}, which {what}", name_hint(name, names), marks.home_line, source)
     fixed = np.array([marks.home.get(name, math.nan) for name in names], dtype=np.float64)
-    home, reasons = feasible_start(limits, fixed, names)
+    home, reasons = feasible_start(limits, fixed, names, guarded)
     notes: list[str] = []
     if home is None:
         home, where = np.nan_to_num(fixed), marks.home_line if marks.home else None
@@ -203,6 +215,11 @@ def _home(
                     message += f", which is not in {ends}"
                     remedy = "Mend the limits, or the multipliers and offsets of mimic joints"
                 problems.add(message, remedy, where, source)
+        for one in guarded:
+            if not one.holds(home[None])[0]:
+                said = f"rule {one.rule!r} forbids home: its conditions hold there, and its sum is "
+                said += f"{float(one.limit.values(home[None])[0]):.6g}, beyond its {one.name.split()[-1]} end"
+                problems.add(said, "Choose a home that keeps the rule; angles are in radians", where, source)
     else:
         notes += [
             f"home of {name!r} is {home[names.index(name)]:.6g}, {reason}: zero is outside them"

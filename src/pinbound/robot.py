@@ -14,7 +14,7 @@ from pinbound.annotations import Annotations
 from pinbound.bodies import collision_bodies
 from pinbound.boundary_set import BoundarySet
 from pinbound.closures import Closure
-from pinbound.coupling import Coupling, LinearLimit, as_configurations
+from pinbound.coupling import Coupling, GuardedLimit, Intervals, LinearLimit, as_configurations
 from pinbound.coverage import Coverage
 from pinbound.document import Document
 from pinbound.exceptions import (
@@ -43,12 +43,13 @@ class Robot(Value):
         tree: Links and joints.
         annotations: What was marked on it.
         coupling: `theta = S q + o`.
-        linear_limits: Limits of all tree joints, said of q.
+        linear_limits: Limits of all tree joints, and rules without conditions, said of q.
         closures: Closed loops, each proven to close.
         boundaries: The boundaries, in order.
         home: (n,) a feasible configuration [rad or m].
         notes: What was normalised on loading.
         package_dirs: Folders in which `package://` is looked up.
+        guarded_limits: Ends of rules that bind where conditions hold, said of q.
     """
 
     document: Document
@@ -61,6 +62,7 @@ class Robot(Value):
     home: Array
     notes: tuple[str, ...]
     package_dirs: tuple[str, ...] = ()
+    guarded_limits: tuple[GuardedLimit, ...] = ()
 
     def __repr__(self) -> str:
         """Return name and counts."""
@@ -92,6 +94,11 @@ class Robot(Value):
         values = np.array([float(getattr(joints[name], end)) for name in self.coordinates])
         values.flags.writeable = False
         return values
+
+    @cached_property
+    def intervals(self) -> Intervals:
+        """All limits and rules as one value, whose `hold(Q)` says which configurations keep them."""
+        return Intervals.of(self.linear_limits, len(self.coordinates), guarded=self.guarded_limits)
 
     def turns(self, joint: str) -> bool:
         """Return whether a joint's value is an angle [rad], not a length [m]."""

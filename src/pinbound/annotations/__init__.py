@@ -13,10 +13,12 @@ from pinbound.annotations.records import (
     Annotations,
     BoundaryMark,
     ClosureMark,
+    Condition,
     FollowerMark,
     LeftOutMark,
     LimitMark,
     RawItem,
+    Rule,
     raw_items,
 )
 from pinbound.annotations.validation import validate
@@ -28,6 +30,7 @@ __all__ = [
     "Annotations",
     "BoundaryMark",
     "ClosureMark",
+    "Condition",
     "FlatMark",
     "FollowerMark",
     "LeftOutMark",
@@ -37,6 +40,7 @@ __all__ = [
     "Plane",
     "Point",
     "RawItem",
+    "Rule",
     "Segment",
     "Sweep",
     "raw_items",
