@@ -23,7 +23,7 @@ FLOORS = [
     ("chain",),
     ("path", "bodies"),
     ("interpreters",),
-    ("contact", "home", "rules", "spans"),
+    ("axes", "contact", "home", "rules", "spans"),
     ("closures",),
     ("planar_loops",),
     ("parallelograms",),

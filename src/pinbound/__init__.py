@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from pinbound.annotations import (
     Annotations,
+    Axis,
     BoundaryMark,
     ClosureMark,
     Condition,
@@ -74,6 +75,7 @@ __all__ = [
     "AllowedArcs",
     "AllowedArcsTable",
     "Annotations",
+    "Axis",
     "Boundary",
     "BoundaryMark",
     "BoundarySet",

@@ -15,6 +15,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.axes import new_coordinates
 from pinbound.coupling import couple
 from pinbound.exceptions import Problems, UnsupportedError
 from pinbound.home import coordinate_ends
@@ -151,6 +152,8 @@ def _couples_alike(robot: Robot, q: Array) -> bool:
     marks = replace(robot.annotations, home=home_entries(robot, q))
     problems = Problems(robot.document.label)
     found = settle(robot.tree, couple(robot.tree.moving_joints), marks, problems).coupling
+    change = new_coordinates(robot.annotations.axes, found, problems)
+    found = found if change is None else change.coupling(found)
     same = found.coordinates == robot.coordinates and not problems.found
     return same and bool(
         np.allclose(found.S, robot.coupling.S, rtol=0.0, atol=LIMIT)
@@ -160,7 +163,8 @@ def _couples_alike(robot: Robot, q: Array) -> bool:
 
 def home_entries(robot: Robot, q: Array) -> dict[str, float]:
     """Return q as a home element says it: every coordinate, and every joint that a closed loop moves."""
-    entries = dict(zip(robot.coordinates, q.tolist(), strict=True))
+    axes = {axis.name for axis in robot.annotations.axes}  # home is said by joints
+    entries = {name: value for name, value in zip(robot.coordinates, q.tolist(), strict=True) if name not in axes}
     theta = dict(zip(robot.coupling.joints, robot.coupling.expand(q).tolist(), strict=True))
     free = [joint.name for joint in robot.tree.moving_joints if joint.mimic is None]
     return entries | {name: theta[name] for name in free if name not in entries}

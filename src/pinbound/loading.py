@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.annotations import Annotations, Line, Mark, Plane, RawItem, raw_items, read_inline, validate
+from pinbound.axes import joint_home, new_coordinates
 from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
-from pinbound.closures import Closure, joint_errors, place_error
+from pinbound.closures import Closure, close, joint_errors, place_error
 from pinbound.contact import stop_fault
 from pinbound.coupling import Coupling, GuardedLimit, LinearLimit, couple, linear_limits, narrowed_by_mimics
 from pinbound.document import Document, read_document
@@ -93,6 +95,9 @@ def load(
         places={m.joint: (m.line, marks.sources.get(f"follower {m.joint}")) for m in marks.followers},
     )
     _check_lengths(kinematics, marks, problems)
+    if marks.axes:
+        place = marks.home_line, marks.sources.get("home")
+        marks = replace(marks, home=joint_home(marks.home, marks.axes, problems, *place))
     if len(problems.found) > faults:
         problems.raise_if_any()
     tree = Tree(kinematics, {mark.link for mark in marks.marks.values()})
@@ -109,6 +114,14 @@ def load(
     rules, guarded = rule_limits(marks.rules, coupling, off, problems, taken, marks.sources)
     limits = (*limits, *rules)
     home, notes = _home(tree, coupling, marks, limits, guarded, problems)
+    slides = [joint.name for joint in tree.moving_joints if joint.type == "prismatic"]
+    change = new_coordinates(marks.axes, coupling, problems, slides, marks.sources)
+    if change is not None:
+        coupling, home = change.coupling(coupling), change.forward(home)
+        limits, guarded = tuple(map(change.limit, limits)), tuple(map(change.guarded, guarded))
+        again = [(close(tree, coupling, one.mark), one) for one in closures]
+        closures = tuple(replace(new, deviations=one.deviations, apart=one.apart) for new, one in again)
+        home.flags.writeable = False
     boundaries, stops = _boundaries(tree, coupling, marks, home, problems, limits, closures)
     problems.raise_if_any()
     return Robot(

@@ -379,6 +379,7 @@ def _kept(robot: Robot) -> Annotations:
         followers=rest("follower", own.followers, "joint"),
         limits=rest("limit", own.limits, "joint"),
         rules=rest("rule", own.rules),
+        axes=rest("axis", own.axes),
         left_out=tuple(
             LeftOutMark(one.a, one.b, one.reason) for one in own.left_out if one.source != robot.document.label
         ),

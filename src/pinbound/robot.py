@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -81,17 +82,18 @@ class Robot(Value):
 
     @cached_property
     def lower(self) -> Array:
-        """(n,) lower limits of the active joints themselves [rad or m]; -inf where there is none."""
+        """(n,) lower limits of the active joints themselves [rad or m]; -inf where there is none, and of axes."""
         return self._ends("lower")
 
     @cached_property
     def upper(self) -> Array:
-        """(n,) upper limits of the active joints themselves [rad or m]; inf where there is none."""
+        """(n,) upper limits of the active joints themselves [rad or m]; inf where there is none, and of axes."""
         return self._ends("upper")
 
     def _ends(self, end: str) -> Array:
-        joints = {joint.name: joint for joint in self.tree.moving_joints}
-        values = np.array([float(getattr(joints[name], end)) for name in self.coordinates])
+        joints = {joint.name: float(getattr(joint, end)) for joint in self.tree.moving_joints}
+        nothing = -math.inf if end == "lower" else math.inf  # of an axis, which is no joint
+        values = np.array([joints.get(name, nothing) for name in self.coordinates])
         values.flags.writeable = False
         return values
 
@@ -101,7 +103,8 @@ class Robot(Value):
         return Intervals.of(self.linear_limits, len(self.coordinates), guarded=self.guarded_limits)
 
     def turns(self, joint: str) -> bool:
-        """Return whether a joint's value is an angle [rad], not a length [m]."""
+        """Return whether the value of a joint, or of an axis, is an angle [rad], not a length [m]."""
+        joint = next((axis.instead_of for axis in self.annotations.axes if axis.name == joint), joint)
         return any(one.name == joint and one.type != "prismatic" for one in self.tree.moving_joints)
 
     @property

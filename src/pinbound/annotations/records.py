@@ -18,6 +18,7 @@ __all__ = [
     "KINDS",
     "NAMESPACE",
     "Annotations",
+    "Axis",
     "BoundaryMark",
     "ClosureMark",
     "Condition",
@@ -41,6 +42,7 @@ FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "closure": (("name", "link_a", "xyz_a", "link_b", "xyz_b"), ("passive", "tolerance")),
     "follower": (("joint", "primary"), ("multiplier", "offset")),
     "limit": (("joint", "lower", "upper"), ()),
+    "axis": (("name", "instead_of", "coefficients"), ()),
     "rule": (("name", "coefficients"), ("lower", "upper", "where")),
     "left_out": (("a", "b", "reason"), ()),
     "settings": ((), ("contact_tolerance",)),
@@ -145,6 +147,23 @@ class Rule(Value):
 
 
 @dataclass(frozen=True, slots=True)
+class Axis(Value):
+    """A coordinate of q that is a sum of joints, `sum_j c_j theta_j`, commanded instead of one of them.
+
+    So a third axis that the URDF counts from the arm can be counted from the ground, and the other way round.
+
+    Example:
+        >>> Axis("J3_absolute", instead_of="J3", coefficients={"J2": 1.0, "J3": 1.0}).instead_of
+        'J3'
+    """
+
+    name: str
+    instead_of: str
+    coefficients: Mapping[str, float]
+    line: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class LeftOutMark:
     """Two links, by name, that no boundary watches, and the reason; `source` is the file that says so.
 
@@ -163,7 +182,7 @@ class RawItem(Value):
     """One element or YAML entry before validation: its kind, its fields as written, its place.
 
     Fields are text; `passive` given as a list is a tuple of names, which may hold spaces. Of a rule, `coefficients` are
-    pairs of a joint and a number, and `where` are mappings of such fields.
+    pairs of a joint and a number (of an axis, too), and `where` are mappings of such fields.
     """
 
     kind: str
@@ -186,6 +205,7 @@ class Annotations(Value):
         limits: Limits that replace the URDF's own.
         left_out: Pairs of links that are left out, with reasons.
         rules: Linear rules on joints, in the order of the file.
+        axes: Coordinates that are sums of joints, commanded instead of one of them.
         assumptions: Sentences that every report of this robot must show.
         home_line: Line of the home element.
         sources: The file that each of these was read from, by what it is: `"home"`, `"boundary stop"`, `"limit q1"`.
@@ -202,6 +222,7 @@ class Annotations(Value):
     assumptions: tuple[str, ...] = ()
     home_line: int | None = None
     rules: tuple[Rule, ...] = ()
+    axes: tuple[Axis, ...] = ()
     sources: Mapping[str, str] = field(default_factory=dict[str, str], compare=False, repr=False)
 
     @property
@@ -294,15 +315,22 @@ def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
     items += [item("closure", closure) for closure in annotations.closures]
     items += [item("follower", follower) for follower in annotations.followers]
     items += [item("limit", limit) for limit in annotations.limits]
+    for axis in annotations.axes:
+        fields = {"name": axis.name, "instead_of": axis.instead_of, "coefficients": _pairs(axis.coefficients)}
+        items.append(RawItem("axis", fields, source, axis.line))
     items += [RawItem("rule", _rule_fields(rule), source, rule.line) for rule in annotations.rules]
     items += [item("left_out", pair) for pair in annotations.left_out]
     return items + [RawItem("assumption", {"text": text}, source, None) for text in annotations.assumptions]
 
 
+def _pairs(coefficients: Mapping[str, float]) -> tuple[tuple[str, str], ...]:
+    return tuple((name, _text(c)) for name, c in coefficients.items())
+
+
 def _rule_fields(rule: Rule | Condition) -> dict[str, Any]:
     """Return a rule's fields, or a condition's; ends that are infinite are left out."""
     fields: dict[str, Any] = {"name": rule.name} if isinstance(rule, Rule) else {}
-    fields["coefficients"] = tuple((name, _text(c)) for name, c in rule.coefficients.items())
+    fields["coefficients"] = _pairs(rule.coefficients)
     fields |= {key: _text(end) for key in ("lower", "upper") if math.isfinite(end := getattr(rule, key))}
     if isinstance(rule, Rule) and rule.where:
         fields["where"] = tuple(_rule_fields(condition) for condition in rule.where)

@@ -1,4 +1,4 @@
-"""Linear rules on joints, read from their raw fields: `lower <= sum_j c_j theta_j <= upper`, where conditions hold."""
+"""Sums of joints, read from their raw fields: rules `lower <= sum_j c_j theta_j <= upper`, and axes."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
-from pinbound.annotations.records import Condition, RawItem, Rule
+from pinbound.annotations.records import Axis, Condition, RawItem, Rule
 from pinbound.document import parse_floats
 from pinbound.exceptions import name_hint, printable
 
-__all__ = ["read_rule"]
+__all__ = ["read_axis", "read_rule"]
 
 _KEYS = ("coefficients", "lower", "upper")
 Fault = Callable[[str, str], None]
@@ -41,6 +41,18 @@ def read_rule(item: RawItem, fault: Fault, known: Callable[[str], bool]) -> Rule
             return None
         conditions.append(found)
     return None if own is None else Rule(name, own.coefficients, own.lower, own.upper, tuple(conditions), item.line)
+
+
+def read_axis(item: RawItem, fault: Fault, known: Callable[[str], bool]) -> Axis | None:
+    """Return the axis that an item says, or None if something is wrong with it; arguments as for `read_rule`."""
+    name, joint = str(item.fields["name"]), str(item.fields["instead_of"])
+    pairs = _pairs(f"axis {name!r}", item.fields["coefficients"], fault, known)
+    if pairs is None or not known(joint):
+        return None
+    if not pairs.get(joint):
+        fault(f"axis {name!r} stands instead of {joint!r} without it", f"Give {joint!r} a coefficient")
+        return None
+    return Axis(name, joint, pairs, item.line)
 
 
 def _condition(what: str, fields: Mapping[str, Any], fault: Fault, known: Callable[[str], bool]) -> Condition | None:

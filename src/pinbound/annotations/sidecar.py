@@ -24,6 +24,7 @@ _LISTS = {
     "followers": "follower",
     "limits": "limit",
     "rules": "rule",
+    "axes": "axis",
     "left_out": "left_out",
     "assumptions": "assumption",
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from rich.text import Text
 
@@ -29,6 +30,7 @@ from pinbound.cli.shared import (
     print_table,
 )
 from pinbound.closures import Closure
+from pinbound.coupling import linear_text
 from pinbound.coverage import Coverage
 from pinbound.interpreters import symbolic
 from pinbound.region import Region, feasible_region
@@ -120,6 +122,10 @@ def _joint_rows(robot: Robot) -> list[tuple[str, ...]]:
             home = _amount(robot, joint.name, float(robot.home[robot.coordinates.index(joint.name)]))
         ends = f"{_amount(robot, joint.name, joint.lower)} .. {_amount(robot, joint.name, joint.upper)}"
         rows.append((joint.name, joint.type, robot.coupling.text(joint.name), home, ends))
+    for axis in robot.annotations.axes:
+        terms = linear_text(np.array(list(axis.coefficients.values())), list(axis.coefficients))
+        home = _amount(robot, axis.name, float(robot.home[robot.coordinates.index(axis.name)]))
+        rows.append((axis.name, "axis", terms, home, "those of its joints"))
     return rows
 
 
