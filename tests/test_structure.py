@@ -23,7 +23,7 @@ FLOORS = [
     ("chain",),
     ("path", "bodies"),
     ("interpreters",),
-    ("axes", "contact", "home", "rules", "spans"),
+    ("axes", "contact", "home", "presets", "rules", "spans"),
     ("closures",),
     ("planar_loops",),
     ("parallelograms",),

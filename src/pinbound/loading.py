@@ -32,6 +32,7 @@ from pinbound.normalise import normalise
 from pinbound.parallelograms import settle
 from pinbound.path import absolute_chain, direction_chain, relative_path
 from pinbound.pinocchio_model import compare_with_pinocchio
+from pinbound.presets import FAMILY, PREFIX, find_model
 from pinbound.robot import Robot
 from pinbound.rules import rule_limits
 from pinbound.tolerances import CONTACT, HOME, LONGEST, NEAR_STOP
@@ -57,7 +58,8 @@ def load(
     """Load a robot with its boundaries.
 
     Args:
-        robot: Name of a packaged robot (e.g. ``"minervabot_v3"``), or a path to a `.urdf` or `.xacro`.
+        robot: Name of a packaged robot (e.g. ``"minervabot_v3"``), of a preset (``"palletizers/fanuc_m410ib_700"``;
+            `pinbound robots` lists them), or a path to a `.urdf` or `.xacro`.
         annotations: Path of a YAML sidecar or of an .srdf with spheres, or `Annotations`, or several of these in a
             sequence; they add to what is inline, and to each other. By default `NAME.pinbound.yaml` beside the file,
             where it exists.
@@ -80,7 +82,14 @@ def load(
         ('q2',)
     """
     arguments = {key: str(value) for key, value in (xacro_args or {}).items()}
+    model = find_model(robot)
+    if model is not None:
+        more = (annotations,) if isinstance(annotations, str | Path | Annotations) else annotations or ()
+        annotations, robot = (model.annotations(arguments), *more), FAMILY
+        arguments = model.arguments | arguments
     document = normalise(read_document(robot, arguments, package_dirs, trust))
+    if model is not None and model.name is not None:
+        document.root.set("name", model.name.removeprefix(PREFIX))
     problems = Problems(document.label)
     given, said = _given_items(document, annotations, problems)
     items = [*read_inline(document.root, problems), *given]

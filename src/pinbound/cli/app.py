@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import typer
 
-from pinbound.cli import batch, check, crosscheck, inspect, mark, report, reproduce
+from pinbound.cli import batch, check, crosscheck, inspect, mark, report, reproduce, robots
 from pinbound.cli.shared import guarded
 
 __all__ = ["app", "main"]
@@ -34,6 +34,8 @@ _register(mark.mark)
 _register(crosscheck.crosscheck)
 _register(report.report)
 _register(reproduce.reproduce)
+_register(robots.robots)
+_register(robots.new)
 
 
 def main() -> None:
