@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import pinbound as pb
-from pinbound.coupling import GuardedLimit, LinearLimit
+from pinbound.coupling import Coupling, GuardedLimit, LinearLimit
+from pinbound.exceptions import Problems
+from pinbound.rules import rule_limits
 from pinbound.spans import guarded_spans
 from robots import joint
 
@@ -277,6 +279,20 @@ def test_faults_of_rules_in_a_sidecar_are_told(tmp_path: Path) -> None:
     (tmp_path / "rules.yaml").write_text("rules: [{name: r, coefficients: {J2: 1}, upper: 1, where: {upper: 1}}]")
     with pytest.raises(pb.InputError, match="'where' is not a list"):
         load(tmp_path, arm(), annotations=tmp_path / "rules.yaml")
+
+
+def test_rules_are_narrower_where_joints_may_leave_the_coupling() -> None:
+    """With errors e_j of the joints the rule loses `sum |c_j| e_j` at each end, and its condition gains as much."""
+    coupling = Coupling(("a", "b"), ("a", "b", "f"), np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -2.0]]), np.zeros(3))
+    low = pb.Condition({"f": 1.0}, upper=0.5)
+    rules = [pb.Rule("r", {"f": 2.0, "a": -1.0}, -1.0, 1.0, (low,)), pb.Rule("s", {"f": 2.0, "a": -1.0}, -1.0, 1.0)]
+    plain, guarded = rule_limits(rules, coupling, np.array([0.01, 0.0, 0.1]), Problems("test"))
+    assert [one.name for one in guarded] == ["r lower", "r upper"]
+    assert plain[0].coefficients.tolist() == guarded[0].limit.coefficients.tolist() == [1.0, -4.0]
+    limits = (plain[0], guarded[0].limit, guarded[1].limit)
+    for one, ends in zip(limits, [(-0.79, 0.79), (-0.79, math.inf), (-math.inf, 0.79)], strict=True):
+        assert (one.lower, one.upper) == pytest.approx(ends, abs=1e-15)
+    assert guarded[0].where[0].upper == pytest.approx(0.6, abs=1e-15)
 
 
 def test_what_a_guarded_limit_forbids_of_one_coordinate() -> None:
