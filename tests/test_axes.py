@@ -132,3 +132,17 @@ def test_faults_of_axes_are_told(tmp_path: Path, text: str, message: str) -> Non
     with pytest.raises(pb.InputError) as caught:
         load(tmp_path, serial(text))
     assert message in str(caught.value)
+
+
+def test_loops_close_in_other_coordinates_too() -> None:
+    """The packaged palletizer, its third axis counted from the arm: loops proven, limits and rules the same."""
+    axis = pb.Annotations(axes=(pb.Axis("rel", "J3", {"J3": 1.0, "J2": -1.0}),))
+    old, new = pb.load("palletizer"), pb.load("palletizer", annotations=axis)
+    T = np.eye(4)
+    T[2, 1] = -1.0
+    Q = np.random.default_rng(0).uniform(-1.0, 1.0, (100, 4))
+    P = Q @ T.T
+    assert [closure.is_exact for closure in new.closures] == [True] * 3
+    assert new.closure_residuals(P).max() < 1e-14
+    np.testing.assert_array_equal(new.boundaries.free(P), old.boundaries.free(Q))
+    np.testing.assert_allclose(new.to_pinocchio(new.model, P), old.to_pinocchio(old.model, Q), rtol=0, atol=1e-15)
