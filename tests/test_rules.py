@@ -84,9 +84,9 @@ def test_free_limits_and_regions_follow_the_rules(tmp_path: Path, name: str) -> 
     share = sum(one.area for one in regions) / (110 * 130 * DEGREE**2)
     assert share == pytest.approx(expected.mean(), abs=0.03)
     for index, coordinate in enumerate(("J2", "J3")):
-        ends, stops = robot.boundaries.limits_table(coordinate, Q[:150])
-        assert np.array_equal(np.isnan(ends[:, 0]), ~expected[:150])
-        for q, end, stop in zip(Q[:150], ends, stops, strict=True):
+        ends, stops = robot.boundaries.limits_table(coordinate, Q[:80])
+        assert np.array_equal(np.isnan(ends[:, 0]), ~expected[:80])
+        for q, end, stop in zip(Q[:80], ends, stops, strict=True):
             if np.isnan(end[0]):
                 continue
             for side, sign in ((0, -1.0), (1, 1.0)):
@@ -133,7 +133,7 @@ def test_certificates_of_random_motions(tmp_path: Path, name: str) -> None:
     """CERTIFIED motions keep the rules at every sample; VIOLATED ones have a witness; few are undecided."""
     robot = load(tmp_path, arm(RULES[name]))
     rng = np.random.default_rng(2)
-    ends = np.radians(rng.uniform([-25, -25], [85, 105], (60, 2, 2)))
+    ends = np.radians(rng.uniform([-25, -25], [85, 105], (30, 2, 2)))
     fractions = np.linspace(0, 1, 400)[:, None]
     verdicts = []
     for a, b in ends:
@@ -154,7 +154,7 @@ def test_certificates_of_random_motions(tmp_path: Path, name: str) -> None:
 def test_certificates_of_random_boxes(tmp_path: Path, name: str) -> None:
     robot = load(tmp_path, arm(RULES[name]))
     rng = np.random.default_rng(3)
-    for centre in rng.uniform([-15, -15], [75, 95], (40, 2)):
+    for centre in rng.uniform([-15, -15], [75, 95], (20, 2)):
         half = rng.uniform(0, 12, 2)
         found = pb.certify_box(robot, np.radians(centre - half), np.radians(centre + half), limits_only=True)
         grid = np.stack(np.meshgrid(*(c + h * np.linspace(-1, 1, 41) for c, h in zip(centre, half, strict=True))), -1)
