@@ -8,7 +8,7 @@ limits (hit and run), which a linear program finds.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.axes import new_coordinates
-from pinbound.coupling import couple
+from pinbound.coupling import GuardedLimit, Intervals, LinearLimit, couple
 from pinbound.exceptions import Problems, UnsupportedError
 from pinbound.home import coordinate_ends
 from pinbound.parallelograms import settle
@@ -33,9 +33,9 @@ _ROUNDS = 20
 _NARROW = 0.01  # of the widest limit: a limit that is narrower is walked along
 
 
-def within_limits(robot: Robot, Q: Array) -> NDArray[np.bool_]:
+def within_limits(limits: Sequence[LinearLimit], Q: Array, guarded: Sequence[GuardedLimit] = ()) -> NDArray[np.bool_]:
     """Return which rows of Q (N, n) keep all limits, as `free` judges it."""
-    return robot.intervals.hold(Q)
+    return Intervals.of(limits, Q.shape[1], guarded=guarded).hold(Q)
 
 
 def draw(robot: Robot, count: int, rng: np.random.Generator) -> Array:
@@ -50,7 +50,7 @@ def draw(robot: Robot, count: int, rng: np.random.Generator) -> Array:
     drawn, have = list[Array](), 0
     for _ in range(_ROUNDS):
         Q = lower + rng.random((count, len(lower))) * (upper - lower)
-        drawn.append(Q[within_limits(robot, Q)])
+        drawn.append(Q[within_limits(robot.linear_limits, Q, robot.guarded_limits)])
         have += len(drawn[-1])
         if have >= count:
             break
@@ -126,7 +126,7 @@ def _inside(robot: Robot, rows: Array, low: Array, high: Array) -> Array:
         np.append(np.zeros(n), -1.0), A_ub=A[finite], b_ub=b[finite], bounds=bounds
     )
     q: Any = np.full(n, np.nan) if found.x is None else np.array(found.x[:n], dtype=np.float64)
-    if not within_limits(robot, q[None])[0]:
+    if not within_limits(robot.linear_limits, q[None], robot.guarded_limits)[0]:
         raise UnsupportedError(
             f"no configuration of {robot.name!r} keeps the limits of all joints; widen the limits of mimic joints"
         )
