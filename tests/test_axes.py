@@ -1,6 +1,7 @@
 """The third axis counted from the arm or from the ground: the same robot in other coordinates."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -45,10 +46,11 @@ def load(tmp_path: Path, text: str) -> pb.Robot:
 
 
 @pytest.mark.parametrize(("make", "axis", "sign"), [(serial, TOTAL, 1.0), (level, LESS, -1.0)])
-def test_the_same_robot_in_other_coordinates(tmp_path: Path, make: object, axis: str, sign: float) -> None:
+def test_the_same_robot_in_other_coordinates(
+    tmp_path: Path, make: Callable[[str], str], axis: str, sign: float
+) -> None:
     """Every answer is that of the joints at `q = T^-1 p`; corners of the region are images of corners."""
-    assert callable(make)
-    old, new = load(tmp_path, make()), load(tmp_path, make(axis))
+    old, new = load(tmp_path, make("")), load(tmp_path, make(axis))
     name = "from_ground" if sign > 0 else "from_arm"
     assert new.coordinates == ("J1", "J2", name)
     assert new.coupling.text("J3") == f"{name} {'-' if sign > 0 else '+'} J2".replace(f"{name} + J2", "J2 + from_arm")

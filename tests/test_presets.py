@@ -72,7 +72,7 @@ def test_none_one_and_two_parallelograms(loops: tuple[str, ...]) -> None:
 
 
 def test_widths_that_are_not_known_have_no_body_and_no_boundary() -> None:
-    widths = dict.fromkeys(("arm_width", "forearm_width", "column_width", "flange_width"), "0")
+    widths: dict[str, str] = dict.fromkeys(("arm_width", "forearm_width", "column_width", "flange_width"), "0")
     robot = pb.load("palletizer", xacro_args=widths)
     assert robot.boundaries.names == ()
     robot = pb.load("palletizer", xacro_args=widths | {"flange_width": "0.2"})

@@ -135,7 +135,7 @@ def test_certificates_of_random_motions(tmp_path: Path, name: str) -> None:
     rng = np.random.default_rng(2)
     ends = np.radians(rng.uniform([-25, -25], [85, 105], (30, 2, 2)))
     fractions = np.linspace(0, 1, 400)[:, None]
-    verdicts = []
+    verdicts: list[pb.Verdict] = []
     for a, b in ends:
         found = pb.certify(robot, [a, b], limits_only=True)
         kept = keeps(name, np.degrees(a + fractions * (b - a)))
