@@ -36,7 +36,7 @@ def robots(as_json: AsJson = False) -> None:
             }
         )
         return
-    print_table("Robots", ("name", "file"), [(name, path.name) for name, path in packaged_robots().items()])
+    print_table("Robots", ("name", "file"), [(name, str(path)) for name, path in packaged_robots().items()])
     print_table(
         "Presets of palletizers",
         ("name", "maker and model", "confidence", "rules"),
