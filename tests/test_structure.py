@@ -23,7 +23,7 @@ FLOORS = [
     ("chain",),
     ("path", "bodies"),
     ("interpreters",),
-    ("contact", "home", "spans"),
+    ("axes", "contact", "home", "presets", "rules", "spans"),
     ("closures",),
     ("planar_loops",),
     ("parallelograms",),

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from pinbound.boundary import Boundary, checked_window, one_configuration
 from pinbound.contact import SignedKernel
-from pinbound.coupling import LinearLimit, as_configurations
+from pinbound.coupling import GuardedLimit, LinearLimit, as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import separation
 from pinbound.named_boundaries import NamedBoundaries
-from pinbound.spans import CoordinateLimits, Smallest, linear_span, linear_spans, tighten
+from pinbound.spans import CoordinateLimits, Smallest, guarded_span, guarded_spans, linear_span, linear_spans, tighten
 
 if TYPE_CHECKING:
     from pinbound.interpreters.kernel import Backend, CommonMark, Kernel, MixedKernel
@@ -49,12 +49,13 @@ class BoundarySet(NamedBoundaries):
         limits: Sequence[LinearLimit] = (),
         home: ArrayLike | None = None,
         common: Callable[[], Mapping[str, CommonMark] | None] = lambda: None,
+        guarded: Sequence[GuardedLimit] = (),
     ) -> None:
-        """Hold boundaries of one robot, with its joint limits and home for `limits`.
+        """Hold boundaries of one robot, with its joint limits, guarded ones too, and home for `limits`.
 
         `common` returns each mark's chains in one common frame, by name; None: there is none.
         """
-        self.common = common
+        self.common, self._guarded = common, tuple(guarded)
         super().__init__(boundaries)
         self._coordinates = tuple(coordinates)
         self._limits = tuple(limits)
@@ -78,7 +79,8 @@ class BoundarySet(NamedBoundaries):
         for name in wanted:
             if wanted.count(name) > 1:
                 raise DimensionError(f"boundary {name!r} is named twice; name each boundary once")
-        return BoundarySet([self[name] for name in wanted], self._coordinates, self._limits, self._home, self.common)
+        chosen = [self[name] for name in wanted]
+        return BoundarySet(chosen, self._coordinates, self._limits, self._home, self.common, self._guarded)
 
     def to_casadi(self, name: str = "signed_clearances") -> Any:
         """Return a CasADi function of that name: q (n) to the signed clearances h (m) [m], positive is free.
@@ -112,7 +114,7 @@ class BoundarySet(NamedBoundaries):
     def signed_kernel(self) -> SignedKernel:
         """The contact rule of all boundaries, and joint limits: behind what is signed, `smallest` and `free`."""
         rules, marks = [b.rule for b in self], [(b.point_a.name, b.point_b.name) for b in self]
-        return SignedKernel(rules, marks, len(self._coordinates), self._limits, self.common)
+        return SignedKernel(rules, marks, len(self._coordinates), self._limits, self.common, self._guarded)
 
     def norms(
         self,
@@ -370,6 +372,7 @@ class BoundarySet(NamedBoundaries):
                     f"{coordinate!r} is {value:.9g}, outside the window {window}; let the window hold it"
                 )
         spans = [(limit.joint, linear_span(limit, index, point)) for limit in self._limits]
+        spans += [(one.rule, guarded_span(one, index, point)) for one in self._guarded]
         if window is None:
             held = [span for _, span in spans if span]
             window = max((s[0] for s in held), default=-math.inf), min((s[1] for s in held), default=math.inf)
@@ -418,6 +421,8 @@ class BoundarySet(NamedBoundaries):
         stops = np.full((len(rows), 2), "", dtype=object)
         for limit in self._limits:
             tighten(ends, stops, limit.joint, linear_spans(limit, index, rows))
+        for one in self._guarded:
+            tighten(ends, stops, one.rule, guarded_spans(one, index, rows))
         inside = ~np.isnan(ends[:, 0])
         rows, some, named = rows[inside], ends[inside], stops[inside]
         if not len(rows):

@@ -15,7 +15,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.coupling import Intervals, LinearLimit, couple
+from pinbound.axes import new_coordinates
+from pinbound.coupling import GuardedLimit, Intervals, LinearLimit, couple
 from pinbound.exceptions import Problems, UnsupportedError
 from pinbound.home import coordinate_ends
 from pinbound.parallelograms import settle
@@ -32,9 +33,9 @@ _ROUNDS = 20
 _NARROW = 0.01  # of the widest limit: a limit that is narrower is walked along
 
 
-def within_limits(limits: Sequence[LinearLimit], Q: Array) -> NDArray[np.bool_]:
+def within_limits(limits: Sequence[LinearLimit], Q: Array, guarded: Sequence[GuardedLimit] = ()) -> NDArray[np.bool_]:
     """Return which rows of Q (N, n) keep all limits, as `free` judges it."""
-    return Intervals.of(limits, Q.shape[1]).hold(Q)
+    return Intervals.of(limits, Q.shape[1], guarded=guarded).hold(Q)
 
 
 def draw(robot: Robot, count: int, rng: np.random.Generator) -> Array:
@@ -49,7 +50,7 @@ def draw(robot: Robot, count: int, rng: np.random.Generator) -> Array:
     drawn, have = list[Array](), 0
     for _ in range(_ROUNDS):
         Q = lower + rng.random((count, len(lower))) * (upper - lower)
-        drawn.append(Q[within_limits(robot.linear_limits, Q)])
+        drawn.append(Q[within_limits(robot.linear_limits, Q, robot.guarded_limits)])
         have += len(drawn[-1])
         if have >= count:
             break
@@ -72,7 +73,7 @@ def _box(robot: Robot) -> tuple[Array, Array]:
 def _hit_and_run(robot: Robot, box: tuple[Array, Array], count: int, rng: np.random.Generator) -> Array:
     """Return configurations (count, n), each from the one before by a random step along a random line."""
     rows, low, high = _inequalities(robot, box)
-    limits = Intervals.of(robot.linear_limits, len(robot.coordinates))
+    limits = robot.intervals
     q = robot.home if limits.hold(robot.home[None])[0] else _inside(robot, rows, low, high)
     along = _wide_directions(rows, low, high)
     found = np.empty((count, len(q)))
@@ -125,7 +126,7 @@ def _inside(robot: Robot, rows: Array, low: Array, high: Array) -> Array:
         np.append(np.zeros(n), -1.0), A_ub=A[finite], b_ub=b[finite], bounds=bounds
     )
     q: Any = np.full(n, np.nan) if found.x is None else np.array(found.x[:n], dtype=np.float64)
-    if not within_limits(robot.linear_limits, q[None])[0]:
+    if not within_limits(robot.linear_limits, q[None], robot.guarded_limits)[0]:
         raise UnsupportedError(
             f"no configuration of {robot.name!r} keeps the limits of all joints; widen the limits of mimic joints"
         )
@@ -151,6 +152,8 @@ def _couples_alike(robot: Robot, q: Array) -> bool:
     marks = replace(robot.annotations, home=home_entries(robot, q))
     problems = Problems(robot.document.label)
     found = settle(robot.tree, couple(robot.tree.moving_joints), marks, problems).coupling
+    change = new_coordinates(robot.annotations.axes, found, problems)
+    found = found if change is None else change.coupling(found)
     same = found.coordinates == robot.coordinates and not problems.found
     return same and bool(
         np.allclose(found.S, robot.coupling.S, rtol=0.0, atol=LIMIT)
@@ -160,7 +163,8 @@ def _couples_alike(robot: Robot, q: Array) -> bool:
 
 def home_entries(robot: Robot, q: Array) -> dict[str, float]:
     """Return q as a home element says it: every coordinate, and every joint that a closed loop moves."""
-    entries = dict(zip(robot.coordinates, q.tolist(), strict=True))
+    axes = {axis.name for axis in robot.annotations.axes}  # home is said by joints
+    entries = {name: value for name, value in zip(robot.coordinates, q.tolist(), strict=True) if name not in axes}
     theta = dict(zip(robot.coupling.joints, robot.coupling.expand(q).tolist(), strict=True))
     free = [joint.name for joint in robot.tree.moving_joints if joint.mimic is None]
     return entries | {name: theta[name] for name in free if name not in entries}

@@ -19,6 +19,7 @@ from pinbound.values import Value
 
 __all__ = [
     "Coupling",
+    "GuardedLimit",
     "Intervals",
     "LinearLimit",
     "as_configurations",
@@ -126,9 +127,63 @@ class LinearLimit(Value):
         """
         return self._interval.hold(np.asarray(Q, dtype=np.float64))
 
+    def holds_at(self, q: Sequence[float]) -> bool:
+        """Return what `holds` does for one q, by plain Python."""
+        return self._interval.holds_at(q)
+
     @cached_property
     def _interval(self) -> Intervals:
         return Intervals.of([self], len(self.coefficients))
+
+
+@dataclass(frozen=True, eq=False)
+class GuardedLimit(Value):
+    """One end of a rule that is asked for under conditions only: `limit` binds q where all of `where` hold.
+
+    What it forbids is convex: q keeps every condition, and passes the end. Conditions are closed, as limits are: one
+    that is passed by no more than `tolerances.LIMIT` still holds.
+
+    Attributes:
+        limit: The end, as a limit with one finite end; its `joint` is the rule's name.
+        where: The conditions, as limits.
+
+    Example:
+        >>> end = LinearLimit("front", np.array([1.0, 0.0]), 0.0, -0.3, math.inf)
+        >>> low = LinearLimit("front", np.array([0.0, 1.0]), 0.0, -math.inf, 0.0)
+        >>> GuardedLimit(end, (low,)).holds(np.array([[-0.5, 0.0], [-0.5, 0.1], [-0.3, -1.0]]))
+        array([False,  True,  True])
+    """
+
+    limit: LinearLimit
+    where: tuple[LinearLimit, ...]
+
+    @property
+    def rule(self) -> str:
+        """The rule's name."""
+        return self.limit.joint
+
+    @property
+    def name(self) -> str:
+        """The rule and the end, as ends of joint limits are named, e.g. ``"front lower"``."""
+        return f"{self.rule} {'upper' if math.isfinite(self.limit.upper) else 'lower'}"
+
+    @property
+    def uses(self) -> NDArray[np.bool_]:
+        """(n,) which coordinates it depends on."""
+        return np.any([one.coefficients != 0.0 for one in (self.limit, *self.where)], axis=0)
+
+    def holds(self, Q: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which rows (N,) of Q (N, n) keep it: the end holds, or a condition does not; False if not finite."""
+        kept = self.limit.holds(Q)
+        for condition in self.where:
+            kept |= ~condition.holds(Q)
+        return kept & np.all(np.isfinite(Q), axis=1)
+
+    def holds_at(self, q: Sequence[float]) -> bool:
+        """Return what `holds` does for one q, by plain Python."""
+        return self.limit.holds_at(q) or (
+            all(map(math.isfinite, q)) and not all(condition.holds_at(q) for condition in self.where)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,12 +198,14 @@ class Intervals(Value):
         low: (k,) [rad or m].
         high: (k,).
         is_sum: (k,) whether the combination has several terms, whose rounding is granted on top.
+        guarded: Ends of rules that bind under conditions only, all of which must hold, too.
     """
 
     coefficients: NDArray[np.float64]
     low: NDArray[np.float64]
     high: NDArray[np.float64]
     is_sum: NDArray[np.bool_]
+    guarded: tuple[GuardedLimit, ...] = ()
 
     @classmethod
     def of(
@@ -156,6 +213,7 @@ class Intervals(Value):
         limits: Sequence[LinearLimit],
         n: int,
         between: Sequence[tuple[NDArray[np.float64], tuple[float, float]]] = (),
+        guarded: Sequence[GuardedLimit] = (),
     ) -> Intervals:
         """Return what joint limits allow, and open intervals `low < c . q < high`; rows of one c are intersected."""
         rows = {tuple(row): [-_LARGEST, _LARGEST, 0.0] for row in np.eye(n).tolist()}
@@ -175,7 +233,7 @@ class Intervals(Value):
             row[0], row[1] = max(inside[0], row[0]), min(inside[1], row[1])  # NaN, home on a contact line, stays
         table = np.array(list(rows.values())).reshape(-1, 3)
         C = np.array(list(rows)).reshape(len(rows), n)
-        return cls(C, table[:, 0].copy(), table[:, 1].copy(), table[:, 2] > 0.0)
+        return cls(C, table[:, 0].copy(), table[:, 1].copy(), table[:, 2] > 0.0, tuple(guarded))
 
     def holds_at(self, q: Sequence[float]) -> bool:
         """Return what `hold` does for one q, by plain Python."""
@@ -187,7 +245,7 @@ class Intervals(Value):
             rounding = UNIT_ROUNDOFF * (len(q) + 2.0) * size if is_sum else 0.0
             if not low - rounding <= value <= high + rounding:
                 return False
-        return True
+        return all(one.holds_at(q) for one in self.guarded)
 
     @cached_property
     def _rows(self) -> list[tuple[list[tuple[int, float]], float, float, bool]]:
@@ -208,6 +266,8 @@ class Intervals(Value):
                         continue
                     ok &= value >= low
                     ok &= value <= high
+                for one in self.guarded:
+                    ok &= one.holds(block)
         return found
 
 

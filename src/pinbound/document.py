@@ -64,7 +64,7 @@ def packaged_robots() -> dict[str, Path]:
 
     Example:
         >>> sorted(packaged_robots())
-        ['minervabot_v3']
+        ['minervabot_v3', 'palletizer']
     """
     here = Path(__file__).resolve()
     folders = (here.parent / "robots", here.parents[2] / "urdf")
@@ -107,7 +107,10 @@ def read_document(
             remedy = "Expand it yourself where that may do no harm, or trust it: trust='xacro', --trust xacro"
             raise refusal(path.name, "is a xacro file, which can run code, and trust is 'urdf-only'", remedy)
         parse_file(path)  # what is wrong with the file itself is said with its own lines
-        expanded = expand_xacro(path, xacro_args or {}, [str(folder) for folder in package_dirs])
+        ours = next(
+            iter(packaged_robots().values())
+        ).parent  # what $(find pinbound) means, unless somebody says otherwise
+        expanded = expand_xacro(path, xacro_args or {}, [*map(str, package_dirs), str(ours)])
         label = f"{path.name} (as printed by xacro)"
         root = parse_bytes(expanded.text.encode(), label)
         return _without_default_namespace(Document(label, path, root, expanded.notes))

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.coupling import Intervals, LinearLimit
+from pinbound.coupling import GuardedLimit, Intervals, LinearLimit
+from pinbound.tolerances import BESIDE_CONDITION
 
-__all__ = ["coordinate_ends", "feasible_start"]
+__all__ = ["coordinate_ends", "feasible_start", "nearest_within", "ways_to_keep"]
 
 Array = NDArray[np.float64]
 
@@ -37,7 +39,7 @@ def coordinate_ends(limits: Sequence[LinearLimit], n: int) -> Array:
 
 
 def feasible_start(
-    limits: Sequence[LinearLimit], fixed: Array, names: Sequence[str]
+    limits: Sequence[LinearLimit], fixed: Array, names: Sequence[str], guarded: Sequence[GuardedLimit] = ()
 ) -> tuple[Array | None, dict[str, str]]:
     """Return a configuration (n,) within all limits, and how each coordinate was chosen that is neither given nor zero.
 
@@ -49,11 +51,12 @@ def feasible_start(
         limits: All joint limits.
         fixed: (n,) values that are given; NaN where none is.
         names: Names of the coordinates.
+        guarded: Ends of rules that bind under conditions only, to be kept too.
 
     Returns:
         None if no configuration keeps all limits with these values.
     """
-    n, test = len(fixed), Intervals.of(limits, len(fixed))
+    n, test = len(fixed), Intervals.of(limits, len(fixed), guarded=guarded)
     q = np.where(np.isnan(fixed), 0.0, fixed)
     reasons: dict[str, str] = {}
     for index, (low, high) in enumerate(coordinate_ends(limits, n).tolist()):
@@ -63,11 +66,35 @@ def feasible_start(
             reasons[names[index]] = "the middle of its limits" if len(ends) > 1 else "the end of its limits"
     if test.hold(q[None])[0]:
         return q, reasons
-    moved = _nearest(limits, q, np.isnan(fixed))
+    moved = nearest_within(limits, guarded, q, np.isnan(fixed))
     if moved is None or not test.hold(moved[None])[0]:
         return None, {}
     changed = {names[i]: "the nearest to zero within all limits" for i in np.flatnonzero(moved != q).tolist()}
     return moved, reasons | changed
+
+
+def nearest_within(
+    limits: Sequence[LinearLimit], guarded: Sequence[GuardedLimit], q: Array, loose: NDArray[np.bool_]
+) -> Array | None:
+    """Return the configuration within all limits, guarded ones too, that differs least from q; None if there is none.
+
+    Only `loose` coordinates (n,) move. Each way to keep a guarded limit is tried, and the nearest answer taken.
+    """
+    moved = _nearest(limits, q, loose)
+    broken = None if moved is None else next((one for one in guarded if not one.holds(moved[None])[0]), None)
+    if broken is None:
+        return moved
+    found = [nearest_within((*limits, way), guarded, q, loose) for way in ways_to_keep(broken)]
+    return min((one for one in found if one is not None), key=lambda one: float(np.sum(np.abs(one - q))), default=None)
+
+
+def ways_to_keep(guarded: GuardedLimit) -> list[LinearLimit]:
+    """Return limits each of which keeps a guarded limit: its end, and what lies beside an end of a condition."""
+    ways = [guarded.limit]
+    for one in guarded.where:
+        ways.append(replace(one, lower=one.upper + BESIDE_CONDITION, upper=math.inf))
+        ways.append(replace(one, lower=-math.inf, upper=one.lower - BESIDE_CONDITION))
+    return [way for way in ways if math.isfinite(way.lower) or math.isfinite(way.upper)]
 
 
 def _nearest(limits: Sequence[LinearLimit], q: Array, loose: NDArray[np.bool_]) -> Array | None:

@@ -12,15 +12,16 @@ feasible region, and `pinbound.region.membership` says where. `docs/inverse-kine
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinbound.chain import Chain
-from pinbound.coupling import as_configurations
+from pinbound.coupling import GuardedLimit, LinearLimit, as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
+from pinbound.home import nearest_within, ways_to_keep
 from pinbound.interpreters import numeric
 from pinbound.path import absolute_chain
 from pinbound.robot import Robot
@@ -129,17 +130,18 @@ def solve_ik(
     chain = absolute_chain(robot.tree, robot.coupling, link, (x, y, z))
     solver = _Solver(chain, *_limit_rows(robot), max_iterations, tolerance)
     q = np.array(robot.home if start is None else as_configurations(start, robot.coordinates))
-    if q.ndim != 1 or not np.all(solver.A @ q <= solver.b + LIMIT):
+    inside = q.ndim == 1 and np.all(solver.A @ q <= solver.b + LIMIT) and _broken(robot, q) is None
+    if not inside:
         raise DimensionError(f"the start {q.tolist()} is not one configuration within all joint limits")
     starts = [q, *_random_starts(robot, q, max(restarts - 1, 0), seed)][:restarts]
     answers, tried = list[_Answer](), list[int]()
     for goal in goals.reshape(-1, 3):
-        best, count = solver.solve(q, goal), 0
+        best, count = _solved(robot, solver, q, goal), 0
         for other in starts if np.all(np.isfinite(goal)) else ():
             if best.ending is Ending.REACHED:
                 break
             count += 1
-            best = min(best, solver.solve(other, goal), key=lambda one: one.residual)
+            best = min(best, _solved(robot, solver, other, goal), key=lambda one: one.residual)
         answers.append(best)
         tried.append(count)
         q = best.q if best.ending is Ending.REACHED else q
@@ -161,19 +163,47 @@ def _random_starts(robot: Robot, q: Array, count: int, seed: int) -> list[Array]
     lower[slides], upper[slides] = np.maximum(lower, q - 0.5)[slides], np.minimum(upper, q + 0.5)[slides]
     A, b, _ = _limit_rows(robot)
     drawn = np.random.default_rng(seed).uniform(lower, upper, (20 * count, len(q)))
-    return list(drawn[np.all(drawn @ A.T <= b, axis=1)][:count])
+    return list(drawn[np.all(drawn @ A.T <= b, axis=1) & robot.intervals.hold(drawn)][:count])
+
+
+def _broken(robot: Robot, q: Array) -> GuardedLimit | None:
+    """Return the first end of a guarded rule that q breaks."""
+    return next((one for one in robot.guarded_limits if not one.holds_at(q.tolist())), None)
+
+
+def _solved(robot: Robot, solver: _Solver, start: Array, goal: Array, more: tuple[LinearLimit, ...] = ()) -> _Answer:
+    """Return the answer within guarded rules too.
+
+    Where the answer breaks one, each way to keep it is a limit, with which the target is tried again.
+    """
+    found = solver.solve(start, goal)
+    broken = _broken(robot, found.q) if np.all(np.isfinite(goal)) else None
+    if broken is None:
+        return found
+    residual = float(np.linalg.norm(goal - numeric.positions(solver.chain, start[None])[0]))
+    answers = [_Answer(start, residual, found.iterations, Ending.HELD_BY_LIMITS, (broken.rule,))]
+    for way in ways_to_keep(broken):
+        limits, loose = (*robot.linear_limits, *more, way), np.ones(len(start), dtype=np.bool_)
+        begin = nearest_within(limits, robot.guarded_limits, start, loose)
+        if begin is not None:
+            answers.append(_solved(robot, solver.within(way), begin, goal, (*more, way)))
+    return min(answers, key=lambda one: one.residual)
 
 
 def _limit_rows(robot: Robot) -> tuple[Array, Array, tuple[str, ...]]:
     """Return `A q <= b` for all joint limits, and the joint of each row."""
+    return _rows(robot.linear_limits, len(robot.coordinates))
+
+
+def _rows(limits: Sequence[LinearLimit], n: int) -> tuple[Array, Array, tuple[str, ...]]:
     rows, bounds, names = list[Array](), list[float](), list[str]()
-    for limit in robot.linear_limits:
+    for limit in limits:
         for sign, end in ((1.0, limit.upper), (-1.0, limit.lower)):
             if np.isfinite(end) and np.any(limit.coefficients):
                 rows.append(sign * limit.coefficients)
                 bounds.append(sign * (end - limit.offset))
                 names.append(limit.joint)
-    return np.array(rows).reshape(-1, len(robot.coordinates)), np.array(bounds), tuple(names)
+    return np.array(rows).reshape(-1, n), np.array(bounds), tuple(names)
 
 
 @dataclass(frozen=True)
@@ -195,6 +225,11 @@ class _Solver:
     names: tuple[str, ...]
     max_iterations: int
     tolerance: float
+
+    def within(self, limit: LinearLimit) -> _Solver:
+        """Return the solver with one more limit."""
+        A, b, names = _rows([limit], self.A.shape[1])
+        return replace(self, A=np.vstack((self.A, A)), b=np.append(self.b, b), names=(*self.names, *names))
 
     def solve(self, start: Array, goal: Array) -> _Answer:
         if not np.all(np.isfinite(goal)):

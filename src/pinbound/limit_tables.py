@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pinbound.boundary import Boundary
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
-from pinbound.robot import Robot
+from pinbound.robot import Robot, refuse_conditions
 from pinbound.tolerances import TABLE
 from pinbound.values import Value
 
@@ -101,7 +101,7 @@ def limit_table(
         UnknownNameError: If a joint or boundary does not exist.
         DimensionError: If the joints are one, or the spacing is none, or no entry lies in the range of the target.
         UnsupportedError: If a table cannot say it: a joint slides, a boundary has several effective angles or depends
-            on a third coordinate, the dependent joint has no limit.
+            on a third coordinate, the dependent joint has no limit, a rule has a condition.
 
     Example:
         >>> import pinbound as pb
@@ -112,6 +112,7 @@ def limit_table(
         >>> round(float(np.degrees(table.loss)), 6) < 0.5
         True
     """
+    refuse_conditions(robot, "A table")
     pair = _pair(robot, target, dependent, spacing)
     chosen = robot.boundaries if boundaries is None else robot.boundaries.select(boundaries)
     planes = _half_planes(robot, list(chosen), pair)

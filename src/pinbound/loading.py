@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.annotations import Annotations, Line, Mark, Plane, RawItem, raw_items, read_inline, validate
+from pinbound.axes import joint_home, new_coordinates
 from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
-from pinbound.closures import Closure, joint_errors, place_error
+from pinbound.closures import Closure, close, joint_errors, place_error
 from pinbound.contact import stop_fault
-from pinbound.coupling import Coupling, LinearLimit, couple, linear_limits, narrowed_by_mimics
+from pinbound.coupling import Coupling, GuardedLimit, LinearLimit, couple, linear_limits, narrowed_by_mimics
 from pinbound.document import Document, read_document
 from pinbound.exceptions import (
     Problems,
@@ -31,7 +32,9 @@ from pinbound.normalise import normalise
 from pinbound.parallelograms import settle
 from pinbound.path import absolute_chain, direction_chain, relative_path
 from pinbound.pinocchio_model import compare_with_pinocchio
+from pinbound.presets import FAMILY, PREFIX, find_model
 from pinbound.robot import Robot
+from pinbound.rules import rule_limits
 from pinbound.tolerances import CONTACT, HOME, LONGEST, NEAR_STOP
 from pinbound.tree import Tree
 from pinbound.urdf import Mimic, read_kinematics
@@ -55,8 +58,8 @@ def load(
     """Load a robot with its boundaries.
 
     Args:
-        robot: Name of a packaged robot (e.g. ``"minervabot_v3"``), or a path to a `.urdf` or `.xacro`, or the text of
-            a URDF (it begins with `<`).
+        robot: Name of a packaged robot (e.g. ``"minervabot_v3"``), of a preset (``"palletizers/fanuc_m410ib_700"``;
+            `pinbound robots` lists them), a path to a `.urdf` or `.xacro`, or the text of a URDF (it begins with `<`).
         annotations: Path of a YAML sidecar or of an .srdf with spheres, or `Annotations`, or several of these in a
             sequence; they add to what is inline, and to each other. By default `NAME.pinbound.yaml` beside the file,
             where it exists.
@@ -79,7 +82,14 @@ def load(
         ('q2',)
     """
     arguments = {key: str(value) for key, value in (xacro_args or {}).items()}
+    model = find_model(robot)
+    if model is not None:
+        more = (annotations,) if isinstance(annotations, str | Path | Annotations) else annotations or ()
+        annotations, robot = (model.annotations(arguments), *more), FAMILY
+        arguments = model.arguments | arguments
     document = normalise(read_document(robot, arguments, package_dirs, trust))
+    if model is not None and model.name is not None:
+        document.root.set("name", model.name.removeprefix(PREFIX))
     problems = Problems(document.label)
     given, said = _given_items(document, annotations, problems)
     items = [*read_inline(document.root, problems), *given]
@@ -134,6 +144,9 @@ def _made(
         places={m.joint: (m.line, marks.sources.get(f"follower {m.joint}")) for m in marks.followers},
     )
     _check_lengths(kinematics, marks, problems)
+    if marks.axes:
+        place = marks.home_line, marks.sources.get("home")
+        marks = replace(marks, home=joint_home(marks.home, marks.axes, problems, *place))
     if len(problems.found) > faults:
         problems.raise_if_any()
     tree = Tree(kinematics, {mark.link for mark in marks.marks.values()})
@@ -144,8 +157,21 @@ def _made(
     coupling = settled.coupling
     limits = linear_limits(tree.moving_joints, coupling)
     closures, errors = carry(tree, settled, marks, limits, problems)
-    limits = narrowed(limits, coupling, joint_errors(coupling, closures))
-    home, notes = _home(tree, coupling, marks, limits, problems)
+    off = joint_errors(coupling, closures)
+    limits = narrowed(limits, coupling, off)
+    own = narrowed_by_mimics(tree.moving_joints, coupling, limits)
+    taken = [boundary.name for boundary in marks.boundaries]
+    rules, guarded = rule_limits(marks.rules, coupling, off, problems, taken, marks.sources)
+    limits = (*limits, *rules)
+    home, notes = _home(tree, coupling, marks, limits, guarded, problems)
+    slides = [joint.name for joint in tree.moving_joints if joint.type == "prismatic"]
+    change = new_coordinates(marks.axes, coupling, problems, slides, marks.sources)
+    if change is not None:
+        coupling, home = change.coupling(coupling), change.forward(home)
+        limits, guarded = tuple(map(change.limit, limits)), tuple(map(change.guarded, guarded))
+        again = [(close(tree, coupling, one.mark), one) for one in closures]
+        closures = tuple(replace(new, deviations=one.deviations, apart=one.apart) for new, one in again)
+        home.flags.writeable = False
     boundaries, stops = _boundaries(tree, coupling, marks, home, problems, limits, closures)
     problems.raise_if_any()
     return Robot(
@@ -156,7 +182,7 @@ def _made(
         linear_limits=limits,
         closures=closures,
         boundaries=BoundarySet(
-            boundaries, coupling.coordinates, limits, home, partial(_common_marks, tree, coupling, boundaries)
+            boundaries, coupling.coordinates, limits, home, partial(_common_marks, tree, coupling, boundaries), guarded
         ),
         home=home,
         notes=(
@@ -164,12 +190,13 @@ def _made(
             *said,
             *settled.notes,
             *errors,
-            *narrowed_by_mimics(tree.moving_joints, coupling, limits),
+            *own,
             *notes,
             *stops,
         ),
         package_dirs=package_dirs,
         again=_Again(document, tuple(items), tuple(said), package_dirs),
+        guarded_limits=guarded,
     )
 
 
@@ -223,7 +250,12 @@ def _check_lengths(kinematics: Kinematics, marks: Annotations, problems: Problem
 
 
 def _home(
-    tree: Tree, coupling: Coupling, marks: Annotations, limits: Sequence[LinearLimit], problems: Problems
+    tree: Tree,
+    coupling: Coupling,
+    marks: Annotations,
+    limits: Sequence[LinearLimit],
+    guarded: Sequence[GuardedLimit],
+    problems: Problems,
 ) -> tuple[Array, list[str]]:
     """Return home within all limits: what is marked, and of the other coordinates what `feasible_start` says."""
     names, joints = coupling.coordinates, {joint.name: joint for joint in tree.moving_joints}
@@ -233,7 +265,7 @@ def _home(
             what = "follows another joint" if name in joints else "does not exist"
             problems.add(f"home names {name!r}, which {what}", name_hint(name, names), marks.home_line, source)
     fixed = np.array([marks.home.get(name, math.nan) for name in names], dtype=np.float64)
-    home, reasons = feasible_start(limits, fixed, names)
+    home, reasons = feasible_start(limits, fixed, names, guarded)
     notes: list[str] = []
     if home is None:
         home, where = np.nan_to_num(fixed), marks.home_line if marks.home else None
@@ -247,6 +279,11 @@ def _home(
                     message += f", which is not in {ends}"
                     remedy = "Mend the limits, or the multipliers and offsets of mimic joints"
                 problems.add(message, remedy, where, source)
+        for one in guarded:
+            if not one.holds(home[None])[0]:
+                said = f"rule {one.rule!r} forbids home: its conditions hold there, and its sum is "
+                said += f"{float(one.limit.values(home[None])[0]):.6g}, beyond its {one.name.split()[-1]} end"
+                problems.add(said, "Choose a home that keeps the rule; angles are in radians", where, source)
     else:
         notes += [
             f"home of {name!r} is {home[names.index(name)]:.6g}, {reason}: zero is outside them"

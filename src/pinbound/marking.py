@@ -318,7 +318,7 @@ class _Home:
 def _choose_home(judge: _Judge, touching: NDArray[np.int64]) -> _Home:
     """Choose today's home if the user has given it or no candidate is better; `touching` (N,) counts pairs."""
     robot = judge.robot
-    inside = bool(within_limits(robot.linear_limits, robot.home[None])[0])
+    inside = bool(within_limits(robot.linear_limits, robot.home[None], robot.guarded_limits)[0])
     best: int | None = None
     for index in np.argsort(touching, kind="stable").tolist():
         if inside and touching[index] >= touching[0]:
@@ -334,7 +334,7 @@ def _choose_home(judge: _Judge, touching: NDArray[np.int64]) -> _Home:
 
 def _home_note(judge: _Judge, home: _Home, at_home: Sequence[_Pair]) -> str:
     robot = judge.robot
-    inside = within_limits(robot.linear_limits, robot.home[None])[0]
+    inside = within_limits(robot.linear_limits, robot.home[None], robot.guarded_limits)[0]
     said = f"home ({configuration_text(robot, robot.home)})"
     faults = [] if inside else ["is outside the limits of a joint"]
     if at_home:
@@ -378,6 +378,8 @@ def _kept(robot: Robot) -> Annotations:
         closures=rest("closure", own.closures),
         followers=rest("follower", own.followers, "joint"),
         limits=rest("limit", own.limits, "joint"),
+        rules=rest("rule", own.rules),
+        axes=rest("axis", own.axes),
         left_out=tuple(
             LeftOutMark(one.a, one.b, one.reason) for one in own.left_out if one.source != robot.document.label
         ),

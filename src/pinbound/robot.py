@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +17,7 @@ from pinbound.annotations import Annotations
 from pinbound.bodies import collision_bodies
 from pinbound.boundary_set import BoundarySet
 from pinbound.closures import Closure
-from pinbound.coupling import Coupling, LinearLimit, as_configurations
+from pinbound.coupling import Coupling, GuardedLimit, Intervals, LinearLimit, as_configurations
 from pinbound.coverage import Coverage
 from pinbound.document import Document
 from pinbound.exceptions import (
@@ -33,7 +34,7 @@ from pinbound.pinocchio_model import build_model
 from pinbound.tree import Tree
 from pinbound.values import Value
 
-__all__ = ["Robot"]
+__all__ = ["Robot", "refuse_conditions"]
 
 Array = NDArray[np.float64]
 
@@ -47,13 +48,14 @@ class Robot(Value):
         tree: Links and joints.
         annotations: What was marked on it.
         coupling: `theta = S q + o`.
-        linear_limits: Limits of all tree joints, said of q.
+        linear_limits: Limits of all tree joints, and rules without conditions, said of q.
         closures: Closed loops, each proven to close.
         boundaries: The boundaries, in order.
         home: (n,) a feasible configuration [rad or m].
         notes: What was normalised on loading.
         package_dirs: Folders in which `package://` is looked up.
         again: Makes the robot anew with more annotations; what `with_annotations` asks.
+        guarded_limits: Ends of rules that bind where conditions hold, said of q.
     """
 
     document: Document
@@ -67,6 +69,7 @@ class Robot(Value):
     notes: tuple[str, ...]
     package_dirs: tuple[str, ...] = ()
     again: Callable[[Robot, Any], Robot] | None = None
+    guarded_limits: tuple[GuardedLimit, ...] = ()
 
     def __repr__(self) -> str:
         """Return name and counts."""
@@ -85,22 +88,29 @@ class Robot(Value):
 
     @cached_property
     def lower(self) -> Array:
-        """(n,) lower limits of the active joints themselves [rad or m]; -inf where there is none."""
+        """(n,) lower limits of the active joints themselves [rad or m]; -inf where there is none, and of axes."""
         return self._ends("lower")
 
     @cached_property
     def upper(self) -> Array:
-        """(n,) upper limits of the active joints themselves [rad or m]; inf where there is none."""
+        """(n,) upper limits of the active joints themselves [rad or m]; inf where there is none, and of axes."""
         return self._ends("upper")
 
     def _ends(self, end: str) -> Array:
-        joints = {joint.name: joint for joint in self.tree.moving_joints}
-        values = np.array([float(getattr(joints[name], end)) for name in self.coordinates])
+        joints = {joint.name: float(getattr(joint, end)) for joint in self.tree.moving_joints}
+        nothing = -math.inf if end == "lower" else math.inf  # of an axis, which is no joint
+        values = np.array([joints.get(name, nothing) for name in self.coordinates])
         values.flags.writeable = False
         return values
 
+    @cached_property
+    def intervals(self) -> Intervals:
+        """All limits and rules as one value, whose `hold(Q)` says which configurations keep them."""
+        return Intervals.of(self.linear_limits, len(self.coordinates), guarded=self.guarded_limits)
+
     def turns(self, joint: str) -> bool:
-        """Return whether a joint's value is an angle [rad], not a length [m]."""
+        """Return whether the value of a joint, or of an axis, is an angle [rad], not a length [m]."""
+        joint = next((axis.instead_of for axis in self.annotations.axes if axis.name == joint), joint)
         return any(one.name == joint and one.type != "prismatic" for one in self.tree.moving_joints)
 
     @property
@@ -347,3 +357,15 @@ class Robot(Value):
             for step, column in enumerate(columns):
                 full[..., joint.idx_q + step] = column
         return full
+
+
+def refuse_conditions(robot: Robot, answer: str) -> None:
+    """Refuse rules with conditions, for an answer that takes every limit to hold everywhere.
+
+    Raises:
+        UnsupportedError: If the robot has one, with its name.
+    """
+    if robot.guarded_limits:
+        first = robot.guarded_limits[0].rule
+        message = f"{answer} cannot say that rule {first!r} holds only where its condition does"
+        raise UnsupportedError(f"{message}. Leave the condition out: the rule is then kept everywhere")

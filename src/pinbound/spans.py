@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.coupling import LinearLimit
+from pinbound.coupling import GuardedLimit, LinearLimit
 
-__all__ = ["CoordinateLimits", "Smallest", "linear_span", "linear_spans", "tighten"]
+__all__ = ["CoordinateLimits", "Smallest", "guarded_span", "guarded_spans", "linear_span", "linear_spans", "tighten"]
 
 Array = NDArray[np.float64]
 
@@ -102,6 +102,42 @@ def linear_spans(limit: LinearLimit, index: int, Q: Array) -> Array:
         spans = np.concatenate((np.minimum(ends[:, :1], value), np.maximum(ends[:, 1:], value)), axis=1)
     spans[~limit.holds(Q)] = np.nan
     return spans
+
+
+def guarded_spans(limit: GuardedLimit, index: int, Q: Array) -> Array:
+    """Return the intervals (N, 2) of coordinate `index` around its values that one guarded limit allows; NaN: none.
+
+    What it forbids of the coordinate is one interval, for it is convex: where every condition holds and the end is
+    passed. The allowed interval ends there, on the side of the value.
+    """
+    value = Q[:, index]
+    first, last = np.full(len(Q), -math.inf), np.full(len(Q), math.inf)
+    for one, broken in ((limit.limit, True), *((condition, False) for condition in limit.where)):
+        c, rest = float(one.coefficients[index]), one.values(Q)
+        low, high = one.lower, one.upper
+        if broken:  # beyond its one finite end
+            low, high = (high, math.inf) if math.isfinite(high) else (-math.inf, low)
+        if c == 0.0:
+            never = one.holds(Q) if broken else ~one.holds(Q)
+            first[never], last[never] = math.inf, -math.inf
+            continue
+        ends = np.sort(value[:, None] + (np.array([low, high]) - rest[:, None]) / c, axis=1)
+        np.maximum(first, ends[:, 0], out=first)
+        np.minimum(last, ends[:, 1], out=last)
+    spans = np.tile([-math.inf, math.inf], (len(Q), 1))
+    some = first <= last
+    below = some & (last - value > value - first)
+    above = some & ~below
+    spans[below, 1] = np.maximum(first, value)[below]
+    spans[above, 0] = np.minimum(last, value)[above]
+    spans[~limit.holds(Q)] = np.nan
+    return spans
+
+
+def guarded_span(limit: GuardedLimit, index: int, q: Array) -> tuple[float, float] | None:
+    """Return the interval of coordinate `index` around its value that a guarded limit allows, the others as in q."""
+    low, high = guarded_spans(limit, index, q[None])[0].tolist()
+    return None if math.isnan(low) else (low, high)
 
 
 def linear_span(limit: LinearLimit, index: int, q: Array) -> tuple[float, float] | None:

@@ -27,7 +27,7 @@ from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.interpreters.bounds import box_terms
 from pinbound.interpreters.rounding import walks
 from pinbound.interpreters.swept_bounds import SweptBundle, all_rows, rounding_bound, separated, swept_bundle
-from pinbound.robot import Robot
+from pinbound.robot import Robot, refuse_conditions
 from pinbound.tolerances import INFLATION, LIMIT, STEP_BOX, UNIT_ROUNDOFF
 from pinbound.values import Value
 
@@ -115,7 +115,9 @@ class StepBounds:
 
         Raises:
             UnknownNameError: If the robot has no boundary of a name.
+            UnsupportedError: If the robot has rules with conditions.
         """
+        refuse_conditions(robot, "Rows of a step")
         self.robot = robot
         self.boundaries = robot.boundaries if boundaries is None else robot.boundaries.select(boundaries)
         self.stops = [one for one in self.boundaries if one.is_stop]

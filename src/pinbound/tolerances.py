@@ -4,6 +4,7 @@ from typing import Final
 
 __all__ = [
     "AS_PRINTED",
+    "BESIDE_CONDITION",
     "CHORD",
     "CLOSURE",
     "CLOSURE_SHARE",
@@ -71,6 +72,10 @@ __all__ = [
 CONTACT: Final = 2e-5
 """Metres. Default `contact_tolerance`: two arms that should have equal lengths may differ by the rounding of
 data given to 0.01 mm, two points of two coordinates each: 2 * sqrt(2) * 0.005 mm = 0.014 mm."""
+
+BESIDE_CONDITION: Final = 1e-9
+"""Radians or metres. A home that must lie beside the condition of a rule is put this far from it: beyond `LIMIT`,
+within which a condition still holds, and far below what any controller resolves."""
 
 NEAR_STOP: Final = 5e-3
 """Metres. Two points of zero threshold and one effective angle that miss each other by no more may have been meant as

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, cast
 
 from lxml import etree
@@ -62,9 +62,20 @@ def _read_block(block: etree._Element, problems: Problems) -> list[RawItem]:
                 element.sourceline,
             )
             continue
+        conditions: list[dict[str, Any]] = []
         for child in element.iterchildren(etree.Element):
+            if (
+                kind == "rule"
+                and child.tag == f"{{{NAMESPACE}}}where"
+                and not len(child)
+                and not (child.text or "").strip()
+            ):
+                conditions.append({str(key): value for key, value in child.attrib.items()})
+                continue
             problems.add(f"<{local_name(child)}> stands inside <pinbound:{kind}>", "Remove it", child.sourceline)
         fields: dict[str, Any] = {str(key): value for key, value in element.attrib.items()}
+        if conditions:
+            fields["where"] = tuple(conditions)
         text = " ".join((element.text or "").split())
         if kind == "assumption":
             fields["text"] = text
@@ -91,9 +102,20 @@ def inline_text(items: Iterable[RawItem]) -> str:
             element.text = item.fields["text"]
             continue
         for key, value in item.fields.items():
+            if key == "where":
+                for condition in value:
+                    _set_attributes(etree.SubElement(element, f"{{{NAMESPACE}}}where"), condition)
+                continue
             try:
-                element.set(key, value if isinstance(value, str) else " ".join(value))
+                _set_attributes(element, {key: value})
             except ValueError as error:
                 raise UnsupportedError(f"{key!r} cannot be written as XML ({error}); write a sidecar") from error
     etree.indent(block)
     return etree.tostring(block, encoding="unicode") + "\n"
+
+
+def _set_attributes(element: etree._Element, fields: Mapping[str, Any]) -> None:
+    """Set attributes: texts as they are, names side by side, coefficients as `joint: number, joint: number`."""
+    for key, value in fields.items():
+        text = ", ".join(f"{name}: {c}" for name, c in value) if key == "coefficients" else value
+        element.set(key, text if isinstance(text, str) else " ".join(text))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,12 +18,15 @@ __all__ = [
     "KINDS",
     "NAMESPACE",
     "Annotations",
+    "Axis",
     "BoundaryMark",
     "ClosureMark",
+    "Condition",
     "FollowerMark",
     "LeftOutMark",
     "LimitMark",
     "RawItem",
+    "Rule",
     "raw_items",
 ]
 
@@ -38,6 +42,8 @@ FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "closure": (("name", "link_a", "xyz_a", "link_b", "xyz_b"), ("passive", "tolerance")),
     "follower": (("joint", "primary"), ("multiplier", "offset")),
     "limit": (("joint", "lower", "upper"), ()),
+    "axis": (("name", "instead_of", "coefficients"), ()),
+    "rule": (("name", "coefficients"), ("lower", "upper", "where")),
     "left_out": (("a", "b", "reason"), ()),
     "settings": ((), ("contact_tolerance",)),
     "assumption": (("text",), ()),
@@ -110,6 +116,54 @@ class LimitMark:
 
 
 @dataclass(frozen=True, slots=True)
+class Condition(Value):
+    """`lower <= sum_j c_j theta_j <= upper` [rad or m], coefficients c by joint name; an end may be infinite."""
+
+    coefficients: Mapping[str, float]
+    lower: float = -math.inf
+    upper: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Rule(Value):
+    """A maker's rule: `lower <= sum_j c_j theta_j <= upper` [rad or m], wherever every condition of `where` holds.
+
+    Joints may be mimic joints. Without conditions it binds everywhere, as the limits of a joint do.
+
+    Example:
+        The arm must not lean back by more than 19 degrees while the forearm is below the horizontal:
+
+        >>> low = Condition({"J3": 1.0}, upper=0.0)
+        >>> Rule("front", {"J2": 1.0}, lower=math.radians(-19), where=(low,)).where[0].upper
+        0.0
+    """
+
+    name: str
+    coefficients: Mapping[str, float]
+    lower: float = -math.inf
+    upper: float = math.inf
+    where: tuple[Condition, ...] = ()
+    line: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Axis(Value):
+    """A coordinate of q that is a sum of joints, `sum_j c_j theta_j`, commanded instead of one of them.
+
+    So a third axis that the URDF counts from the arm can be counted from the ground, and the other way round.
+
+    Example:
+        >>> Axis("J3_absolute", instead_of="J3", coefficients={"J2": 1.0, "J3": 1.0}).instead_of
+        'J3'
+    """
+
+    name: str
+    instead_of: str
+    coefficients: Mapping[str, float]
+    line: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class LeftOutMark:
     """Two links, by name, that no boundary watches, and the reason; `source` is the file that says so.
 
@@ -127,7 +181,8 @@ class LeftOutMark:
 class RawItem(Value):
     """One element or YAML entry before validation: its kind, its fields as written, its place.
 
-    Fields are text; `passive` given as a list is a tuple of names, which may hold spaces.
+    Fields are text; `passive` given as a list is a tuple of names, which may hold spaces. Of a rule, `coefficients` are
+    pairs of a joint and a number (of an axis, too), and `where` are mappings of such fields.
     """
 
     kind: str
@@ -149,6 +204,8 @@ class Annotations(Value):
         followers: Followers that replace the URDF's own `<mimic>`.
         limits: Limits that replace the URDF's own.
         left_out: Pairs of links that are left out, with reasons.
+        rules: Linear rules on joints, in the order of the file.
+        axes: Coordinates that are sums of joints, commanded instead of one of them.
         assumptions: Sentences that every report of this robot must show.
         home_line: Line of the home element.
         sources: The file that each of these was read from, by what it is: `"home"`, `"boundary stop"`, `"limit q1"`.
@@ -164,6 +221,8 @@ class Annotations(Value):
     left_out: tuple[LeftOutMark, ...] = ()
     assumptions: tuple[str, ...] = ()
     home_line: int | None = None
+    rules: tuple[Rule, ...] = ()
+    axes: tuple[Axis, ...] = ()
     sources: Mapping[str, str] = field(default_factory=dict[str, str], compare=False, repr=False)
 
     @property
@@ -256,8 +315,26 @@ def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
     items += [item("closure", closure) for closure in annotations.closures]
     items += [item("follower", follower) for follower in annotations.followers]
     items += [item("limit", limit) for limit in annotations.limits]
+    for axis in annotations.axes:
+        fields = {"name": axis.name, "instead_of": axis.instead_of, "coefficients": _pairs(axis.coefficients)}
+        items.append(RawItem("axis", fields, source, axis.line))
+    items += [RawItem("rule", _rule_fields(rule), source, rule.line) for rule in annotations.rules]
     items += [item("left_out", pair) for pair in annotations.left_out]
     return items + [RawItem("assumption", {"text": text}, source, None) for text in annotations.assumptions]
+
+
+def _pairs(coefficients: Mapping[str, float]) -> tuple[tuple[str, str], ...]:
+    return tuple((name, _text(c)) for name, c in coefficients.items())
+
+
+def _rule_fields(rule: Rule | Condition) -> dict[str, Any]:
+    """Return a rule's fields, or a condition's; ends that are infinite are left out."""
+    fields: dict[str, Any] = {"name": rule.name} if isinstance(rule, Rule) else {}
+    fields["coefficients"] = _pairs(rule.coefficients)
+    fields |= {key: _text(end) for key in ("lower", "upper") if math.isfinite(end := getattr(rule, key))}
+    if isinstance(rule, Rule) and rule.where:
+        fields["where"] = tuple(_rule_fields(condition) for condition in rule.where)
+    return fields
 
 
 def _text(value: Any) -> str:

@@ -23,6 +23,8 @@ _LISTS = {
     "closures": "closure",
     "followers": "follower",
     "limits": "limit",
+    "rules": "rule",
+    "axes": "axis",
     "left_out": "left_out",
     "assumptions": "assumption",
 }
@@ -138,10 +140,20 @@ class _Sidecar:
             found[name] = value
         return found
 
-    def _field(self, name: str, node: yaml.Node) -> str | tuple[str, ...]:
-        """Return a field as text, but a list of names as a tuple: names may hold spaces."""
+    def _field(self, name: str, node: yaml.Node) -> Any:
+        """Return a field as text, but a list of names as a tuple: names may hold spaces; of rules see `RawItem`."""
         if name == "passive" and isinstance(node, yaml.SequenceNode):
             return tuple(self._plain(entry) for entry in node.value)
+        if name == "coefficients":
+            return tuple((key, self._plain(value)) for key, value in self._mapping(node, name).items())
+        if name == "where" and not isinstance(node, yaml.SequenceNode):
+            self.problems.add("'where' is not a list", "Write [{...}]", _node_line(node), self.source)
+            return ()
+        if name == "where":
+            return tuple(
+                {key: self._field(key, value) for key, value in self._mapping(entry, name).items()}
+                for entry in node.value
+            )
         return self._plain(node)
 
     @staticmethod
@@ -171,10 +183,14 @@ def sidecar_text(items: Iterable[RawItem]) -> str:
     return cast(Any, yaml).safe_dump(data, sort_keys=False, default_flow_style=None, width=150, allow_unicode=True)
 
 
-def _value(key: str, given: str | tuple[str, ...]) -> Any:
+def _value(key: str, given: Any) -> Any:
+    if key == "coefficients":
+        return {name: float(text) for name, text in given}
+    if key == "where":
+        return [{name: _value(name, field) for name, field in entry.items()} for entry in given]
     if isinstance(given, tuple):
-        return list(given)
-    text = given
+        return list(cast(tuple[str, ...], given))
+    text = str(given)
     if key.startswith("xyz") or key in ("direction", "normal"):
         return [float(word) for word in text.split()]
     if key == "ways":

@@ -9,13 +9,16 @@ from pinbound.annotations.records import (
     FIELDS,
     KINDS,
     Annotations,
+    Axis,
     BoundaryMark,
     ClosureMark,
     FollowerMark,
     LeftOutMark,
     LimitMark,
     RawItem,
+    Rule,
 )
+from pinbound.annotations.rules import read_axis, read_rule
 from pinbound.document import parse_floats
 from pinbound.exceptions import Problems, name_hint, printable
 from pinbound.tolerances import CLOSURE, CONTACT
@@ -66,6 +69,8 @@ class _Validator:
         closures = [self._closure(item) for item in self._unique(by_kind.get("closure", []))]
         followers = [self._follower(item) for item in self._unique(by_kind.get("follower", []))]
         limits = [self._limit(item) for item in self._unique(by_kind.get("limit", []))]
+        axes = [self._axis(item) for item in self._unique(by_kind.get("axis", []))]
+        rules = [self._rule(item) for item in self._unique(by_kind.get("rule", []))]
         left_out = [self._left_out(item) for item in by_kind.get("left_out", []) if self._complete(item)]
         return Annotations(
             contact_tolerance=settings,
@@ -76,6 +81,8 @@ class _Validator:
             followers=tuple(follower for follower in followers if follower),
             limits=tuple(limit for limit in limits if limit),
             left_out=tuple(pair for pair in left_out if pair),
+            rules=tuple(rule for rule in rules if rule),
+            axes=tuple(axis for axis in axes if axis),
             assumptions=tuple(
                 printable(" ".join(str(item.fields["text"]).split()))
                 for item in by_kind.get("assumption", [])
@@ -312,6 +319,19 @@ class _Validator:
             self._fault(f"limit of {joint!r} has lower {lower[0]:g} above upper {upper[0]:g}", "Swap them")
             return None
         return LimitMark(joint, lower[0], upper[0], item.line)
+
+    def _rule(self, item: RawItem) -> Rule | None:
+        self.item = item
+        name = str(item.fields["name"])
+        if name in (self.names["joint"] or ()):
+            self._fault(f"rule {name!r} has the name of a joint", "Give it a name of its own, e.g. 'coupling'")
+        return read_rule(item, self._fault, lambda joint: self._known("joint", joint) is not None)
+
+    def _axis(self, item: RawItem) -> Axis | None:
+        self.item = item
+        if item.fields["name"] in (self.names["joint"] or ()):
+            self._fault(f"axis {item.fields['name']!r} has the name of a joint", "Give it a name of its own")
+        return read_axis(item, self._fault, lambda joint: self._known("joint", joint) is not None)
 
     def _left_out(self, item: RawItem) -> LeftOutMark | None:
         self.item = item

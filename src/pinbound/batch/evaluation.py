@@ -126,6 +126,9 @@ class Evaluation:
             known.update(repr(rule.stop and (rule.stop.free_gap, rule.stop.amplitude)).encode())
         for array in (self.limits.coefficients, self.limits.low, self.limits.high):
             known.update(np.ascontiguousarray(array + 0.0).tobytes())
+        for one in self.limits.guarded:
+            for limit in (one.limit, *one.where):
+                known.update(np.array([*limit.coefficients, limit.offset, limit.lower, limit.upper]).tobytes())
         known.update(b"" if self.region is None else np.ascontiguousarray(self.region.vertices).tobytes())
         return known.hexdigest()
 
@@ -237,7 +240,7 @@ def evaluation_of(
             if "region" in columns:
                 raise
             note = str(error)
-    none = BoundarySet((), robot.coordinates, robot.linear_limits, robot.home)
+    none = BoundarySet((), robot.coordinates, robot.linear_limits, robot.home, guarded=robot.guarded_limits)
     boundaries = none if limits_only else robot.boundaries
     kernel = boundaries.signed_kernel
     chosen = kernel.prepare("least" if "smallest" not in columns else "smallest") if backend == "auto" else backend
@@ -246,7 +249,7 @@ def evaluation_of(
         coordinates=robot.coordinates,
         boundaries=boundaries.names,
         kernel=kernel,
-        limits=Intervals.of(robot.linear_limits, len(robot.coordinates)),
+        limits=robot.intervals,
         region=region,
         region_note=note,
         columns=tuple(name for name in COLUMNS if name in columns),

@@ -294,4 +294,6 @@ def _moving(robot: Robot, chosen: Sequence[Boundary], limits: bool) -> Array:
     if limits:
         for limit in robot.linear_limits:
             bound |= limit.coefficients != 0.0
+        for one in robot.guarded_limits:
+            bound |= one.uses
     return (np.array([name in used for name in robot.coordinates], dtype=np.bool_) | bound).astype(np.float64)

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pinbound.boundary import Boundary
 from pinbound.certificates.enclosures import Enclosure
+from pinbound.certificates.guarded import GuardedLimits, pieces
 from pinbound.certificates.swept import SweptBoundaries, swept_boundaries
 from pinbound.contact import Stop, signed_share
 from pinbound.exceptions import UnknownNameError, UnsupportedError
@@ -277,7 +278,7 @@ def unplaced(boundaries: Sequence[Boundary]) -> list[Boundary]:
 
 def families(
     robot: Robot, boundaries: Sequence[Boundary], lower: Array, upper: Array, degree: int = 1
-) -> tuple[Limits, OneAngleBoundaries, ManyAngleBoundaries, SweptBoundaries]:
+) -> tuple[Limits | GuardedLimits, OneAngleBoundaries, ManyAngleBoundaries, SweptBoundaries]:
     """Return all constraints of a robot, with rounding bounds that hold while q stays in a box.
 
     Args:
@@ -299,12 +300,12 @@ def families(
     )
 
 
-def _limits(robot: Robot, lower: Array, upper: Array, degree: int) -> Limits:
+def _limits(robot: Robot, lower: Array, upper: Array, degree: int) -> Limits | GuardedLimits:
     names: list[str] = []
     rows: list[Array] = []
     bounds: list[float] = []
     sizes: list[float] = []
-    for limit in robot.linear_limits:
+    for limit in (*robot.linear_limits, *(limit for _, limit, _ in pieces(robot.guarded_limits))):
         for end, sign, bound in (("upper", 1.0, limit.upper), ("lower", -1.0, limit.lower)):
             if np.isfinite(bound):
                 names.append(f"{limit.joint} {end}")
@@ -313,7 +314,8 @@ def _limits(robot: Robot, lower: Array, upper: Array, degree: int) -> Limits:
                 sizes.append(abs(bound) + abs(limit.offset))  # these may cancel, their rounding does not
     C = np.array(rows).reshape(-1, len(robot.coordinates))
     size = np.abs(C) @ np.maximum(np.abs(lower), np.abs(upper)) + np.array(sizes)
-    return Limits(tuple(names), C, np.array(bounds), UNIT_ROUNDOFF * (C.shape[1] + 4 + 8 * degree) * size)
+    found = Limits(tuple(names), C, np.array(bounds), UNIT_ROUNDOFF * (C.shape[1] + 4 + 8 * degree) * size)
+    return GuardedLimits.of(found, robot.guarded_limits) if robot.guarded_limits else found
 
 
 def _errors(

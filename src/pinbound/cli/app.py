@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import typer
 
-from pinbound.cli import batch, check, crosscheck, export, inspect, mark, report, reproduce
+from pinbound.cli import batch, check, crosscheck, export, inspect, mark, report, reproduce, robots
 from pinbound.cli.shared import guarded
 
 __all__ = ["app", "main"]
@@ -35,6 +35,8 @@ _register(crosscheck.crosscheck)
 _register(export.export)
 _register(report.report)
 _register(reproduce.reproduce)
+_register(robots.robots)
+_register(robots.new)
 
 
 def main() -> None:

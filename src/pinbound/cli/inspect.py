@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from rich.text import Text
 
@@ -29,10 +30,12 @@ from pinbound.cli.shared import (
     print_table,
 )
 from pinbound.closures import Closure
+from pinbound.coupling import linear_text
 from pinbound.coverage import Coverage
 from pinbound.interpreters import symbolic
 from pinbound.region import Region, feasible_region
 from pinbound.robot import Robot
+from pinbound.rules import condition_text
 from pinbound.tolerances import REGION_BUDGET
 from pinbound.units import amount, factors, names, shown
 
@@ -67,6 +70,8 @@ def info(
         Text(loaded.name, "bold"), f": {len(loaded.coordinates)} coordinates, {len(loaded.tree.links)} links", sep=""
     )
     print_table("Joints", ("joint", "type", "moves", "home", "limits"), _joint_rows(loaded))
+    if loaded.annotations.rules:
+        print_table("Rules", ("rule", "binds [rad or m]", "where"), _rule_rows(loaded))
     if loaded.closures:
         rows = [(c.name, f"{c.mark.link_a} - {c.mark.link_b}", f"{c.bound:.1e}", _off(c)) for c in loaded.closures]
         headings = ("closure", "links", "residual at most, for every q [m]", "joints off by, at most [rad]")
@@ -117,6 +122,21 @@ def _joint_rows(robot: Robot) -> list[tuple[str, ...]]:
             home = _amount(robot, joint.name, float(robot.home[robot.coordinates.index(joint.name)]))
         ends = f"{_amount(robot, joint.name, joint.lower)} .. {_amount(robot, joint.name, joint.upper)}"
         rows.append((joint.name, joint.type, robot.coupling.text(joint.name), home, ends))
+    for axis in robot.annotations.axes:
+        terms = linear_text(np.array(list(axis.coefficients.values())), list(axis.coefficients))
+        home = _amount(robot, axis.name, float(robot.home[robot.coordinates.index(axis.name)]))
+        rows.append((axis.name, "axis", terms, home, "those of its joints"))
+    return rows
+
+
+def _rule_rows(robot: Robot) -> list[tuple[str, str, str]]:
+    """Return every rule as it is said of q: its name, what it asks, and where."""
+    names = {rule.name for rule in robot.annotations.rules}
+    plain = [limit for limit in robot.linear_limits if limit.joint in names]
+    rows = [(limit.joint, condition_text(limit, robot.coordinates), "everywhere") for limit in plain]
+    for one in robot.guarded_limits:
+        where = " and ".join(condition_text(condition, robot.coordinates) for condition in one.where)
+        rows.append((one.rule, condition_text(one.limit, robot.coordinates), where))
     return rows
 
 
@@ -144,6 +164,7 @@ def _info_record(robot: Robot) -> dict[str, Any]:
         "points": [_mark_record(mark) for mark in robot.annotations.points.values()],
         "marks": [_mark_record(mark) for mark in robot.annotations.marks.values()],
         "boundaries": robot.boundaries.names,
+        "rules": [{"name": name, "binds": binds, "where": where} for name, binds, where in _rule_rows(robot)],
         "contact_tolerance": robot.annotations.contact_tolerance,
         "coverage": _coverage_record(robot.coverage),
         "notes": robot.notes,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pinbound.contact.rule import ContactRule
 from pinbound.contact.stops import StopKernel
-from pinbound.coupling import Intervals, LinearLimit
+from pinbound.coupling import GuardedLimit, Intervals, LinearLimit
 from pinbound.interpreters import separation
 from pinbound.values import read_only
 
@@ -44,11 +44,13 @@ class SignedKernel:
         n: int,
         limits: Sequence[LinearLimit],
         common: Callable[[], Mapping[str, CommonMark] | None],
+        guarded: Sequence[GuardedLimit] = (),
     ) -> None:
         """Hold rules of one robot of n coordinates, with the names of their marks; `common` as for `Kernel`."""
         from pinbound.interpreters.kernel import Reference, kernel_of
 
         self.rules, self.marks, self.n, self.limits = tuple(rules), tuple(marks), n, tuple(limits)
+        self.guarded = tuple(guarded)
         is_stop = np.array([rule.is_stop for rule in rules], dtype=np.bool_)
         self.areas, self.stops = read_only(np.flatnonzero(~is_stop)), read_only(np.flatnonzero(is_stop))
         reference = Reference(separation.separations, separation.gradients)
@@ -77,7 +79,7 @@ class SignedKernel:
 
     @cached_property
     def _within(self) -> Intervals:
-        return Intervals.of(self.limits, self.n, self._between)
+        return Intervals.of(self.limits, self.n, self._between, self.guarded)
 
     def prepare(self, mode: str = "norms", dtype: Any = np.float64) -> str:
         """Compile or load a mode now, and return the backend that it will run on."""

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from pinbound.annotations import Line, Mark, Plane, Sweep
 from pinbound.bodies import Body
 from pinbound.boundary import Boundary
-from pinbound.coupling import Intervals
 from pinbound.exceptions import UnsupportedError
 from pinbound.robot import Robot
 from pinbound.tolerances import CROSSCHECK_INFLATION, CROSSCHECK_POINT, CROSSCHECK_SOLID, REDUCTION
@@ -261,7 +260,7 @@ def sample(robot: Robot, count: int, rng: np.random.Generator) -> Array:
 
 def within_limits(robot: Robot, Q: Array) -> NDArray[np.bool_]:
     """Return which rows (N,) satisfy the limits of all tree joints, followers too."""
-    return Intervals.of(robot.linear_limits, len(robot.coordinates)).hold(Q)
+    return robot.intervals.hold(Q)
 
 
 def blocks(count: int) -> Iterator[slice]:

@@ -28,6 +28,7 @@ from pinbound.region.contours import BUMP
 from pinbound.region.deadline import Deadline
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.lines import Line, segment_owners, vertex_owners
+from pinbound.region.obstacles import obstacle_sides
 from pinbound.region.outlines import outline
 from pinbound.region.plane import Plane, Strips
 from pinbound.tolerances import VERTEX
@@ -197,6 +198,9 @@ def _arranged(plane: Plane, accuracy: float, deadline: Deadline | None) -> Arran
     sides = [_scaled(limit, scales) for limit in (*plane.box, *plane.limits)]
     lines = [_straight(wide, side, side) for side in sides]
     lines += _strip_lines(plane, wide)
+    for obstacle in plane.obstacles:
+        for side, ends in obstacle_sides(obstacle, wide, scales):
+            lines.append(Line(side.name, side.source, False, ends, side))
     error, blocks = 0.0, list[tuple[Any, str]]()
     for curve in plane.curves if deadline is None else deadline.each(plane.curves):
         found = outline(plane, curve, wide, accuracy, deadline)

@@ -78,7 +78,7 @@ def feasible_region(
     start = np.array(robot.home if at is None else one_configuration(at, robot.coordinates), dtype=np.float64)
     plane = plane_of(robot, coordinates, start, dict(window or {}), margin)
     deadline = Deadline(budget, f"tracing the region of ({', '.join(plane.coordinates)})")
-    if plane.curves:
+    if plane.curves or plane.obstacles:
         arrangement = arrange(plane, accuracy, deadline)
         return _of_face(arrangement, 0, accuracy, True)
     planes = [*plane.box, *plane.limits]

@@ -22,6 +22,7 @@ from shapely import affinity
 
 from pinbound.coupling import as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
+from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.plane import Plane
 from pinbound.tolerances import ON_CONTOUR
 
@@ -112,6 +113,9 @@ def read_points(plane: Plane, Q: ArrayLike, order: Order | None = None) -> Readi
     for limit in plane.robot.linear_limits:
         if not np.any(limit.coefficients[indices]):
             within &= limit.holds(rows)
+    for one in plane.robot.guarded_limits:
+        if not np.any(one.uses[indices]):
+            within &= one.holds(rows)
     return Reading(rows[:, indices].copy(), elsewhere, within, finite)
 
 
@@ -127,6 +131,7 @@ def refuse_elsewhere(plane: Plane, reading: Reading) -> None:
     index = int(np.flatnonzero(reading.elsewhere[rows[0]])[0])
     name, value = plane.robot.coordinates[index], float(plane.at[index])
     users = [boundary.name for boundary in plane.robot.boundaries if name in boundary.coordinates]
+    users += [f"the rule {one.rule}" for one in plane.robot.guarded_limits if one.uses[index]]
     users += [f"the limit of {limit.joint}" for limit in plane.robot.linear_limits if limit.coefficients[index]]
     raise DimensionError(
         f"the region is the slice at {name} = {value:.9g}, and {users[0]} depends on {name}: {len(rows)} "
@@ -164,14 +169,21 @@ def held(region: PlanarShape, points: Array) -> Bools:
 def _off_limits(plane: Plane, X: Array) -> Array:
     """Return points, those on limits moved inwards by `tolerances.ON_CONTOUR`: a polygon does not hold its border."""
     moved = X.copy()
+    ends = [(obstacle.end, obstacle.conditions) for obstacle in plane.obstacles if obstacle.end is not None]
     for _ in range(2):  # twice: in a corner, moving off one limit may move onto the other
-        for side in (*plane.box, *plane.limits):
+        for side, conditions in (*((side, ()) for side in (*plane.box, *plane.limits)), *ends):
             normal = side.normal * plane.scales
-            size = float(np.linalg.norm(normal))
-            depth = (side.bound - moved @ side.normal) / size
+            depth, size = _depth(side, moved, plane), float(np.linalg.norm(normal))
             near = (depth < ON_CONTOUR) & (depth > -ON_CONTOUR)
+            for condition in conditions:  # a rule's end is a limit where its conditions hold
+                near &= _depth(condition, moved, plane) > -ON_CONTOUR
             moved[near] -= (ON_CONTOUR - depth[near])[:, None] * (normal / size) * plane.scales
     return moved
+
+
+def _depth(side: HalfPlane, X: Array, plane: Plane) -> Array:
+    """Return how far points (N, 2) are inside a half-plane, in units of `plane.scales`."""
+    return (side.bound - X @ side.normal) / float(np.linalg.norm(side.normal * plane.scales))
 
 
 def _same_side(plane: Plane, X: Array, moved: Array) -> Bools:

@@ -32,6 +32,7 @@ from pinbound.interpreters.restriction import restrict_path
 from pinbound.interpreters.univariate import gap_around, one_angle_strips
 from pinbound.path import RelativePath
 from pinbound.region.halfplanes import HalfPlane
+from pinbound.region.obstacles import Obstacle, obstacle_of
 from pinbound.region.window import box_of, slab
 from pinbound.robot import Robot
 from pinbound.values import Value
@@ -115,6 +116,7 @@ class Plane:
         curves: Boundaries of several.
         fixed: Held coordinates that some boundary or limit depends on.
         margin: [m] added to every threshold.
+        obstacles: What rules forbid that bind where conditions hold.
     """
 
     robot: Robot
@@ -126,6 +128,7 @@ class Plane:
     curves: tuple[Curve, ...]
     fixed: tuple[str, ...]
     margin: float
+    obstacles: tuple[Obstacle, ...] = ()
 
     def __post_init__(self) -> None:
         """Make the value immutable."""
@@ -165,7 +168,7 @@ class Plane:
 
     @cached_property
     def _intervals(self) -> Intervals:
-        return Intervals.of(self.robot.linear_limits, len(self.at))
+        return self.robot.intervals
 
     def within(self, X: Array) -> Bools:
         """Return whether points (N, 2) keep the limits of all joints, by the one rule (`Intervals`), and the window."""
@@ -210,6 +213,7 @@ def plane_of(
     """
     names = _two_coordinates(robot, coordinates)
     _check_limits(robot, start)
+    _check_rules(robot, start)
     indices = [robot.coordinates.index(name) for name in names]
     used = {robot.coordinates.index(name) for boundary in robot.boundaries for name in boundary.coordinates}
     limits: list[HalfPlane] = []
@@ -220,6 +224,14 @@ def plane_of(
         used |= set(np.flatnonzero(limit.coefficients).tolist())
         rest = limit.offset + float(limit.coefficients @ start) - float(c @ start[indices])
         limits += slab(limit.joint, c, limit.lower - rest, limit.upper - rest)
+    obstacles: list[Obstacle] = []
+    for one in robot.guarded_limits:
+        found = obstacle_of(one, start, indices, robot.coordinates)
+        used |= set(np.flatnonzero(one.uses).tolist())
+        if isinstance(found, Obstacle):
+            obstacles.append(found)
+        else:
+            limits += found
     strips: list[Strips] = []
     curves: list[Curve] = []
     for boundary in robot.boundaries:
@@ -231,7 +243,7 @@ def plane_of(
     fixed = tuple(robot.coordinates[index] for index in sorted(used - set(indices)))
     box = box_of(names, limits, window)
     others = tuple(limit for limit in limits if not any(limit is side for side in box))
-    plane = Plane(robot, names, start, box, others, tuple(strips), tuple(curves), fixed, margin)
+    plane = Plane(robot, names, start, box, others, tuple(strips), tuple(curves), fixed, margin, tuple(obstacles))
     _check_start(plane)
     return plane
 
@@ -306,6 +318,15 @@ def _check_limits(robot: Robot, start: Array) -> None:
             raise DimensionError(
                 f"the start point {start.tolist()} is out of limits: {what} is {theta:.9g} there, and the limits of "
                 f"{limit.joint!r} are [{limit.lower:.9g}, {limit.upper:.9g}]; start within all limits"
+            )
+
+
+def _check_rules(robot: Robot, start: Array) -> None:
+    for one in robot.guarded_limits:
+        if not one.holds(start[None])[0]:
+            raise DimensionError(
+                f"the start point {start.tolist()} is out of limits: the rule {one.rule!r} forbids it, for its "
+                f"conditions hold there and its sum is {float(one.limit.values(start[None])[0]):.9g}; start elsewhere"
             )
 
 
