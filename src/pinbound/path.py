@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -199,7 +200,7 @@ def _across(first: Shape) -> Array | None:
         return None
     if first.measure is Measure.HEIGHT:
         return -unit[None]
-    one = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
+    one: Any = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
     one /= np.linalg.norm(one)
     return np.stack((one, np.cross(unit, one)))
 

@@ -146,8 +146,11 @@ def hull(vertices: Sequence[Sequence[float]] | Array, radius: float = 0.0) -> Sh
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     offsets = points - middle
     axes = _spanned(offsets, _rounding(points))
-    directions = np.eye(3) if len(axes) == 3 else axes
-    return Shape(middle, directions, offsets if len(axes) == 3 else offsets @ axes.T, radius)
+    if len(axes) == 3:
+        return Shape(middle, np.eye(3), offsets, radius)
+    normal: Any = np.cross(axes[0], axes[1])
+    plane = _plane_axes(normal)
+    return Shape(middle, plane, offsets @ plane.T, radius)
 
 
 def extreme_vertices(points: Array) -> Array:
@@ -219,6 +222,15 @@ def _spanned(offsets: Array, tolerance: float) -> Array:
         rows.append(axis)
         left = left - np.outer(left @ axis, axis)
     return np.array(rows).reshape(-1, 3)
+
+
+def _plane_axes(normal: Array) -> Array:
+    """Return two unit vectors across a normal, one of them as near to an axis of the link as may be."""
+    axis = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    first = axis - normal * (normal @ axis) / (normal @ normal)
+    first /= np.linalg.norm(first)
+    second: Any = np.cross(normal, first)
+    return np.stack((first, second / np.linalg.norm(second)))
 
 
 def _rounding(points: Array) -> float:
