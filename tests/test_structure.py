@@ -12,7 +12,8 @@ import pinbound
 PACKAGE = Path(pinbound.__file__).parent
 FLOORS = [
     ("exceptions", "tolerances", "units", "values"),
-    ("tables", "gjk"),
+    ("tables", "exact_nearest"),
+    ("gjk",),
     ("xml_text", "xacro_child"),
     ("expansion",),
     ("document", "kinematics"),

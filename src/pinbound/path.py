@@ -202,7 +202,8 @@ def _across(first: Shape) -> Array | None:
         return -unit[None]
     one: Any = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
     one /= np.linalg.norm(one)
-    return np.stack((one, np.cross(unit, one)))
+    other: Any = np.cross(unit, one)
+    return np.stack((one, other))
 
 
 def _branch(
