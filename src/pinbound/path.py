@@ -74,6 +74,7 @@ class RelativePath(Value):
             (1, 3) the height above a plane. None: all of it.
         upright: Unit direction of the line, or normal of the plane, in the ancestor's frame; None without one.
         measure: The distance, the distance across a line, or the height above a plane.
+        first_is_b: Whether the line or plane is mark b.
     """
 
     kind: Kind
@@ -85,6 +86,7 @@ class RelativePath(Value):
     across: Array | None = None
     upright: Chain | None = None
     measure: Measure = Measure.DISTANCE
+    first_is_b: bool = False
 
     @cached_property
     def form(self) -> Form:
@@ -159,6 +161,7 @@ def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativeP
         across=across,
         upright=_upright(coupling, down[first.link], first.shape),
         measure=first.shape.measure,
+        first_is_b=first is b,
     )
 
 
