@@ -31,7 +31,6 @@ __all__ = ["Form", "Kind", "RelativePath", "absolute_chain", "direction_chain", 
 
 Array = NDArray[np.float64]
 
-_SOLID = 2  # directions: two, of one mark or of both, span no body
 _CLOSED = 2  # directions up to which the nearest points have a closed form, over parallelograms
 
 
@@ -121,8 +120,12 @@ class RelativePath(Value):
 
     @property
     def is_solid(self) -> bool:
-        """Whether the marks span bodies that may overlap, so that their distance stays zero: boxes, prisms."""
-        return self.across is None and len(self.swept.directions) > _SOLID
+        """Whether the marks span bodies that may overlap, so that their distance stays zero: boxes, prisms, hulls.
+
+        Across a line a body is seen as an area, which two directions span.
+        """
+        spanned = 2 if self.measure is Measure.ACROSS else 3
+        return not self.is_signed and len(self.swept.directions) >= spanned
 
     @property
     def is_signed(self) -> bool:

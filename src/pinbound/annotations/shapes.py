@@ -26,9 +26,7 @@ __all__ = ["Measure", "Shape", "cube_corners", "extreme_vertices", "hull", "unbo
 Array = NDArray[np.float64]
 Ints = NDArray[Any]
 
-_DEEP = (
-    1e-9  # of a hull of unit extent: further inside all facets than this, a point is no vertex, whatever rounding does
-)
+_DEEP = 1e-9  # of a hull of unit extent: further inside all facets, a point is no vertex, rounded or not
 
 
 class Measure(Enum):
