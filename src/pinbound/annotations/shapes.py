@@ -95,6 +95,11 @@ class Shape(Value):
         return float(np.linalg.norm(self.vertices - self.middle, axis=1).max())
 
     @property
+    def half_edges(self) -> float:
+        """Half its edges, end to end [m]; of other hulls how far vertices are from the middle."""
+        return 0.5 * float(np.linalg.norm(self.directions, axis=1).sum()) if self.is_zonotope else self.around
+
+    @property
     def anchors(self) -> Array:
         """Its origin, and the ends of its directions from there (1 + m, 3) [m]; of a line or plane of its normal."""
         return self.origin + np.vstack((np.zeros(3), self.directions if self.normal is None else self.normal))
