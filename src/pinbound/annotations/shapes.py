@@ -49,6 +49,7 @@ class Shape(Value):
         radius: [m].
         measure: What is measured against it; only a distance, if it is bounded.
         normal: (3,) unit vector along a line, or normal of a plane; None if it is bounded.
+        excess: By how much it leads outside what was marked [m]: a cylinder is held by a prism.
     """
 
     origin: Array
@@ -57,6 +58,7 @@ class Shape(Value):
     radius: float = 0.0
     measure: Measure = Measure.DISTANCE
     normal: Array | None = None
+    excess: float = 0.0
 
     @property
     def is_unbounded(self) -> bool:

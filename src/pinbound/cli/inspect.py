@@ -227,9 +227,7 @@ def derive(
         if boundary.path.swept.directions:
             said = "each t in [0, 1], along the ways of the first mark, then of the second"
             if not boundary.path.swept.is_zonotope:
-                said = (
-                    "of a hull or cylinder all t in the hull of its vertices [m, from its middle], of others in [0, 1]"
-                )
+                said = "of a hull or cylinder all t in the hull of its vertices [m, from its middle], else in [0, 1]"
             out.print(f"  {said}", markup=False)
         out.print(f"  {_contact_text(boundary)}", markup=False)
         if boundary.place_error:

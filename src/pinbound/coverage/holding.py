@@ -1,7 +1,7 @@
 """Proofs that marks hold a body: that no point of it is outside them.
 
-A mark is a convex body Z (a point, a segment, a box, a hull) with a ball of radius R around: `Z + R`. A body is a core C
-(a point, a segment, eight corners, a cylinder) with a ball of radius r around. If `r <= R`, the mark holds the body
+A mark is a convex body Z (a point, a segment, a box, a hull) with a ball of radius R around: `Z + R`. A body is a core
+C (a point, a segment, eight corners, a cylinder) with a ball of radius r around. If `r <= R`, the mark holds the body
 exactly if every extreme point of C is within `R - r` of Z, for the distance from a convex set is a convex function. If
 `r > R`, Z has to hold the core with a ball of `r - R`, which its facets decide: `h_C(n) + r - R <= h_Z(n)` for every
 unit normal n, h being the support function. `docs/coverage.md` has the cylinder, and several spheres over one body.
