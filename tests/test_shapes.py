@@ -282,6 +282,15 @@ def test_faults_are_told(mark: str, message: str, tmp_path: Path) -> None:
         pb.load(path)
 
 
+def test_exports_do_not_take_a_hull_for_a_box(robot: pb.Robot, tmp_path: Path) -> None:
+    from pinbound.export import is_closed
+
+    closed = [is_closed(robot.boundaries[name].rule) for name in ("wall_K", "K_p", "pole_K")]
+    assert closed == [False] * 3
+    with pytest.raises(pb.UnsupportedError, match="hull"):
+        robot.export("json", tmp_path / "hulls.json")
+
+
 def test_hulls_have_no_parameters_between_ends(robot: pb.Robot) -> None:
     with pytest.raises(pb.UnsupportedError, match="nearest_points"):
         robot.boundaries["H_K"].nearest(robot.home)
