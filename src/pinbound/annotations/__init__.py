@@ -5,10 +5,10 @@ elements and attributes are faults: a misspelt `min_distance` must not pass.
 """
 
 from pinbound.annotations.inline import read_inline
-from pinbound.annotations.marks import FlatMark, Line, Mark, Plane, Point, Segment, Sweep
+from pinbound.annotations.marks import Box, Cylinder, FlatMark, Hull, Line, Mark, Plane, Point, Segment, Sweep
 from pinbound.annotations.records import (
     FIELDS,
-    KINDS,
+    MARK_KINDS,
     NAMESPACE,
     Annotations,
     Axis,
@@ -20,31 +20,39 @@ from pinbound.annotations.records import (
     LimitMark,
     RawItem,
     Rule,
+    kind_of,
     raw_items,
 )
+from pinbound.annotations.shapes import Measure, Shape
 from pinbound.annotations.validation import validate
 
 __all__ = [
     "FIELDS",
-    "KINDS",
+    "MARK_KINDS",
     "NAMESPACE",
     "Annotations",
     "Axis",
     "BoundaryMark",
+    "Box",
     "ClosureMark",
     "Condition",
+    "Cylinder",
     "FlatMark",
     "FollowerMark",
+    "Hull",
     "LeftOutMark",
     "LimitMark",
     "Line",
     "Mark",
+    "Measure",
     "Plane",
     "Point",
     "RawItem",
     "Rule",
     "Segment",
+    "Shape",
     "Sweep",
+    "kind_of",
     "raw_items",
     "read_inline",
     "validate",

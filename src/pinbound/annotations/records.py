@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
-from pinbound.annotations.marks import Line, Mark, Plane, Point, Segment, Sweep, Vector
+from pinbound.annotations.marks import Box, Cylinder, Hull, Line, Mark, Plane, Point, Segment, Sweep, Vector
 from pinbound.exceptions import Problems
 from pinbound.tolerances import CLOSURE, CONTACT
 from pinbound.values import FrozenDict, Value
@@ -16,6 +16,7 @@ from pinbound.values import FrozenDict, Value
 __all__ = [
     "FIELDS",
     "KINDS",
+    "MARK_KINDS",
     "NAMESPACE",
     "Annotations",
     "Axis",
@@ -27,6 +28,7 @@ __all__ = [
     "LimitMark",
     "RawItem",
     "Rule",
+    "kind_of",
     "raw_items",
 ]
 
@@ -36,6 +38,9 @@ FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "point": (("name", "link", "xyz"), ("radius",)),
     "segment": (("name", "link", "xyz_a", "xyz_b"), ("radius",)),
     "sweep": (("name", "link", "xyz", "ways"), ("radius",)),
+    "hull": (("name", "link", "vertices"), ("radius",)),
+    "box": (("name", "link", "xyz", "rpy", "size"), ("radius",)),
+    "cylinder": (("name", "link", "xyz_a", "xyz_b", "radius"), ()),
     "line": (("name", "link", "xyz", "direction"), ("radius",)),
     "plane": (("name", "link", "xyz", "normal"), ()),
     "boundary": (("name", "a", "b"), ("min_distance", "stop")),
@@ -54,10 +59,25 @@ KINDS: Mapping[type[Mark], str] = {
     Point: "point",
     Segment: "segment",
     Sweep: "sweep",
+    Hull: "hull",
+    Box: "box",
+    Cylinder: "cylinder",
     Line: "line",
     Plane: "plane",
 }
 """The kinds of what is marked on a link."""
+
+MARK_KINDS: tuple[str, ...] = tuple(KINDS.values())
+
+
+def kind_of(mark: Mark) -> str:
+    """Return what kind of mark it is, as files call it.
+
+    Example:
+        >>> kind_of(Point("p", "arm", (0.0, 0.0, 0.0)))
+        'point'
+    """
+    return KINDS[type(mark)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,7 +330,7 @@ def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
     if annotations.home:
         home = {name: _text(value) for name, value in annotations.home.items()}
         items.append(RawItem("home", home, source, annotations.home_line))
-    items += [item(KINDS[type(mark)], mark) for mark in annotations.marks.values()]
+    items += [item(kind_of(mark), mark) for mark in annotations.marks.values()]
     items += [item("boundary", boundary) for boundary in annotations.boundaries]
     items += [item("closure", closure) for closure in annotations.closures]
     items += [item("follower", follower) for follower in annotations.followers]

@@ -62,6 +62,7 @@ def _finite(value: float) -> float | None:
 
 def _boundary(name: str, marks: tuple[str, str], rule: ContactRule) -> dict[str, Any]:
     path, stop = rule.path, rule.stop
+    path.check_zonotopes("an export as chains, whose readers take each t from [0, 1],")
     return {
         "name": name,
         "marks": list(marks),

@@ -36,8 +36,9 @@ class SignedNodes:
 
 
 def is_closed(rule: ContactRule) -> bool:
-    """Return whether the nearest points have a closed form: all but those of boxes and prisms, which are searched."""
-    return rule.is_stop or rule.path.is_signed or len(rule.path.swept.directions) <= MOST_WAYS
+    """Return whether the nearest points have a closed form: those of boxes, prisms and hulls are searched for."""
+    swept = rule.path.swept
+    return rule.is_stop or (swept.is_zonotope and (rule.path.is_signed or len(swept.directions) <= MOST_WAYS))
 
 
 def signed_nodes(

@@ -22,7 +22,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pinbound.annotations import Line as LineMark
-from pinbound.annotations import Mark, Point, Segment
+from pinbound.annotations import Mark, Point
 from pinbound.annotations import Plane as PlaneMark
 from pinbound.chain import Chain
 from pinbound.exceptions import UnsupportedError
@@ -99,7 +99,7 @@ def _near_contact(plane: Plane, curve: Curve, centres: Array, step: Array) -> Ar
         return centres
     arms = [
         ContactFunction.over(_scaled(plane, corner), 0.0, np.array([centres.min(axis=0), centres.max(axis=0)])).arms
-        for corner in curve.path.swept.corners
+        for corner in curve.path.swept.vertex_chains
     ]
     most = np.max([arm.first for arm in arms], axis=0)
     values = separation.separations(curve.path, centres * plane.scales)
@@ -130,12 +130,13 @@ def _scaled(plane: Plane, chain: Chain) -> Chain:
 def _functions(plane: Plane, curve: Curve, window: Array) -> list[Traced]:
     """Return the smooth functions whose zeros hold all contact curves, and all places where one takes over."""
     path, T = curve.path, curve.threshold
+    path.check_zonotopes("a contact curve")
     if path.is_signed:
-        return [_height(path, _scaled(plane, corner), T, window) for corner in path.swept.corners]
+        return [_height(path, _scaled(plane, corner), T, window) for corner in path.swept.vertex_chains]
     if not path.swept.directions:
         return [ContactFunction.over(_scaled(plane, path.minimal), T, window, path.across)]
     boundary = plane.robot.boundaries[curve.name]
-    segments = [mark for mark in (boundary.point_a, boundary.point_b) if isinstance(mark, Segment) and mark.ways]
+    segments = [mark for mark in (boundary.point_a, boundary.point_b) if mark.shape.is_segment]
     known = len(segments) == len(path.swept.directions) and path.across is None
     if not known or (len(segments) > 1 and not _is_flat(path)):
         raise UnsupportedError(
@@ -143,15 +144,19 @@ def _functions(plane: Plane, curve: Curve, window: Array) -> list[Traced]:
             "its segments or boxes may meet edge to edge. Take points, planes, or spheres (pinbound mark --by "
             "spheres), or ask limits and certify_box"
         )
-    found: list[Traced] = [ContactFunction.over(_scaled(plane, corner), T, window) for corner in path.swept.corners]
+    found: list[Traced] = [
+        ContactFunction.over(_scaled(plane, corner), T, window) for corner in path.swept.vertex_chains
+    ]
     for segment in segments:
         other = boundary.point_b if segment is boundary.point_a else boundary.point_a
-        for xyz in other.anchors:
-            end = Point("", other.link, xyz)
-            line = _seen(plane, LineMark("", segment.link, segment.xyz, segment.ways[0]), end)
+        first, last = segment.shape.vertices
+        along = tuple((last - first).tolist())
+        for xyz in other.shape.vertices.tolist():
+            end = Point("", other.link, tuple(xyz))
+            line = _seen(plane, LineMark("", segment.link, tuple(first.tolist()), along), end)
             found.append(ContactFunction.over(_scaled(plane, line.minimal), T, window, line.across))
-            for foot in segment.anchors:  # the foot on the line passes an end of the segment
-                upright = _seen(plane, PlaneMark("", segment.link, foot, segment.ways[0]), end)
+            for foot in (first, last):  # the foot on the line passes an end of the segment
+                upright = _seen(plane, PlaneMark("", segment.link, tuple(foot.tolist()), along), end)
                 found.append(_height(upright, _scaled(plane, upright.minimal), 0.0, window))
     return [function for function in found if function.chain.coordinates]
 
