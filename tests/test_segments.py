@@ -518,6 +518,7 @@ def test_an_end_of_the_window_is_no_contact(tmp_path: Path) -> None:
 @pytest.mark.parametrize("k", [3, 6, 18])
 def test_the_compiled_search_equals_the_one_in_numpy(k: int) -> None:
     pytest.importorskip("numba")
+    from pinbound import gjk
     from pinbound.interpreters import minimum_norm
     from pinbound.interpreters.kernel.searched import search
 
@@ -527,7 +528,7 @@ def test_the_compiled_search_equals_the_one_in_numpy(k: int) -> None:
     ways[2, 300:900] = ways[0, 300:900] - ways[1, 300:900]  # flat
     ways[:, 900:1000] = np.round(ways[:, 900:1000])  # along the axes, zero among them
     w[5], ways[0, 7] = np.nan, np.inf
-    t, bound = search(w, ways, minimum_norm._AGREE, minimum_norm._MOST_ROUNDS, minimum_norm._INSIDE)
+    t, bound = search(w, ways, gjk.AGREE, gjk.MOST_ROUNDS, gjk.INSIDE)
     t_numpy, bound_numpy = minimum_norm._in_numpy(w, ways)
     assert np.array_equal(np.isnan(bound), np.isnan(bound_numpy))
     good = np.isfinite(bound)
@@ -539,7 +540,7 @@ def test_the_compiled_search_equals_the_one_in_numpy(k: int) -> None:
     inside = found < 1e-13
     assert inside.any()
     assert np.all(bound[good][inside] <= 1e-13)
-    nothing = search(w[:0], ways[:, :0], minimum_norm._AGREE, minimum_norm._MOST_ROUNDS, minimum_norm._INSIDE)
+    nothing = search(w[:0], ways[:, :0], gjk.AGREE, gjk.MOST_ROUNDS, gjk.INSIDE)
     assert [part.shape for part in nothing] == [(0, k), (0,)]
 
 

@@ -12,7 +12,7 @@ import pinbound
 PACKAGE = Path(pinbound.__file__).parent
 FLOORS = [
     ("exceptions", "tolerances", "units", "values"),
-    ("tables",),
+    ("tables", "gjk"),
     ("xml_text", "xacro_child"),
     ("expansion",),
     ("document", "kinematics"),

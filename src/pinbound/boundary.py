@@ -112,7 +112,7 @@ class Boundary(Value):
     @property
     def threshold(self) -> float:
         """`radius_a + radius_b + min_distance` [m]."""
-        return self.point_a.radius + self.point_b.radius + self.min_distance
+        return self.point_a.shape.radius + self.point_b.shape.radius + self.min_distance
 
     @cached_property
     def rule(self) -> ContactRule:

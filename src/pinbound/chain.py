@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.annotations.shapes import cube_corners
 from pinbound.tolerances import REDUCTION
 from pinbound.values import Value
 
@@ -74,17 +75,30 @@ class Chain:
         return all(are_parallel(self.axes[0], axis) for axis in self.axes[1:])
 
 
+_NO_CORNER = np.zeros((1, 0))
+_NO_CORNER.flags.writeable = False
+
+
 @dataclass(frozen=True, eq=False)
 class Swept(Value):
-    """A point, or a point that slides along straight ways: `chain + sum_i t_i direction_i`, t_i in [0, 1].
+    """A point, or one that slides over two bodies: `chain + sum_i t_i direction_i`, t over the product of two hulls.
 
     Attributes:
         chain: Where all t are zero.
-        directions: One an t, (k + 1, 3) [m]: offsets of a chain with the rotations of `chain`.
+        directions: One an t, (k + 1, 3) [m]: offsets of a chain with the rotations of `chain`. Those of the first body
+            come first.
+        corners: Of either body the vertices of the t, (k_a, m_a) and (k_b, m_b), m_a + m_b directions in all. A body
+            that is all `t in [0, 1]^m` has the corners of that cube.
     """
 
     chain: Chain
     directions: tuple[Array, ...] = ()
+    corners: tuple[Array, Array] = (_NO_CORNER, _NO_CORNER)
+
+    @cached_property
+    def is_zonotope(self) -> bool:
+        """Whether every t runs over [0, 1], whatever the others."""
+        return all(len(c) == 2 ** c.shape[1] and np.array_equal(c, cube_corners(c.shape[1])) for c in self.corners)
 
     @cached_property
     def turned(self) -> tuple[Chain, ...]:
@@ -98,10 +112,10 @@ class Swept(Value):
         return tuple(map(_trimmed, self.turned))
 
     @cached_property
-    def corners(self) -> tuple[Chain, ...]:
-        """The chains at all corners of the t, that of zeros first."""
+    def vertex_chains(self) -> tuple[Chain, ...]:
+        """The chains of all pairs of vertices, b's changing first; for cubes that of zeros first."""
         found: list[Chain] = []
-        for corner in product((0.0, 1.0), repeat=len(self.directions)):
+        for corner in (np.concatenate(pair) for pair in product(*self.corners)):
             moved = sum((t * way for t, way in zip(corner, self.directions, strict=True)), start=self.chain.offsets)
             found.append(replace(self.chain, offsets=np.array(moved)))
         return tuple(found)
@@ -125,10 +139,10 @@ def are_parallel(u: Array, v: Array) -> bool:
     return max(abs(b * z - c * y), abs(c * x - a * z), abs(a * y - b * x)) <= REDUCTION
 
 
-def split(chain: Chain, n: int) -> Swept:
-    """Return a chain over n coordinates, and the directions of the parameters behind them."""
+def split(chain: Chain, n: int, corners: tuple[Array, Array] = (_NO_CORNER, _NO_CORNER)) -> Swept:
+    """Return a chain over n coordinates, and the directions of the parameters behind them, which have these corners."""
     own = replace(chain, slides=chain.slides[:, :, :n].copy(), coefficients=chain.coefficients[:, :n].copy())
-    return Swept(own, tuple(chain.slides[:, :, column].copy() for column in range(n, chain.slides.shape[2])))
+    return Swept(own, tuple(chain.slides[:, :, column].copy() for column in range(n, chain.slides.shape[2])), corners)
 
 
 def _trimmed(chain: Chain) -> Chain:

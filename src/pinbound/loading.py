@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.annotations import Annotations, Line, Mark, Plane, RawItem, raw_items, read_inline, validate
+from pinbound.annotations import Annotations, Mark, Measure, RawItem, raw_items, read_inline, validate
 from pinbound.boundary import Boundary
 from pinbound.boundary_set import BoundarySet
 from pinbound.closures import Closure, joint_errors, place_error
@@ -173,7 +173,7 @@ def _check_lengths(kinematics: Kinematics, marks: Annotations, problems: Problem
         if longest > LONGEST:
             problems.add(f"joint {joint.name!r} has an offset of {longest:.3g} m", remedy, joint.line)
     for mark in marks.marks.values():
-        longest = max(max(map(abs, anchor)) for anchor in mark.anchors)
+        longest = float(np.abs(mark.shape.vertices).max())
         if longest > LONGEST:
             problems.add(f"mark {mark.name!r} is {longest:.3g} m from the origin of its link", remedy, mark.line)
 
@@ -289,11 +289,12 @@ def _common_marks(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]
     from pinbound.interpreters.kernel import CommonMark
 
     def placed(mark: Mark) -> CommonMark:
-        if isinstance(mark, Line | Plane):
-            point = absolute_chain(tree, coupling, mark.link, mark.xyz)
-            unit = direction_chain(tree, coupling, mark.link, mark.upright)
-            return CommonMark((point, unit), "line" if isinstance(mark, Line) else "plane")
-        return CommonMark(tuple(absolute_chain(tree, coupling, mark.link, xyz) for xyz in mark.anchors))
+        shape = mark.shape
+        if shape.normal is not None:
+            point = absolute_chain(tree, coupling, mark.link, shape.origin.tolist())
+            unit = direction_chain(tree, coupling, mark.link, shape.normal.tolist())
+            return CommonMark((point, unit), "plane" if shape.measure is Measure.HEIGHT else "line")
+        return CommonMark(tuple(absolute_chain(tree, coupling, mark.link, xyz) for xyz in shape.anchors.tolist()))
 
     marks = {mark.name: mark for boundary in boundaries for mark in (boundary.point_a, boundary.point_b)}
     return {name: placed(mark) for name, mark in marks.items()}

@@ -12,11 +12,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.annotations import FlatMark, Line, Mark, Plane
+from pinbound.annotations import Mark, Measure, Shape
 from pinbound.chain import Chain, Swept, drop_head, reduce_chain, rotation_matrix, split
 from pinbound.coupling import Coupling
 from pinbound.exceptions import UnsupportedError
@@ -25,11 +27,12 @@ from pinbound.tree import Tree
 from pinbound.urdf import MOVING_TYPES, Joint
 from pinbound.values import Value
 
-__all__ = ["Kind", "RelativePath", "absolute_chain", "direction_chain", "minimal_chain", "relative_path"]
+__all__ = ["Form", "Kind", "RelativePath", "absolute_chain", "direction_chain", "minimal_chain", "relative_path"]
 
 Array = NDArray[np.float64]
 
-_SOLID = 2  # ways: two, of one mark or of both, span no body
+_SOLID = 2  # directions: two, of one mark or of both, span no body
+_CLOSED = 2  # directions up to which the nearest points have a closed form, over parallelograms
 
 
 class Kind(Enum):
@@ -39,6 +42,21 @@ class Kind(Enum):
     NON_CONSECUTIVE = "non-consecutive"
     BRANCHED = "branched"
     COINCIDENT_BRANCHED = "coincident branched"
+
+
+class Form(Enum):
+    """Which case a path is, decided once: how an interpreter gets its separation."""
+
+    CONSTANT = "constant"
+    """Of no coordinate: two points that nothing moves to each other."""
+    ONE_ANGLE = "one effective angle"
+    """Two points, or a point and a plane, and one effective angle, no slide."""
+    SMOOTH = "smooth"
+    """Two points, a point across a line, or a point above a plane."""
+    PIECEWISE = "piecewise"
+    """The least of smooth functions in closed form: two directions at most, or a height."""
+    SEARCHED = "searched"
+    """The nearest points are searched for, by their vertices."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +73,7 @@ class RelativePath(Value):
         across: Rows that take from r, in the frame at position 0, what counts: (2, 3) what lies across a line,
             (1, 3) the height above a plane. None: all of it.
         upright: Unit direction of the line, or normal of the plane, in the ancestor's frame; None without one.
+        measure: The distance, the distance across a line, or the height above a plane.
     """
 
     kind: Kind
@@ -65,6 +84,19 @@ class RelativePath(Value):
     frame: int
     across: Array | None = None
     upright: Chain | None = None
+    measure: Measure = Measure.DISTANCE
+
+    @cached_property
+    def form(self) -> Form:
+        """Which case it is."""
+        if self.swept.directions:
+            closed = self.is_signed or (len(self.swept.directions) <= _CLOSED and self.swept.is_zonotope)
+            return Form.PIECEWISE if closed else Form.SEARCHED
+        chain = self.minimal
+        if not chain.coordinates:
+            return Form.CONSTANT
+        turns_once = chain.rotations == 1 and not np.any(chain.slides)
+        return Form.ONE_ANGLE if turns_once and self.measure is not Measure.ACROSS else Form.SMOOTH
 
     @property
     def minimal(self) -> Chain:
@@ -75,6 +107,15 @@ class RelativePath(Value):
     def is_plain(self) -> bool:
         """Whether it lies between two points."""
         return not self.swept.directions and self.across is None
+
+    def check_zonotopes(self, what: str) -> None:
+        """Refuse hulls, for an interpreter that takes every t to run over [0, 1].
+
+        Raises:
+            UnsupportedError: If a mark is a hull of other vertices.
+        """
+        if not self.swept.is_zonotope:
+            raise UnsupportedError(f"{what} of a hull or cylinder is not known; mark a box, a sweep or a capsule")
 
     @property
     def is_solid(self) -> bool:
@@ -104,19 +145,20 @@ def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativeP
     """
     ancestor = tree.common_ancestor(a.link, b.link)
     down = {mark.link: tree.descent(ancestor, mark.link) for mark in (a, b)}
-    first = b if isinstance(b, FlatMark) else a
-    across = _across(first)
+    first = b if b.shape.is_unbounded else a
+    across = _across(first.shape)
     minimal = _minimal(tree, coupling, a, b, across)
     ends_at_ancestor = not _moves(down[b.link]) and _moves(down[a.link])
     return RelativePath(
         kind=_kind(tree, ancestor, a.link, b.link),
         ancestor=ancestor,
-        branch_a=_branch(coupling, down[a.link], _placed(a, a, b)),
-        branch_b=_branch(coupling, down[b.link], _placed(b, a, b)),
-        swept=split(minimal, len(coupling.coordinates)),
+        branch_a=_branch(coupling, down[a.link], _placed(a, a, b), reach=a.shape.reach),
+        branch_b=_branch(coupling, down[b.link], _placed(b, a, b), reach=b.shape.reach),
+        swept=split(minimal, len(coupling.coordinates), (a.shape.corners, b.shape.corners)),
         frame=0 if across is not None else _best_frame(minimal, last_is_ancestor=ends_at_ancestor),
         across=across,
-        upright=_upright(coupling, down[first.link], first),
+        upright=_upright(coupling, down[first.link], first.shape),
+        measure=first.shape.measure,
     )
 
 
@@ -126,13 +168,14 @@ def minimal_chain(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> Swept:
     Raises:
         UnsupportedError: If a floating or planar joint lies between the two links.
     """
-    across = _across(b if isinstance(b, FlatMark) else a)
-    return split(_minimal(tree, coupling, a, b, across), len(coupling.coordinates))
+    across = _across(b.shape if b.shape.is_unbounded else a.shape)
+    corners = a.shape.corners, b.shape.corners
+    return split(_minimal(tree, coupling, a, b, across), len(coupling.coordinates), corners)
 
 
 def _minimal(tree: Tree, coupling: Coupling, a: Mark, b: Mark, across: Array | None) -> Chain:
     ancestor = tree.common_ancestor(a.link, b.link)
-    first, last = (b, a) if isinstance(b, FlatMark) else (a, b)  # a line or plane is constant where the walk starts
+    first, last = (b, a) if b.shape.is_unbounded else (a, b)  # a line or plane is constant where the walk starts
     down_first, down_last = tree.descent(ancestor, first.link), tree.descent(ancestor, last.link)
     shared = sum(x is y for x, y in zip(down_first, down_last, strict=False))
     between = _Builder(coupling)
@@ -141,39 +184,42 @@ def _minimal(tree: Tree, coupling: Coupling, a: Mark, b: Mark, across: Array | N
     for joint in down_last[shared:]:
         between.down(joint)
     head, tail = (_placed(mark, a, b) for mark in (first, last))
-    return drop_head(between.chain(tail, head), across)
+    return drop_head(between.chain(tail, head, (last.shape.reach, first.shape.reach)), across)
 
 
 def _placed(mark: Mark, *both: Mark) -> Array:
-    """Return a mark as columns (3, 1 + k): its point, and the ways of both marks, those of the other zero."""
-    columns = [mark.xyz, *((way if one is mark else (0.0, 0.0, 0.0)) for one in both for way in one.ways)]
-    return np.array(columns, dtype=np.float64).T
+    """Return a mark as columns (3, 1 + k): its point, and the directions of both marks, those of the other zero."""
+    directions = [one.shape.directions if one is mark else np.zeros_like(one.shape.directions) for one in both]
+    return np.vstack((mark.shape.origin[None], *directions)).T
 
 
-def _across(first: Mark) -> Array | None:
+def _across(first: Shape) -> Array | None:
     """Return the rows by which a line or plane measures r, which leads from what is measured to it."""
-    if isinstance(first, Plane):
-        return -np.array([first.upright])
-    if isinstance(first, Line):
-        unit = np.array(first.upright)
-        one = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
-        one /= np.linalg.norm(one)
-        return np.stack((one, np.cross(unit, one)))
-    return None
+    unit = first.normal
+    if unit is None:
+        return None
+    if first.measure is Measure.HEIGHT:
+        return -unit[None]
+    one: Any = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
+    one /= np.linalg.norm(one)
+    return np.stack((one, np.cross(unit, one)))
 
 
-def _branch(coupling: Coupling, joints: Sequence[Joint], placed: Array, held: bool = False) -> Swept:
+def _branch(
+    coupling: Coupling, joints: Sequence[Joint], placed: Array, held: bool = False, reach: float | None = None
+) -> Swept:
     """Return a point and its directions (3, 1 + k) of the last joint's link, in the ancestor's frame."""
     builder = _Builder(coupling, held)
     for joint in joints:
         builder.down(joint)
-    return split(reduce_chain(builder.chain(placed)), len(coupling.coordinates))
+    reaches = None if reach is None else (reach, 0.0)
+    return split(reduce_chain(builder.chain(placed, reaches=reaches)), len(coupling.coordinates))
 
 
-def _upright(coupling: Coupling, joints: Sequence[Joint], mark: Mark) -> Chain | None:
-    if not isinstance(mark, FlatMark):
+def _upright(coupling: Coupling, joints: Sequence[Joint], shape: Shape) -> Chain | None:
+    if shape.normal is None:
         return None
-    return _branch(coupling, joints, np.column_stack((np.zeros(3), mark.upright))).ways[0]
+    return _branch(coupling, joints, np.column_stack((np.zeros(3), shape.normal))).ways[0]
 
 
 def absolute_chain(tree: Tree, coupling: Coupling, link: str, xyz: Sequence[float], reduced: bool = True) -> Chain:
@@ -280,17 +326,23 @@ class _Builder:
         if offset:
             self.rotation = self.rotation @ rotation_matrix(joint.axis, sign * offset)
 
-    def chain(self, tail: Array, head: Array | None = None) -> Chain:
-        """Return the position of `tail` (3, 1 + k), or `head` minus it; k parameters follow the coordinates."""
+    def chain(self, tail: Array, head: Array | None = None, reaches: tuple[float, float] | None = None) -> Chain:
+        """Return the position of `tail` (3, 1 + k), or `head` minus it; k parameters follow the coordinates.
+
+        `reaches` are bounds of how far tail and head may be from their links' origins [m]; by default with all
+        parameters in [0, 1].
+        """
+        if reaches is None:
+            reaches = _farthest(tail), 0.0 if head is None else _farthest(head)
         n, k, more = self.slides[0].shape[1], len(self.axes), tail.shape[1] - 1
         blocks = np.zeros((k + 1, 3, 1 + n + more))
         blocks[:, :, 0], blocks[:, :, 1 : n + 1] = self.offsets, self.slides
         blocks[-1] += _columns(self.rotation @ tail, n)
-        scale = self.scale + _farthest(tail)
+        scale = self.scale + reaches[0]
         if head is not None:
             blocks = -blocks
             blocks[0] += _columns(head, n)
-            scale += _farthest(head)
+            scale += reaches[1]
         coefficients = np.zeros((k, n + more))
         if k:
             coefficients[:, :n] = self.coefficients

@@ -21,6 +21,7 @@ __all__ = [
     "DEVIATION",
     "EVALUATION",
     "EXACT_LOOP",
+    "EXTREME",
     "FARTHEST",
     "FIRST_CONTACT",
     "FLAT",
@@ -260,6 +261,10 @@ may not be larger than this, five times the rounding of the data (`CONTACT`)."""
 SAME_BODY: Final = 1e-9
 """Metres. A cylinder and spheres over its ends are one capsule if ends and radii agree to this: far below any
 manufacture, far above rounding."""
+
+EXTREME: Final = 2e-15
+"""Relative to a hull's furthest vertex: a point this near to the hull of others, to their plane or to their line is on
+it, as far as the rounding of its own coordinates can tell (16 unit roundoffs, rounded up)."""
 
 OVERLAP: Final = 1e-14
 """Relative to the length of a path: boxes or prisms that are nearer than this overlap, as far as rounding can tell."""

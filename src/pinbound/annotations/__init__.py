@@ -5,7 +5,7 @@ elements and attributes are faults: a misspelt `min_distance` must not pass.
 """
 
 from pinbound.annotations.inline import read_inline
-from pinbound.annotations.marks import FlatMark, Line, Mark, Plane, Point, Segment, Sweep
+from pinbound.annotations.marks import Box, Cylinder, FlatMark, Hull, Line, Mark, Plane, Point, Segment, Sweep
 from pinbound.annotations.records import (
     FIELDS,
     KINDS,
@@ -19,6 +19,7 @@ from pinbound.annotations.records import (
     RawItem,
     raw_items,
 )
+from pinbound.annotations.shapes import Measure, Shape
 from pinbound.annotations.validation import validate
 
 __all__ = [
@@ -27,17 +28,22 @@ __all__ = [
     "NAMESPACE",
     "Annotations",
     "BoundaryMark",
+    "Box",
     "ClosureMark",
+    "Cylinder",
     "FlatMark",
     "FollowerMark",
+    "Hull",
     "LeftOutMark",
     "LimitMark",
     "Line",
     "Mark",
+    "Measure",
     "Plane",
     "Point",
     "RawItem",
     "Segment",
+    "Shape",
     "Sweep",
     "raw_items",
     "read_inline",

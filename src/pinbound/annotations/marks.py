@@ -2,20 +2,41 @@
 
 A segment is a point that slides along its link, `x = xyz_a + t (xyz_b - xyz_a)`, t in [0, 1]; with a radius it is a
 capsule. A sweep slides along several ways, `x = xyz + sum_i t_i way_i`: two make a rectangle, three a box, more a
-prism. A line and a plane have no end, so that only what lies across the line, or along the plane's normal, counts.
+prism. A hull is the convex hull of its vertices; a box and a cylinder are written by their sizes. A line and a plane
+have no end, so that only what lies across the line, or along the plane's normal, counts. However it is written, a mark
+has one `shape`, which is all that is known of it outside this room and the path.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
-__all__ = ["FlatMark", "Line", "Mark", "Plane", "Point", "Segment", "Sweep", "Vector"]
+from pinbound.annotations.shapes import Measure, Shape, hull, unbounded, zonotope
+
+__all__ = [
+    "CYLINDER_SIDES",
+    "Box",
+    "Cylinder",
+    "FlatMark",
+    "Hull",
+    "Line",
+    "Mark",
+    "Plane",
+    "Point",
+    "Segment",
+    "Sweep",
+    "Vector",
+]
 
 Vector = tuple[float, float, float]
 
+CYLINDER_SIDES = 24
+"""Of the prism around a cylinder: it leads 1 / cos(pi / 24) - 1 = 0.86 % of the radius too far at its edges."""
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True)
 class Point:
     """A marked point: `xyz` [m] in the frame of `link`, the centre of a sphere of `radius` [m]."""
 
@@ -35,8 +56,13 @@ class Point:
         """Points of the link that say where the mark is [m]."""
         return (self.xyz,)
 
+    @cached_property
+    def shape(self) -> Shape:
+        """What it is: one vertex."""
+        return zonotope(self.xyz, (), self.radius)
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True)
 class Segment:
     """A marked segment from `xyz_a` to `xyz_b` [m] in the frame of `link`: with a `radius` [m] a capsule."""
 
@@ -63,8 +89,13 @@ class Segment:
         """Its ends [m]; one, if it has no length."""
         return (self.xyz_a, self.xyz_b) if self.ways else (self.xyz_a,)
 
+    @cached_property
+    def shape(self) -> Shape:
+        """What it is: two vertices; one, if it has no length."""
+        return zonotope(self.xyz, self.ways, self.radius)
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True)
 class Sweep:
     """A marked body: all `xyz + sum_i t_i way_i`, t_i in [0, 1] [m] in the frame of `link`, `radius` [m] around it.
 
@@ -83,8 +114,13 @@ class Sweep:
         """Its corner, and the ends of its ways from there [m]."""
         return (self.xyz, *(_moved(self.xyz, way) for way in self.ways))
 
+    @cached_property
+    def shape(self) -> Shape:
+        """What it is: the corners where each t is 0 or 1."""
+        return zonotope(self.xyz, self.ways, self.radius)
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True)
 class Line:
     """A marked line without ends: through `xyz` [m] along `direction`, in the frame of `link`, `radius` [m] thick.
 
@@ -113,8 +149,13 @@ class Line:
         """The point that it goes through, and the one 1 m further [m]."""
         return (self.xyz, _moved(self.xyz, self.upright))
 
+    @cached_property
+    def shape(self) -> Shape:
+        """What it is: unbounded, measured across."""
+        return unbounded(Measure.ACROSS, self.xyz, self.direction, self.radius)
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True)
 class Plane:
     """A marked plane: through `xyz` [m] with its `normal` towards the free side, in the frame of `link`.
 
@@ -148,8 +189,100 @@ class Plane:
         """The point that it goes through, and the one 1 m above it [m]."""
         return (self.xyz, _moved(self.xyz, self.upright))
 
+    @cached_property
+    def shape(self) -> Shape:
+        """What it is: unbounded, measured by the height above it."""
+        return unbounded(Measure.HEIGHT, self.xyz, self.normal)
 
-Mark = Point | Segment | Sweep | Line | Plane
+
+@dataclass(frozen=True)
+class Hull:
+    """A marked convex hull of `vertices` (k, 3) [m] in the frame of `link`, with `radius` [m] around it.
+
+    Example:
+        >>> corner = Hull("corner", "arm", ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0.1, 0.1, 0.1)))
+        >>> len(corner.vertices), len(corner.shape.vertices)
+        (5, 4)
+    """
+
+    name: str
+    link: str
+    vertices: tuple[Vector, ...]
+    radius: float = 0.0
+    line: int | None = None
+
+    def __post_init__(self) -> None:
+        """Own the vertices as numbers, whatever sequence or array they came in."""
+        object.__setattr__(self, "vertices", tuple((float(x), float(y), float(z)) for x, y, z in self.vertices))
+
+    @cached_property
+    def shape(self) -> Shape:
+        """What it is: the extreme ones of its vertices."""
+        return hull(self.vertices, self.radius)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A marked box: `size` [m] along the axes of its own frame, whose origin, its centre, is at `xyz` [m].
+
+    Its frame is turned by `rpy` [rad]: roll, pitch, yaw as in a URDF's origin. A size of zero makes it flat.
+
+    Example:
+        >>> Box("b", "arm", (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (2.0, 4.0, 6.0)).shape.vertices[[0, -1]].tolist()
+        [[-1.0, -2.0, -2.0], [1.0, 2.0, 4.0]]
+    """
+
+    name: str
+    link: str
+    xyz: Vector
+    rpy: Vector
+    size: Vector
+    radius: float = 0.0
+    line: int | None = None
+
+    @cached_property
+    def shape(self) -> Shape:
+        """What it is: its eight corners."""
+        axes = _turned_axes(self.rpy)
+        edges = [_scaled(axis, length) for axis, length in zip(axes, self.size, strict=True) if length]
+        corner = self.xyz
+        for edge in edges:
+            corner = _moved(corner, _scaled(edge, -0.5))
+        return zonotope(corner, edges, self.radius)
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A marked cylinder with flat ends: its axis leads from `xyz_a` to `xyz_b` [m] in the frame of `link`.
+
+    It is held by a prism of 24 sides around it, which leads `excess` too far at its edges; `robot.notes` says so.
+    """
+
+    name: str
+    link: str
+    xyz_a: Vector
+    xyz_b: Vector
+    radius: float
+    line: int | None = None
+
+    @property
+    def excess(self) -> float:
+        """How far the prism leads outside the cylinder [m]."""
+        return self.radius * (1.0 / math.cos(math.pi / CYLINDER_SIDES) - 1.0)
+
+    @cached_property
+    def shape(self) -> Shape:
+        """What it is: the corners of the prism around it."""
+        (x, y, z), (u, v, w) = self.xyz_a, self.xyz_b
+        axis = _unit((u - x, v - y, w - z))
+        across = _unit(_cross(axis, _LEAST[min(range(3), key=lambda i: abs(axis[i]))]))
+        other, rim = _cross(axis, across), self.radius / math.cos(math.pi / CYLINDER_SIDES)
+        turns = [2.0 * math.pi * side / CYLINDER_SIDES for side in range(CYLINDER_SIDES)]
+        spokes = [_moved(_scaled(across, rim * math.cos(turn)), _scaled(other, rim * math.sin(turn))) for turn in turns]
+        return hull([_moved(end, spoke) for end in (self.xyz_a, self.xyz_b) for spoke in spokes])
+
+
+Mark = Point | Segment | Sweep | Hull | Box | Cylinder | Line | Plane
 FlatMark = Line | Plane
 """Marks without ends; of the two marks of a boundary one at most may be such."""
 
@@ -161,3 +294,24 @@ def _unit(vector: Vector) -> Vector:
 
 def _moved(xyz: Vector, by: Vector) -> Vector:
     return xyz[0] + by[0], xyz[1] + by[1], xyz[2] + by[2]
+
+
+def _scaled(vector: Vector, by: float) -> Vector:
+    return vector[0] * by, vector[1] * by, vector[2] * by
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _turned_axes(rpy: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return the columns of `R_z(yaw) R_y(pitch) R_x(roll)`, the convention of URDF."""
+    (sr, sp, sy), (cr, cp, cy) = map(math.sin, rpy), map(math.cos, rpy)
+    return (
+        (cy * cp, sy * cp, -sp),
+        (cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr),
+        (cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr),
+    )
+
+
+_LEAST: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
-from pinbound.annotations.marks import Line, Mark, Plane, Point, Segment, Sweep, Vector
+from pinbound.annotations.marks import Box, Cylinder, Hull, Line, Mark, Plane, Point, Segment, Sweep, Vector
 from pinbound.exceptions import Problems
 from pinbound.tolerances import CLOSURE, CONTACT
 from pinbound.values import FrozenDict, Value
@@ -32,6 +32,9 @@ FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "point": (("name", "link", "xyz"), ("radius",)),
     "segment": (("name", "link", "xyz_a", "xyz_b"), ("radius",)),
     "sweep": (("name", "link", "xyz", "ways"), ("radius",)),
+    "hull": (("name", "link", "vertices"), ("radius",)),
+    "box": (("name", "link", "xyz", "rpy", "size"), ("radius",)),
+    "cylinder": (("name", "link", "xyz_a", "xyz_b", "radius"), ()),
     "line": (("name", "link", "xyz", "direction"), ("radius",)),
     "plane": (("name", "link", "xyz", "normal"), ()),
     "boundary": (("name", "a", "b"), ("min_distance", "stop")),
@@ -48,6 +51,9 @@ KINDS: Mapping[type[Mark], str] = {
     Point: "point",
     Segment: "segment",
     Sweep: "sweep",
+    Hull: "hull",
+    Box: "box",
+    Cylinder: "cylinder",
     Line: "line",
     Plane: "plane",
 }

@@ -17,6 +17,9 @@ _LISTS = {
     "points": "point",
     "segments": "segment",
     "sweeps": "sweep",
+    "hulls": "hull",
+    "boxes": "box",
+    "cylinders": "cylinder",
     "lines": "line",
     "planes": "plane",
     "boundaries": "boundary",
@@ -173,9 +176,9 @@ def _value(key: str, given: str | tuple[str, ...]) -> Any:
     if isinstance(given, tuple):
         return list(given)
     text = given
-    if key.startswith("xyz") or key in ("direction", "normal"):
+    if key.startswith("xyz") or key in ("direction", "normal", "rpy", "size"):
         return [float(word) for word in text.split()]
-    if key == "ways":
+    if key in ("ways", "vertices"):
         numbers = [float(word) for word in text.split()]
         return [numbers[start : start + 3] for start in range(0, len(numbers), 3)]
     if key == "stop":

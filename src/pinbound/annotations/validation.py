@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from pinbound.annotations.marks import FlatMark, Line, Mark, Plane, Point, Segment, Sweep, Vector
+from pinbound.annotations.marks import Box, Cylinder, Hull, Line, Mark, Plane, Point, Segment, Sweep, Vector
 from pinbound.annotations.records import (
     FIELDS,
     KINDS,
@@ -18,11 +18,12 @@ from pinbound.annotations.records import (
 )
 from pinbound.document import parse_floats
 from pinbound.exceptions import Problems, name_hint, printable
-from pinbound.tolerances import CLOSURE, CONTACT
+from pinbound.tolerances import CLOSURE, CONTACT, LONGEST
 
 __all__ = ["validate"]
 
 _SEEN = "Use letters, digits and signs; no control or formatting characters"
+_MOST_VERTICES = 100_000  # of a hull: its extreme ones are found by Qhull
 _MOST_WAYS = 9  # of a sweep: its corners are looked at one by one
 
 
@@ -188,6 +189,10 @@ class _Validator:
         name, link, radius = str(item.fields["name"]), self._link("link"), self._length("radius", 0.0)
         if item.kind == "sweep":
             return self._sweep(name, link, radius)
+        if item.kind == "hull":
+            return self._hull(name, link, radius)
+        if item.kind in ("box", "cylinder"):
+            return self._sized(item.kind, name, link, radius)
         vectors = [self._vector(key) for key in FIELDS[item.kind][0][2:]]
         if item.kind in ("line", "plane") and vectors[1] is not None and not any(vectors[1]):
             key = FIELDS[item.kind][0][3]
@@ -220,6 +225,41 @@ class _Validator:
             return None
         return Sweep(name, link, xyz, tuple(ways), radius, self.item.line)
 
+    def _hull(self, name: str, link: str | None, radius: float) -> Hull | None:
+        words = str(self.item.fields["vertices"]).split()
+        if len(words) % 3 or len(words) > 3 * _MOST_VERTICES:
+            said = f"vertices of hull {name!r} are {len(words)} numbers"
+            self._fault(said, f"Give three numbers a vertex, up to {_MOST_VERTICES} vertices")
+            return None
+        numbers = self._numbers("vertices", len(words))
+        if link is None or numbers is None:
+            return None
+        if max(map(abs, numbers)) > LONGEST:
+            said = f"a vertex of hull {name!r} is {max(map(abs, numbers)):.3g} m from the origin of its link"
+            self._fault(said, f"Give metres; lengths up to {LONGEST:.0e} m can be measured")
+            return None
+        vertices = tuple((numbers[i], numbers[i + 1], numbers[i + 2]) for i in range(0, len(numbers), 3))
+        return Hull(name, link, vertices, radius, self.item.line)
+
+    def _sized(self, kind: str, name: str, link: str | None, radius: float) -> Box | Cylinder | None:
+        keys = ("xyz", "rpy", "size") if kind == "box" else ("xyz_a", "xyz_b")
+        vectors = [vector for vector in map(self._vector, keys) if vector is not None]
+        if link is None or len(vectors) < len(keys):
+            return None
+        if kind == "box":
+            xyz, rpy, size = vectors
+            if min(size) < 0.0:
+                self._fault(f"size of box {name!r} holds {min(size):g}", "Give lengths in metres, zero or more")
+                return None
+            return Box(name, link, xyz, rpy, size, radius, self.item.line)
+        if max(radius, *(abs(x) for vector in vectors for x in vector)) > LONGEST:
+            self._fault(f"cylinder {name!r} is longer than {LONGEST:.0e} m", "Give metres")
+            return None
+        if vectors[0] == vectors[1]:
+            self._fault(f"cylinder {name!r} has no length: xyz_a and xyz_b are equal", "Give its two ends")
+            return None
+        return Cylinder(name, link, vectors[0], vectors[1], radius, self.item.line)
+
     def _boundary(self, item: RawItem, marks: dict[str, Mark], marked: set[str]) -> BoundaryMark | None:
         self.item = item
         name, a, b = (str(item.fields[key]) for key in ("name", "a", "b"))
@@ -235,10 +275,10 @@ class _Validator:
                 "Take marks of two links",
             )
             return None
-        if isinstance(marks[a], FlatMark) and isinstance(marks[b], FlatMark):
+        if marks[a].shape.is_unbounded and marks[b].shape.is_unbounded:
             self._fault(
                 f"boundary {name!r}: {a!r} and {b!r} are lines or planes without ends, which meet nearly everywhere",
-                "Give one side a point or a segment",
+                "Give one side a point, a segment or a body",
             )
             return None
         return BoundaryMark(name, a, b, distance, self._stop(name, (marks[a], marks[b]), distance), item.line)
@@ -251,8 +291,8 @@ class _Validator:
             return False
         if said == "false":
             return False
-        bodies = [mark.name for mark in ends if not isinstance(mark, Point)]
-        round_ones = [mark.name for mark in ends if isinstance(mark, Point) and mark.radius > 0.0]
+        bodies = [mark.name for mark in ends if not mark.shape.is_point]
+        round_ones = [mark.name for mark in ends if mark.shape.is_point and mark.shape.radius > 0.0]
         why = ""
         if bodies:
             why = f"{' and '.join(bodies)} {'is no point' if len(bodies) == 1 else 'are no points'}"

@@ -119,6 +119,7 @@ class Evaluation:
         for pair in self.kernel.pairs:
             chain, across = pair.minimal, pair.path.across
             arrays = [chain.offsets, chain.slides, chain.axes, chain.coefficients, *pair.path.swept.directions]
+            arrays += [] if pair.path.swept.is_zonotope else list(pair.path.swept.corners)
             for array in arrays if across is None else [*arrays, across]:
                 known.update(np.ascontiguousarray(array + 0.0).tobytes())
             known.update(np.float64(pair.threshold).tobytes())

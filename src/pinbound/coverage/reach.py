@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.annotations import FlatMark, Mark, Sweep
+from pinbound.annotations import Mark, Sweep
 from pinbound.chain import Swept
 from pinbound.coupling import Coupling
 from pinbound.interpreters import univariate
@@ -51,10 +51,14 @@ def _triangle(swept: Swept) -> float:
     chain = swept.chain
     if np.any(chain.slides):
         return 0.0
-    ways = np.array(swept.directions).reshape(-1, *chain.offsets.shape)
-    middle = np.linalg.norm(chain.offsets + 0.5 * ways.sum(axis=0), axis=1)
-    around = 0.5 * np.linalg.norm(ways, axis=2).sum(axis=0)
-    return float(np.max(2.0 * middle) - np.sum(middle) - np.sum(around))
+    ways, split = np.array(swept.directions).reshape(-1, *chain.offsets.shape), swept.corners[0].shape[1]
+    centre, around = chain.offsets, 0.0
+    for corners, own in zip(swept.corners, (ways[:split], ways[split:]), strict=True):
+        middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+        centre = centre + np.tensordot(middle, own, axes=1)
+        around += np.sum(np.linalg.norm(np.tensordot(corners - middle, own, axes=1), axis=2).max(axis=0))
+    lengths = np.linalg.norm(centre, axis=1)
+    return float(np.max(2.0 * lengths) - np.sum(lengths) - around)
 
 
 class Reach:
@@ -77,14 +81,14 @@ class Reach:
 
     def never_meet(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> bool:
         """Return whether every pair of marks is proven to stay apart over all q; lines and planes never are."""
-        if self._chain is None or any(isinstance(mark, FlatMark) for mark in (*marks_a, *marks_b)):
+        if self._chain is None or any(mark.shape.is_unbounded for mark in (*marks_a, *marks_b)):
             return False
         left = np.argwhere(~self.apart(marks_a, marks_b))
         return len(left) <= MOST_PATHS and all(self._stays_apart(marks_a[i], marks_b[j]) for i, j in left.tolist())
 
     def apart(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Flags:
         """Return which pairs the open chain proves apart, (len(marks_a), len(marks_b)); of lines and planes none."""
-        flat = [np.array([isinstance(mark, FlatMark) for mark in marks]) for marks in (marks_a, marks_b)]
+        flat = [np.array([mark.shape.is_unbounded for mark in marks]) for marks in (marks_a, marks_b)]
         if self._chain is None or not len(marks_a) or not len(marks_b):
             return np.zeros((len(marks_a), len(marks_b)), dtype=np.bool_)
         return self._bounded(marks_a, marks_b) & ~flat[0][:, None] & ~flat[1]
@@ -103,7 +107,7 @@ class Reach:
             return apart
         middle_a, around_a = _spread(marks_a, directions[:3])
         middle_b, around_b = _spread(marks_b, directions[3:])
-        radii = np.array([m.radius for m in marks_a])[:, None] + np.array([m.radius for m in marks_b])
+        radii = np.array([m.shape.radius for m in marks_a])[:, None] + np.array([m.shape.radius for m in marks_b])
         for row in range(len(marks_a)):
             lengths = np.linalg.norm(offsets + middle_a[row] + middle_b, axis=2)
             least = 2.0 * np.max(lengths, axis=1) - np.sum(lengths, axis=1) - around_a[row] - around_b
@@ -112,7 +116,7 @@ class Reach:
 
     def _stays_apart(self, a: Mark, b: Mark) -> bool:
         """Return whether two marks are proven to stay apart by their own chain, which may be shorter."""
-        threshold = a.radius + b.radius + NEVER_MEETS
+        threshold = a.shape.radius + b.shape.radius + NEVER_MEETS
         swept = minimal_chain(self._tree, self._coupling, a, b)
         if _triangle(swept) > threshold:
             return True
@@ -131,23 +135,25 @@ def _over_a_turn(axis: Array, p: Array, s: Array) -> Array:
 
 def _balls(mark: Mark) -> tuple[Array, Array]:
     """Return balls (m, 3), (m,) that hold a mark together: one a cell, the cells about as long as they are wide."""
-    if not mark.ways:
-        return np.array([mark.xyz]), np.array([mark.radius])
-    ways = np.array(mark.ways)
+    shape = mark.shape
+    if shape.is_point or not shape.is_zonotope:
+        return shape.middle[None], np.array([shape.radius + shape.around])
+    ways = shape.directions
     counts, lengths = np.ones(len(ways), dtype=int), np.linalg.norm(ways, axis=1)
     while np.prod(counts) * 2 <= _MOST_BALLS:
         counts[int(np.argmax(lengths / counts))] *= 2
     cells = np.indices(tuple(counts.tolist())).reshape(len(ways), -1).T
-    centres = np.array(mark.xyz) + ((cells + 0.5) / counts) @ ways
+    centres = shape.origin + ((cells + 0.5) / counts) @ ways
     around = 0.5 * float(np.sum(lengths / counts))  # the half edges of a cell, end to end
-    return centres, np.full(len(centres), mark.radius + around)
+    return centres, np.full(len(centres), shape.radius + around)
 
 
 def _spread(marks: Sequence[Mark], directions: Array) -> tuple[Array, Array]:
     """Return how much each mark's middle moves the offsets (m, k, 3), and by how much its body widens them (m,)."""
     middles, around = np.empty((len(marks), *directions.shape[1:])), np.empty(len(marks))
     for row, mark in enumerate(marks):
-        ways = np.array(mark.ways).reshape(-1, 3)
-        middles[row] = np.tensordot(np.array(mark.xyz) + 0.5 * ways.sum(axis=0), directions, axes=1)
-        around[row] = 0.5 * np.linalg.norm(np.tensordot(ways, directions, axes=1), axis=2).sum()
+        middle = mark.shape.middle
+        middles[row] = np.tensordot(middle, directions, axes=1)
+        spokes = np.tensordot(mark.shape.vertices - middle, directions, axes=1)
+        around[row] = np.linalg.norm(spokes, axis=2).max(axis=0).sum()
     return middles, around

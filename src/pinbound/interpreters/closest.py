@@ -17,10 +17,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.gjk import nearest_vertices
 from pinbound.interpreters.minimum_norm import nearest_corners
 from pinbound.tolerances import UNIT_ROUNDOFF
 
-__all__ = ["nearest", "overlap", "overlap_in_plane"]
+__all__ = ["lowest", "nearest", "nearest_of_hulls", "overlap", "overlap_in_plane"]
 
 Array = NDArray[np.float64]
 
@@ -51,6 +52,31 @@ def nearest(w: Array, ways: Array) -> Array:
         return nearest_corners(w, ways)[0]
     with np.errstate(invalid="ignore"):
         return _on_square(w, ways[0], ways[1])
+
+
+def nearest_of_hulls(w: Array, ways: Array, corners: tuple[Array, Array]) -> Array:
+    """Return the t (N, k) at which `|w + sum_i t_i e_i|` is least, t over the product of two hulls of corners.
+
+    Args:
+        w: (N, d), d being 3, or 2 across a line.
+        ways: (k, N, d), the e_i.
+        corners: (k_a, m_a) and (k_b, m_b), m_a + m_b = k.
+    """
+    if w.shape[1] == 2:
+        w, ways = np.pad(w, ((0, 0), (0, 1))), np.pad(ways, ((0, 0), (0, 0), (0, 1)))
+    return nearest_vertices(w, ways, corners)[0]
+
+
+def lowest(ways: Array, corners: tuple[Array, Array]) -> Array:
+    """Return the t (N, k) at which `sum_i t_i e_i` is least, the e_i being (k, N, 1) heights: those of a corner.
+
+    Example:
+        >>> lowest(np.array([[[1.0]], [[-2.0]]]), (np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.zeros((1, 0))))
+        array([[0., 1.]])
+    """
+    heights, split = ways[:, :, 0].T, corners[0].shape[1]
+    sides = zip((heights[:, :split], heights[:, split:]), corners, strict=True)
+    return np.hstack([c[np.argmin(part @ c.T, axis=1)] for part, c in sides])
 
 
 def _on_square(w: Array, first: Array, second: Array) -> Array:

@@ -75,9 +75,10 @@ def _farthest_contact(path: RelativePath, index: int, q: Array, distance: float)
     rest = q.copy()
     rest[index] = 0.0
     held = chain.offsets + chain.slides @ rest
-    others = float(
-        np.linalg.norm(held, axis=1).sum() + sum(np.linalg.norm(x, axis=1).sum() for x in path.swept.directions)
-    )
+    moved = np.linalg.norm(np.array(path.swept.directions).reshape(-1, *held.shape), axis=2).sum(axis=1)
+    split = path.swept.corners[0].shape[1]
+    sides = zip((moved[:split], moved[split:]), path.swept.corners, strict=True)
+    others = float(np.linalg.norm(held, axis=1).sum() + sum((np.abs(c) @ part).max() for part, c in sides))
     return (others + distance) / float(rates.max()) * (1.0 + 1e-9)
 
 

@@ -78,4 +78,4 @@ def restrict_path(path: RelativePath, at: Array, keep: Sequence[int]) -> Relativ
     whole = Chain(chain.offsets, slides, chain.axes, coefficients, chain.scale)
     parameters = range(n, n + k)
     reduced = restrict(whole, np.append(at, np.zeros(k)), [*keep, *parameters], path.across)
-    return replace(path, swept=split(reduced, len(keep)), frame=0)
+    return replace(path, swept=split(reduced, len(keep), path.swept.corners), frame=0)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.interpreters import numeric
-from pinbound.interpreters.closest import nearest
+from pinbound.interpreters.closest import lowest, nearest, nearest_of_hulls
 from pinbound.path import RelativePath
 from pinbound.tolerances import OVERLAP
 
@@ -113,7 +113,9 @@ def measured(path: RelativePath, Q: Array) -> tuple[Array, Array]:
 
 
 def _parameters(path: RelativePath, w: Array, ways: Array) -> Array:
-    return (ways[:, :, 0] < 0.0).T.astype(np.float64) if path.is_signed else nearest(w, ways)
+    if path.is_signed:
+        return lowest(ways, path.swept.corners)
+    return nearest(w, ways) if path.swept.is_zonotope else nearest_of_hulls(w, ways, path.swept.corners)
 
 
 def _settled(path: RelativePath, r: Array) -> Array:

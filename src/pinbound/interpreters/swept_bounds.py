@@ -91,6 +91,8 @@ class Bounds:
 
 def swept_bundle(paths: Sequence[RelativePath], lower: Array, upper: Array) -> SweptBundle:
     """Return paths side by side, with lever arms that hold while q stays in a box (n,), (n,)."""
+    for path in paths:
+        path.check_zonotopes("a certified bound")
     n, rows = len(lower), 1 + max((len(path.swept.directions) for path in paths), default=0)
     # What the reduction took for zero is 1e-14 m of a way, however short the path: its scale must not be below 1.
     chains = [
@@ -130,7 +132,7 @@ def _arms_of_corners(path: RelativePath, lower: Array, upper: Array) -> Array:
     """Return the largest lever arms of any corner (rotations,) [m]; of many ways by the triangle inequality."""
     n, chain, ways = len(lower), path.minimal, path.swept.directions
     if len(ways) <= _FEW:
-        return lever_arms(bundle(path.swept.corners, n), lower, upper).max(axis=0)
+        return lever_arms(bundle(path.swept.vertex_chains, n), lower, upper).max(axis=0)
     halves = 0.5 * np.array(ways)
     middle = replace(chain, offsets=chain.offsets + halves.sum(axis=0))
     return lever_arms(bundle([middle], n), lower, upper, np.linalg.norm(halves, axis=2).sum(axis=0)[None])[0]

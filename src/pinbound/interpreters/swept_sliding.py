@@ -46,6 +46,7 @@ def intervals(path: RelativePath, index: int, Q: Array, threshold: float) -> Arr
         Q: (N, n) finite.
         threshold: T, up to which there is contact [m].
     """
+    path.check_zonotopes("a closed form for the limits")
     rest = Q.copy()
     rest[:, index] = 0.0
     w, ways = separation.measured(path, rest)

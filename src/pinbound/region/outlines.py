@@ -99,7 +99,7 @@ def _near_contact(plane: Plane, curve: Curve, centres: Array, step: Array) -> Ar
         return centres
     arms = [
         ContactFunction.over(_scaled(plane, corner), 0.0, np.array([centres.min(axis=0), centres.max(axis=0)])).arms
-        for corner in curve.path.swept.corners
+        for corner in curve.path.swept.vertex_chains
     ]
     most = np.max([arm.first for arm in arms], axis=0)
     values = separation.separations(curve.path, centres * plane.scales)
@@ -130,8 +130,9 @@ def _scaled(plane: Plane, chain: Chain) -> Chain:
 def _functions(plane: Plane, curve: Curve, window: Array) -> list[Traced]:
     """Return the smooth functions whose zeros hold all contact curves, and all places where one takes over."""
     path, T = curve.path, curve.threshold
+    path.check_zonotopes("a contact curve")
     if path.is_signed:
-        return [_height(path, _scaled(plane, corner), T, window) for corner in path.swept.corners]
+        return [_height(path, _scaled(plane, corner), T, window) for corner in path.swept.vertex_chains]
     if not path.swept.directions:
         return [ContactFunction.over(_scaled(plane, path.minimal), T, window, path.across)]
     boundary = plane.robot.boundaries[curve.name]
@@ -143,7 +144,9 @@ def _functions(plane: Plane, curve: Curve, window: Array) -> list[Traced]:
             "its segments or boxes may meet edge to edge. Take points, planes, or spheres (pinbound mark --by "
             "spheres), or ask limits and certify_box"
         )
-    found: list[Traced] = [ContactFunction.over(_scaled(plane, corner), T, window) for corner in path.swept.corners]
+    found: list[Traced] = [
+        ContactFunction.over(_scaled(plane, corner), T, window) for corner in path.swept.vertex_chains
+    ]
     for segment in segments:
         other = boundary.point_b if segment is boundary.point_a else boundary.point_a
         for xyz in other.anchors:

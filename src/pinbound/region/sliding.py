@@ -64,6 +64,7 @@ class SlidingFunction:
     def lowest(self, window: Array) -> Array:
         """Return the point (2,) of a window at which f is least: a nearest-point problem with two more edge vectors."""
         chain, path = self.path.minimal, self.path
+        path.check_zonotopes("a contact curve")
         low, width = window[0] * self.scales, (window[1] - window[0]) * self.scales
         start = chain.offsets[0] + chain.slides[0] @ low
         ways = [chain.slides[0][:, axis] * width[axis] for axis in (0, 1)]

@@ -38,7 +38,8 @@ def kernel_of(
 
 
 def _is_searched(pair: Pair) -> bool:
-    return len(pair.path.swept.directions) > _MOST_WAYS and not pair.path.is_signed
+    swept = pair.path.swept
+    return not swept.is_zonotope or (len(swept.directions) > _MOST_WAYS and not pair.path.is_signed)
 
 
 class MixedKernel:

@@ -1,0 +1,242 @@
+"""What every mark is: the hull of some vertices with a ball around it, or a line, or a plane, fixed to a link.
+
+A point is the hull of one vertex, a segment of two, a box of eight. However a mark is written down, it becomes a
+`Shape` once, and nothing behind that asks how it was written.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound import gjk
+from pinbound.tolerances import EXTREME
+from pinbound.values import Value
+
+__all__ = ["Measure", "Shape", "cube_corners", "extreme_vertices", "hull", "unbounded", "zonotope"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[Any]
+
+_DEEP = 1e-9  # relative to a hull: further inside all facets than this, a point is no vertex, whatever rounding does
+
+
+class Measure(Enum):
+    """What is measured against a shape: the distance, the distance across a line, the height above a plane."""
+
+    DISTANCE = "distance"
+    ACROSS = "across a line"
+    HEIGHT = "height above a plane"
+
+
+@dataclass(frozen=True, eq=False)
+class Shape(Value):
+    """`origin + sum_i t_i direction_i`, t in the hull of the corners, and a ball of `radius` around all of it.
+
+    Attributes:
+        origin: (3,) [m] in the frame of the link; of a line or plane a point on it.
+        directions: (m, 3) [m]: none of a point, the edge of a segment, the two or three edges of a parallelogram or
+            parallelepiped, else orthonormal unit vectors of 1 m.
+        corners: (k, m), the vertices as coefficients of the directions.
+        radius: [m].
+        measure: What is measured against it; only a distance, if it is bounded.
+        normal: (3,) unit vector along a line, or normal of a plane; None if it is bounded.
+    """
+
+    origin: Array
+    directions: Array
+    corners: Array
+    radius: float = 0.0
+    measure: Measure = Measure.DISTANCE
+    normal: Array | None = None
+
+    @property
+    def is_unbounded(self) -> bool:
+        """Whether it is a line or a plane."""
+        return self.measure is not Measure.DISTANCE
+
+    @property
+    def is_point(self) -> bool:
+        """Whether it is one vertex, a sphere if it has a radius."""
+        return not self.is_unbounded and not len(self.directions)
+
+    @property
+    def is_segment(self) -> bool:
+        """Whether it is two vertices, a capsule if it has a radius."""
+        return not self.is_unbounded and len(self.corners) == 2
+
+    @cached_property
+    def is_zonotope(self) -> bool:
+        """Whether its corners are all those of a unit cube, so that t runs over [0, 1]^m."""
+        m = len(self.directions)
+        return len(self.corners) == 2**m and bool(np.array_equal(self.corners, cube_corners(m)))
+
+    @cached_property
+    def vertices(self) -> Array:
+        """Its vertices (k, 3) [m] in the frame of the link; of a line or plane the point on it."""
+        return self.origin + self.corners @ self.directions
+
+    @property
+    def middle(self) -> Array:
+        """The middle of its vertices (3,) [m]: the point itself of a point, of a line or plane the point on it."""
+        return 0.5 * (self.vertices.min(axis=0) + self.vertices.max(axis=0))
+
+    @cached_property
+    def around(self) -> float:
+        """How far its vertices are from `middle` [m], the radius left out."""
+        return float(np.linalg.norm(self.vertices - self.middle, axis=1).max())
+
+    @property
+    def anchors(self) -> Array:
+        """Its origin, and the ends of its directions from there (1 + m, 3) [m]; of a line or plane of its normal."""
+        return self.origin + np.vstack((np.zeros(3), self.directions if self.normal is None else self.normal))
+
+    @property
+    def reach(self) -> float:
+        """A bound of how far its vertices are from the origin of the link [m]."""
+        if self.is_zonotope:
+            return float(np.linalg.norm(self.origin) + np.linalg.norm(self.directions, axis=1).sum())
+        return float(np.linalg.norm(self.origin) + np.linalg.norm(self.corners, axis=1).max())
+
+
+def zonotope(origin: Sequence[float], edges: Sequence[Sequence[float]], radius: float = 0.0) -> Shape:
+    """Return the shape of all `origin + sum_i t_i edge_i`, t_i in [0, 1]; edges are not zero.
+
+    Example:
+        >>> zonotope((1.0, 0.0, 0.0), [(0.0, 2.0, 0.0)]).vertices.tolist()
+        [[1.0, 0.0, 0.0], [1.0, 2.0, 0.0]]
+    """
+    directions = np.array(edges, dtype=np.float64).reshape(-1, 3)
+    return Shape(np.array(origin, dtype=np.float64), directions, cube_corners(len(directions)), radius)
+
+
+def unbounded(measure: Measure, origin: Sequence[float], towards: Sequence[float], radius: float = 0.0) -> Shape:
+    """Return a line or plane through a point, along a vector, or with the vector as its normal, of any length."""
+    length = math.hypot(*towards)
+    normal = np.array([part / length for part in towards])
+    return Shape(np.array(origin, dtype=np.float64), np.zeros((0, 3)), np.zeros((1, 0)), radius, measure, normal)
+
+
+def hull(vertices: Sequence[Sequence[float]] | Array, radius: float = 0.0) -> Shape:
+    """Return the shape of a convex hull: extreme vertices alone, over as few directions as it spans.
+
+    Flat to rounding (`tolerances.EXTREME`, relative to the furthest vertex) it has two directions, or one, or none.
+
+    Example:
+        >>> square = [(x, y, 0.0) for x in (0.0, 1.0) for y in (0.0, 2.0)]
+        >>> shape = hull([*square, (0.5, 1.0, 0.0), (0.5, 0.0, 0.0)])
+        >>> len(shape.directions), shape.vertices.round(12).tolist()
+        (2, [[0.0, 0.0, 0.0], [0.0, 2.0, 0.0], [1.0, 0.0, 0.0], [1.0, 2.0, 0.0]])
+        >>> hull([(0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.25)]).directions.tolist()
+        [[0.0, 0.0, 1.0]]
+    """
+    points = extreme_vertices(np.array(vertices, dtype=np.float64).reshape(-1, 3))
+    if len(points) == 1:
+        return zonotope(points[0], (), radius)
+    if len(points) == 2:
+        return zonotope(points[0], [points[1] - points[0]], radius)
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    offsets = points - middle
+    axes = _spanned(offsets, _rounding(points))
+    if len(axes) == 3:
+        return Shape(middle, np.eye(3), offsets, radius)
+    normal: Any = np.cross(axes[0], axes[1])
+    plane = _plane_axes(normal)
+    return Shape(middle, plane, offsets @ plane.T, radius)
+
+
+def extreme_vertices(points: Array) -> Array:
+    """Return those points (k, 3) of which their hull is made, in their order; no other is outside it, but for rounding.
+
+    Qhull finds them where they span a body, a plane or a line. It merges facets that are nearly parallel, and may lose
+    a corner of a sliver with them; so each point that it leaves out is looked for in the hull of the others, and
+    taken back if it is further outside than rounding.
+    """
+    points = points[np.sort(np.unique(points, axis=0, return_index=True)[1])]
+    tolerance = _rounding(points)
+    axes = _spanned(points - points[0], tolerance)
+    local = (points - points[0]) @ axes.T
+    if len(axes) == 0:
+        return points[:1]
+    if len(axes) == 1:
+        return points[np.sort([int(np.argmin(local[:, 0])), int(np.argmax(local[:, 0]))])]
+    kept, doubtful = _sorted_by_qhull(local)
+    while len(doubtful):
+        outside = _outside(points[doubtful], points[kept])
+        furthest = int(np.argmax(outside))
+        if outside[furthest] <= tolerance:
+            break
+        kept, doubtful = np.append(kept, doubtful[furthest]), np.delete(doubtful, furthest)
+    return points[np.sort(kept)]
+
+
+def _outside(points: Array, kept: Array) -> Array:
+    """Return how far points (N, 3) are from the hull of others [m]."""
+    middle = kept.mean(axis=0)
+    w, directions = points - middle, np.repeat(-np.eye(3)[:, None], len(points), axis=1)
+    t = gjk.nearest_vertices(w, directions, (kept - middle, np.zeros((1, 0))))[0]
+    found: Array = np.linalg.norm(w - t, axis=1)
+    return found
+
+
+def _sorted_by_qhull(local: Array) -> tuple[Ints, Ints]:
+    """Return which points (N, d) are vertices, and which others are not far inside all facets."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    everything = np.arange(len(local))
+    if len(local) == local.shape[1] + 1:
+        return everything, everything[:0]
+    try:
+        found = ConvexHull(local)
+    except QhullError:  # a sliver that is flat for Qhull: its furthest points, to which others are added
+        kept = np.unique(np.concatenate((np.argmin(local, axis=0), np.argmax(local, axis=0))))
+        return kept, np.setdiff1d(everything, kept)
+    kept, size = np.sort(found.vertices), float(np.abs(local).max())
+    height = np.full(len(local), -np.inf)
+    for normal in found.equations:  # one at a time: points and facets may be many
+        height = np.maximum(height, local @ normal[:-1] + normal[-1])
+    return kept, np.setdiff1d(np.flatnonzero(height > -_DEEP * size), kept)
+
+
+def _spanned(offsets: Array, tolerance: float) -> Array:
+    """Return orthonormal rows (m, 3) of the directions in which offsets lead further than the tolerance."""
+    rows: list[Array] = []
+    left = offsets.copy()
+    for _ in range(3):
+        lengths = np.linalg.norm(left, axis=1)
+        furthest = int(np.argmax(lengths))
+        if lengths[furthest] <= tolerance:
+            break
+        axis = left[furthest] / lengths[furthest]
+        for row in rows:  # once more, for digits that the difference has lost
+            axis = axis - row * (row @ axis)
+        axis /= np.linalg.norm(axis)
+        rows.append(axis)
+        left = left - np.outer(left @ axis, axis)
+    return np.array(rows).reshape(-1, 3)
+
+
+def _plane_axes(normal: Array) -> Array:
+    """Return two unit vectors across a normal, one of them as near to an axis of the link as may be."""
+    axis = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    first = axis - normal * (normal @ axis) / (normal @ normal)
+    first /= np.linalg.norm(first)
+    second: Any = np.cross(normal, first)
+    return np.stack((first, second / np.linalg.norm(second)))
+
+
+def _rounding(points: Array) -> float:
+    return EXTREME * float(np.linalg.norm(points, axis=1).max())
+
+
+def cube_corners(m: int) -> Array:
+    """Return the corners of the unit cube (2^m, m), that of zeros first."""
+    return np.array(list(product((0.0, 1.0), repeat=m))).reshape(2**m, m)
