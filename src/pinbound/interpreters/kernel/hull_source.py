@@ -81,17 +81,19 @@ for k in range(pair_count):
         wy += s[at + 3] * x + s[at + 4] * y + s[at + 5] * z
         wz += s[at + 6] * x + s[at + 7] * y + s[at + 8] * z
         slide += SLIDE
-    if s[p + 40] != 0.0:
+    s[middles + 4 * k], s[middles + 4 * k + 1], s[middles + 4 * k + 2] = wx, wy, wz
+    if s[p + 40] == ACROSS:
         x, y, z = wx, wy, wz
         wx = s[p + 41] * x + s[p + 42] * y + s[p + 43] * z
         wy = s[p + 44] * x + s[p + 45] * y + s[p + 46] * z
         wz = s[p + 47] * x + s[p + 48] * y + s[p + 49] * z
-    s[middles + 4 * k], s[middles + 4 * k + 1], s[middles + 4 * k + 2] = wx, wy, wz
     length = math.sqrt(wx * wx + wy * wy + wz * wz)
     if not length < math.inf:
         is_regular = False
     low = length * less - s[p + 33]
-    if low < 0.0:
+    if s[p + 40] == HEIGHT:
+        low = s[p + 41] * wx + s[p + 42] * wy + s[p + 43] * wz - s[p + 33] - length * (1.0 - less)
+    elif low < 0.0:
         low = 0.0
     s[middles + 4 * k + 3] = low - s[p + 31]
 """
@@ -113,7 +115,7 @@ else:
     if k == pair_count:
         break
 """
-"""The next pair: of all in turn, or the one whose bounding balls leave least, until that is more than the least found."""
+"""The next pair: all in turn, or the one whose bounding balls leave least, until that is more than the least found."""
 
 _EDGES = """\
 for side in range(2):
@@ -121,15 +123,9 @@ for side in range(2):
     turn = state + STATE * np.int64(s[at])
     for j in range(3):
         x, y, z = s[at + 1 + j], s[at + 4 + j], s[at + 7 + j]
-        ax = s[turn] * x + s[turn + 1] * y + s[turn + 2] * z
-        ay = s[turn + 3] * x + s[turn + 4] * y + s[turn + 5] * z
-        az = s[turn + 6] * x + s[turn + 7] * y + s[turn + 8] * z
-        if s[p + 40] != 0.0:
-            x, y, z = ax, ay, az
-            ax = s[p + 41] * x + s[p + 42] * y + s[p + 43] * z
-            ay = s[p + 44] * x + s[p + 45] * y + s[p + 46] * z
-            az = s[p + 47] * x + s[p + 48] * y + s[p + 49] * z
-        s[to + j], s[to + 3 + j], s[to + 6 + j] = ax, ay, az
+        s[to + j] = s[turn] * x + s[turn + 1] * y + s[turn + 2] * z
+        s[to + 3 + j] = s[turn + 3] * x + s[turn + 4] * y + s[turn + 5] * z
+        s[to + 6 + j] = s[turn + 6] * x + s[turn + 7] * y + s[turn + 8] * z
 """
 """The edge vectors of both bodies, as columns of two matrices: a rotation times a constant."""
 
@@ -155,6 +151,11 @@ bx, by, bz = s[b_at + b], s[b_at + b_count + b], s[b_at + 2 * b_count + b]
 x = wx + s[e] * ax + s[e + 1] * ay + s[e + 2] * az + s[f] * bx + s[f + 1] * by + s[f + 2] * bz
 y = wy + s[e + 3] * ax + s[e + 4] * ay + s[e + 5] * az + s[f + 3] * bx + s[f + 4] * by + s[f + 5] * bz
 z = wz + s[e + 6] * ax + s[e + 7] * ay + s[e + 8] * az + s[f + 6] * bx + s[f + 7] * by + s[f + 8] * bz
+if is_across:
+    px, py, pz = x, y, z
+    x = s[p + 41] * px + s[p + 42] * py + s[p + 43] * pz
+    y = s[p + 44] * px + s[p + 45] * py + s[p + 46] * pz
+    z = s[p + 47] * px + s[p + 48] * py + s[p + 49] * pz
 low = (x * ux + y * uy + z * uz) / math.sqrt(ux * ux + uy * uy + uz * uz)
 if low > bound:
     bound = low
@@ -199,11 +200,11 @@ for a in range(4):
             continue
         bx, by, bz = s[work + 3 * b], s[work + 3 * b + 1], s[work + 3 * b + 2]
         px, py, pz = bx - ax, by - ay, bz - az
+        pp = px * px + py * py + pz * pz
         if must & (1 << a | 1 << b):
-            size = px * px + py * py + pz * pz
             t = -(ax * px + ay * py + az * pz)
-            if t >= 0.0 and t <= size and size > 0.0:
-                t /= size
+            if t >= 0.0 and t <= pp and pp > 0.0:
+                t /= pp
                 rx, ry, rz = (1.0 - t) * ax + t * bx, (1.0 - t) * ay + t * by, (1.0 - t) * az + t * bz
                 size = rx * rx + ry * ry + rz * rz
                 if size < best:
@@ -213,23 +214,33 @@ for a in range(4):
         for c in range(b + 1, 4):
             if not used & (1 << c) or not must & (1 << a | 1 << b | 1 << c):
                 continue
-            cx, cy, cz = s[work + 3 * c], s[work + 3 * c + 1], s[work + 3 * c + 2]
-            qx, qy, qz = cx - ax, cy - ay, cz - az
-            nx, ny, nz = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
-            fb = nx * (qy * az - qz * ay) + ny * (qz * ax - qx * az) + nz * (qx * ay - qy * ax)
-            fc = nx * (ay * pz - az * py) + ny * (az * px - ax * pz) + nz * (ax * py - ay * px)
-            size = nx * nx + ny * ny + nz * nz
-            if fb >= 0.0 and fc >= 0.0 and fb + fc <= size and size > 0.0:
-                fb, fc = fb / size, fc / size
-                fa = 1.0 - fb - fc
-                rx = fa * ax + fb * bx + fc * cx
-                ry = fa * ay + fb * by + fc * cy
-                rz = fa * az + fb * bz + fc * cz
-                size = rx * rx + ry * ry + rz * rz
-                if size < best:
-                    best = size
-                    s[tried], s[tried + 1], s[tried + 2], s[tried + 3] = 0.0, 0.0, 0.0, 0.0
-                    s[tried + a], s[tried + b], s[tried + c] = fa, fb, fc
+            qx, qy, qz = s[work + 3 * c] - ax, s[work + 3 * c + 1] - ay, s[work + 3 * c + 2] - az
+            along, size, t = pp, qx * qx + qy * qy + qz * qz, px * qx + py * qy + pz * qz
+            nx, ny, nz = px, py, pz
+            if along < size:
+                along, size = size, along
+                nx, ny, nz, qx, qy, qz = qx, qy, qz, px, py, pz
+            if not along > 0.0:
+                continue
+            t /= along
+            qx, qy, qz = qx - t * nx, qy - t * ny, qz - t * nz
+            total = qx * qx + qy * qy + qz * qz
+            if not total > flat * size:
+                continue
+            fb, fc = -(ax * nx + ay * ny + az * nz) / along, -(ax * qx + ay * qy + az * qz) / total
+            rx, ry, rz = ax + fb * nx + fc * qx, ay + fb * ny + fc * qy, az + fb * nz + fc * qz
+            if total < sharp * size:
+                dx, dy = -(rx * nx + ry * ny + rz * nz) / along, -(rx * qx + ry * qy + rz * qz) / total
+                rx, ry, rz = rx + dx * nx + dy * qx, ry + dx * ny + dy * qy, rz + dx * nz + dy * qz
+                fb, fc = fb + dx, fc + dy
+            fb -= t * fc
+            size = rx * rx + ry * ry + rz * rz
+            if fb >= 0.0 and fc >= 0.0 and fb + fc <= 1.0 and size < best:
+                best = size
+                if nx != px or ny != py or nz != pz:
+                    fb, fc = fc, fb
+                s[tried], s[tried + 1], s[tried + 2], s[tried + 3] = 0.0, 0.0, 0.0, 0.0
+                s[tried + a], s[tried + b], s[tried + c] = 1.0 - fb - fc, fb, fc
 """
 """The point nearest to the origin of the vertices, edges and faces of `used` corners that hold one of `must`."""
 
@@ -256,38 +267,23 @@ if count == 2 or count == 3:
     px, py, pz = s[b] - s[a], s[b + 1] - s[a + 1], s[b + 2] - s[a + 2]
     qx, qy, qz = s[c] - s[a], s[c + 1] - s[a + 1], s[c + 2] - s[a + 2]
     along, size = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz
-    nx, ny, nz = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
-    total = nx * nx + ny * ny + nz * nz
-    if total < sharp * along * size:
-        if along < size:
-            b, c, along, size = c, b, size, along
-            px, py, pz, qx, qy, qz = qx, qy, qz, px, py, pz
-        t = (px * qx + py * qy + pz * qz) / along
-        rx, ry, rz = qx - t * px, qy - t * py, qz - t * pz
-        total = rx * rx + ry * ry + rz * rz
-        if total > flat * size:
-            nx, ny, nz = py * rz - pz * ry, pz * rx - px * rz, px * ry - py * rx
-            for again in range(2):
-                fc = -(vx * rx + vy * ry + vz * rz) / total
-                fb = -(vx * px + vy * py + vz * pz) / along
-                ax, ay, az = vx + fb * px + fc * rx, vy + fb * py + fc * ry, vz + fb * pz + fc * rz
-                fb, fc = fb - t * fc + s[shares + (b - work) // 3], fc + s[shares + (c - work) // 3]
-                best = ax * ax + ay * ay + az * az
-                if fb < 0.0 or fc < 0.0 or fb + fc > 1.0 or not best < square:
-                    break
-                vx, vy, vz, square, length = ax, ay, az, best, math.sqrt(best)
-                s[shares + (a - work) // 3] = 1.0 - fb - fc
-                s[shares + (b - work) // 3], s[shares + (c - work) // 3] = fb, fc
-        else:
-            t = (vx * px + vy * py + vz * pz) / along
-            nx, ny, nz = vx - t * px, vy - t * py, vz - t * pz
+    if along < size:
+        along, size = size, along
+        px, py, pz, qx, qy, qz = qx, qy, qz, px, py, pz
+    t = (px * qx + py * qy + pz * qz) / along
+    qx, qy, qz = qx - t * px, qy - t * py, qz - t * pz
+    if qx * qx + qy * qy + qz * qz > flat * size:
+        nx, ny, nz = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
+    else:
+        t = (vx * px + vy * py + vz * pz) / along
+        nx, ny, nz = vx - t * px, vy - t * py, vz - t * pz
     along = nx * vx + ny * vy + nz * vz
     if along > 0.0:
         ux, uy, uz = nx, ny, nz
     elif along < 0.0:
         ux, uy, uz = -nx, -ny, -nz
 """
-"""v, and the direction u to look against: v, or the normal of a face, which is known better where v is short."""
+"""v, and the direction u to look against: v, across the edge or face that it ends on, which is known better than v."""
 
 _SLOPES = """\
 size = math.sqrt(ux * ux + uy * uy + uz * uz)
@@ -295,20 +291,21 @@ ux, uy, uz = ux / size, uy / size, uz / size
 x, y, z = s[p + 1], s[p + 2], s[p + 3]
 for i in range(4):
     if used & (1 << i):
-        a, share = np.int64(s[vertices + 2 * i]), s[shares + i]
+        a, b, share = np.int64(s[vertices + 2 * i]), np.int64(s[vertices + 2 * i + 1]), s[shares + i]
         ax, ay, az = share * s[a_at + a], share * s[a_at + a_count + a], share * s[a_at + 2 * a_count + a]
-        if a_turn != 0:
-            ax, ay, az = 0.0, 0.0, 0.0
-        x += s[e] * ax + s[e + 1] * ay + s[e + 2] * az
-        y += s[e + 3] * ax + s[e + 4] * ay + s[e + 5] * az
-        z += s[e + 6] * ax + s[e + 7] * ay + s[e + 8] * az
-        b = np.int64(s[vertices + 2 * i + 1])
         bx, by, bz = share * s[b_at + b], share * s[b_at + b_count + b], share * s[b_at + 2 * b_count + b]
-        if b_turn != 0:
-            bx, by, bz = 0.0, 0.0, 0.0
-        x += s[f] * bx + s[f + 1] * by + s[f + 2] * bz
-        y += s[f + 3] * bx + s[f + 4] * by + s[f + 5] * bz
-        z += s[f + 6] * bx + s[f + 7] * by + s[f + 8] * bz
+        px = s[e] * ax + s[e + 1] * ay + s[e + 2] * az
+        py = s[e + 3] * ax + s[e + 4] * ay + s[e + 5] * az
+        pz = s[e + 6] * ax + s[e + 7] * ay + s[e + 8] * az
+        wx, wy, wz = wx + px, wy + py, wz + pz
+        if a_turn == 0:
+            x, y, z = x + px, y + py, z + pz
+        px = s[f] * bx + s[f + 1] * by + s[f + 2] * bz
+        py = s[f + 3] * bx + s[f + 4] * by + s[f + 5] * bz
+        pz = s[f + 6] * bx + s[f + 7] * by + s[f + 8] * bz
+        wx, wy, wz = wx + px, wy + py, wz + pz
+        if b_turn == 0:
+            x, y, z = x + px, y + py, z + pz
 slide, slides, path, turns = np.int64(s[p + 35]), np.int64(s[p + 34]), np.int64(s[p + 37]), np.int64(s[p + 36])
 for i in range(turns + 1):
     while slides > 0 and s[slide] <= i:
@@ -324,9 +321,9 @@ for i in range(turns + 1):
     if i < turns:
         node = np.int64(s[path + i])
         at = state + STATE * node
-        qx, qy, qz = x + s[at + 9], y + s[at + 10], z + s[at + 11]
-        slope = s[at + 12] * (uy * qz - uz * qy) + s[at + 13] * (uz * qx - ux * qz)
-        slope += s[at + 14] * (ux * qy - uy * qx)
+        qx, qy, qz = wx - x - s[at + 9], wy - y - s[at + 10], wz - z - s[at + 11]
+        slope = s[at + 12] * (qy * uz - qz * uy) + s[at + 13] * (qz * ux - qx * uz)
+        slope += s[at + 14] * (qx * uy - qy * ux)
         angle = angles + 2 * np.int64(s[nodes + NODE * node + 7])
         terms = np.int64(s[angle + 1])
         for j in range(np.int64(s[angle])):
@@ -356,7 +353,7 @@ from numba import cfunc, types
 from pinbound.interpreters.kernel.lowering import furthest
 
 NODE, STATE, PAIR, SLIDE, EDGES = {node}, {state}, {pair}, {slide}, 28
-CLEARANCES, GRADIENTS, SMALLEST = 1, 2, 3
+CLEARANCES, GRADIENTS, SMALLEST, ACROSS, HEIGHT = 1, 2, 3, 1.0, 2.0
 REALS, INTEGER, INTEGERS = types.CPointer(types.float64), types.int64, types.CPointer(types.int64)
 
 
@@ -394,14 +391,26 @@ def kernel(Q, out, row, column, index, s, count):
             a_at, a_count, a_last = np.int64(s[p + 27]), np.int64(s[p + 28]), np.int64(s[p + 38]) - 1
             b_at, b_count, b_last = np.int64(s[p + 29]), np.int64(s[p + 30]), np.int64(s[p + 39]) - 1
             cut = least + s[p + 31]
-            length = math.sqrt(wx * wx + wy * wy + wz * wz)
+            ux, uy, uz, is_across = wx, wy, wz, s[p + 40] == ACROSS
+            if is_across:
+                ux = s[p + 41] * wx + s[p + 42] * wy + s[p + 43] * wz
+                uy = s[p + 44] * wx + s[p + 45] * wy + s[p + 46] * wz
+                uz = s[p + 47] * wx + s[p + 48] * wy + s[p + 49] * wz
+            length = math.sqrt(ux * ux + uy * uy + uz * uz)
             scale, left = length + s[p + 32], rounds
-            ux, uy, uz = wx, wy, wz
             if not length > 0.0:
-                ux = 1.0
-            used, bound, square = 0, 0.0, math.inf
+                ux, uy, uz = s[p + 41], s[p + 44], s[p + 47]
+                if not is_across:
+                    ux = 1.0
+            used, bound, square, is_height = 0, 0.0, math.inf, s[p + 40] == HEIGHT
+            if is_height:
+                ux, uy, uz, bound = s[p + 41], s[p + 42], s[p + 43], -math.inf
             while True:
                 {support}
+                if is_height:
+                    s[vertices + 6], s[vertices + 7], s[shares + 3] = a, b, 1.0
+                    length, used = low, 8
+                    break
                 if bound > cut or (used != 0 and length - bound <= agree * scale) or left == 0:
                     break
                 left -= 1
@@ -442,8 +451,8 @@ def kernel(Q, out, row, column, index, s, count):
             elif mode == GRADIENTS:
                 to = r * row + k * n * column
                 for j in range(n):
-                    out[to + j * column] = 0.0 if length > 0.0 else math.nan
-                if not length > 0.0:
+                    out[to + j * column] = 0.0 if length > 0.0 or is_height else math.nan
+                if not (length > 0.0 or is_height):
                     continue
                 {slopes}
             else:

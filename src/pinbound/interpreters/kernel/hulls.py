@@ -23,7 +23,7 @@ from pinbound.interpreters.kernel.hull_source import HEAD, NODE, PAIR, STATE, WO
 from pinbound.interpreters.kernel.program import Pair
 from pinbound.tolerances import KERNEL_CONSTANT, OVERLAP, REDUCTION, UNIT_ROUNDOFF
 
-__all__ = ["HullTables", "is_ready", "tables_of"]
+__all__ = ["HullTables", "is_ready", "prepare_hulls", "tables_of"]
 
 Array = NDArray[np.float64]
 
@@ -83,6 +83,11 @@ def is_ready() -> bool:
     return is_kept(hull_source())
 
 
+def prepare_hulls() -> None:
+    """Compile or load the code now."""
+    _code()
+
+
 def tables_of(pairs: Sequence[Pair], n: int) -> HullTables | None:
     """Return the tables of pairs; None if a body's edge vectors are not in one block, so that it is not rigid here."""
     writer = _Writer(n)
@@ -137,11 +142,14 @@ class _Writer:
         tables: list[float] = []
         true_counts: list[float] = []
         reach = 0.0
-        for side, corners in enumerate(path.swept.corners):
+        for side, given in enumerate(path.swept.corners):
             ways = [path.swept.directions[i] for i in range(sum(counts[:side]), sum(counts[: side + 1]))]
             block, matrix = _one_block(chain, ways)
             if block < 0:
                 return False
+            corners = given
+            if matrix.shape[1] > 3:  # its vertices are constants of the block themselves
+                corners, matrix = given @ matrix.T, np.eye(3)
             body = self._body(corners)
             moved = matrix @ body.middle
             if block in (0, chain.rotations):
@@ -149,15 +157,18 @@ class _Writer:
                 around = body.vertices
             else:
                 return False
-            sides += [float(path_nodes[block]), *matrix.ravel().tolist()]
+            sides += [float(path_nodes[block]), *_numbers(matrix)]
             tables += [float(body.place), float(-(-len(around) // _LANES) * _LANES)]
             true_counts.append(float(len(around)))
             reach += float(np.linalg.norm(around @ matrix.T, axis=1).max())
-        projection = np.zeros(9) if path.across is None else (path.across.T @ path.across).ravel()
+        measured, rows = 0.0, np.zeros(9)
+        if path.across is not None:
+            measured = 2.0 if path.is_signed else 1.0
+            rows = path.across[0] if path.is_signed else (path.across.T @ path.across).ravel()
         where = [i for i in range(chain.rotations + 1) if np.any(np.abs(chain.slides[i]) > REDUCTION)]
         self.slides.append(
             [
-                [float(i), float(path_nodes[i]), float(j), *chain.slides[i][:, j].tolist(), ]
+                [float(i), float(path_nodes[i]), float(j), *_numbers(chain.slides[i][:, j])]
                 for i in where
                 for j in np.flatnonzero(np.any(np.abs(chain.slides[i]) > REDUCTION, axis=0)).tolist()
             ]
@@ -166,15 +177,15 @@ class _Writer:
         self.used |= set(chain.coordinates)
         self.pairs.append(
             [
-                float(path_nodes[-1]), *first.tolist(), *last.tolist(), *sides, *tables, pair.threshold,
+                float(path_nodes[-1]), *_numbers(first), *_numbers(last), *sides, *tables, pair.threshold,
                 reach, reach * (1.0 + _ROUNDING), 0.0, 0.0, 0.0, 0.0, *true_counts,
-                float(path.across is not None), *projection.tolist(),
+                measured, *_numbers(rows),
             ]
         )  # fmt: skip
         return True
 
     def _node(self, above: int, step: Array, chain: Chain, index: int) -> int:
-        axis, near = chain.axes[index], 4.0 * KERNEL_CONSTANT * max(chain.scale, 1.0)
+        axis, near = chain.axes[index], 4.0 * KERNEL_CONSTANT * chain.scale
         coefficients = np.where(np.abs(chain.coefficients[index]) > REDUCTION, chain.coefficients[index], 0.0)
         angle = next((i for i, known in enumerate(self.angles) if np.array_equal(known, coefficients)), -1)
         if angle < 0:
@@ -238,9 +249,14 @@ class _Writer:
         return HullTables(numbers, middles + 4 * len(self.pairs) - len(numbers), tuple(sorted(self.used)))
 
 
+def _numbers(array: Array) -> list[float]:
+    return [float(number) for number in array.ravel()]
+
+
 def _pushed(chain: Chain) -> Array:
-    """Return the chain's offsets, what lies along the axis behind it pushed there: all but the first and last are then
-    the links' own, whatever is marked on them.
+    """Return the chain's offsets, those along the axis behind them moved behind its rotation.
+
+    All but the first and the last are then the links' own, whatever is marked on the links.
     """
     offsets = chain.offsets.copy()
     for index in range(1, chain.rotations):
@@ -255,7 +271,7 @@ def _one_block(chain: Chain, ways: Sequence[Array]) -> tuple[int, Array]:
 
     The reduction has moved what lies along an axis in front of its rotation; here it is moved back.
     """
-    matrix = np.zeros((3, 3))
+    matrix = np.zeros((3, max(len(ways), 3)))
     if not ways:
         return 0, matrix
     blocks = np.stack(ways, axis=2)  # (k + 1, 3, ways)
