@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import coal
@@ -190,16 +191,17 @@ ROBOTS = {
 
 def place(robot: pb.Robot, theta: Any, mark: Any, data: Any) -> Any:
     """Return a mark's points in the world, after `framesForwardKinematics`."""
-    return [data.oMf[robot.model.getFrameId(mark.link, pin.BODY)].act(np.array(xyz)) for xyz in mark.anchors]
+    return [data.oMf[robot.model.getFrameId(mark.link, pin.BODY)].act(xyz) for xyz in mark.shape.anchors]
 
 
-def oracle_clearances(robot: pb.Robot, Q: Any) -> Any:
-    """Return every clearance (N, m) from Pinocchio's placements and coal's distances of capsules and half-spaces."""
+def oracle_clearances(robot: pb.Robot, Q: Any, chosen: Sequence[int] | None = None) -> Any:
+    """Return clearances (N, m) from Pinocchio's placements and coal's distances: of all boundaries, or those chosen."""
     data = robot.model.createData()
-    found = np.empty((len(Q), len(robot.boundaries)))
+    boundaries = list(robot.boundaries) if chosen is None else [robot.boundaries[index] for index in chosen]
+    found = np.empty((len(Q), len(boundaries)))
     for row, theta in enumerate(robot.coupling.expand(Q)):
         pin.framesForwardKinematics(robot.model, data, theta)
-        for column, boundary in enumerate(robot.boundaries):
+        for column, boundary in enumerate(boundaries):
             shapes = [_shape(mark, place(robot, theta, mark, data)) for mark in (boundary.point_a, boundary.point_b)]
             (one, T_one), (two, T_two) = shapes
             result = coal.DistanceResult()
@@ -219,6 +221,14 @@ def _shape(mark: Any, ends: Any) -> tuple[Any, Any]:
         plate.setSweptSphereRadius(mark.radius)
         rotation = np.column_stack((*axes, np.cross(*axes)))
         return plate, coal.Transform3s(rotation, ends[0] + sum(sides) / 2)
+    if isinstance(mark, pb.Hull | pb.Box | pb.Cylinder) and not mark.shape.is_segment:
+        points = coal.StdVec_Vec3s()
+        turn = np.array([end - ends[0] for end in ends[1:]])
+        for corner in mark.shape.corners:
+            points.append(corner @ turn)
+        hull = coal.Convex.convexHull(points, True, "Qt")
+        hull.setSweptSphereRadius(mark.shape.radius)
+        return hull, coal.Transform3s(np.eye(3), ends[0])
     if isinstance(mark, pb.Sweep):
         points = coal.StdVec_Vec3s()
         for corner in itertools.product((0.0, 1.0), repeat=len(mark.ways)):

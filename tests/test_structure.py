@@ -12,7 +12,8 @@ import pinbound
 PACKAGE = Path(pinbound.__file__).parent
 FLOORS = [
     ("exceptions", "tolerances", "units", "values"),
-    ("tables", "gjk"),
+    ("tables", "exact_nearest"),
+    ("gjk",),
     ("xml_text", "xacro_child"),
     ("expansion",),
     ("document", "kinematics"),
@@ -125,6 +126,47 @@ def test_only_some_rooms_talk_to_engines(path: Path) -> None:
     for library, allowed in ONLY.items():
         if any(name == library or name.startswith(library + ".") for name in imports(path)):
             assert room(path.relative_to(PACKAGE).parts) in allowed
+
+
+def asked_classes(tree: ast.AST) -> set[str]:
+    """Return which marks' classes a module asks for: by isinstance, by type(...), by a case, or by a table of them."""
+    marks = {"Point", "Segment", "Sweep", "Hull", "Box", "Cylinder", "Line", "Plane", "FlatMark", "KINDS"}
+    known = {
+        alias.asname or alias.name: alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("pinbound.annotations")
+        for alias in node.names
+        if alias.name in marks
+    }
+    asking: list[ast.AST] = []
+    for node in ast.walk(tree):
+        if (
+            isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Name)
+            and node.func.id in ("isinstance", "issubclass")
+        ):
+            asking += node.args[1:]
+        elif isinstance(node, ast.Compare) or (isinstance(node, ast.Dict) and node.keys):
+            asking.append(node)
+        elif isinstance(node, ast.MatchClass):
+            asking.append(node.cls)
+    names = {inner.id for node in asking for inner in ast.walk(node) if isinstance(inner, ast.Name)}
+    return {known[name] for name in names & set(known)} | ({"KINDS"} & set(known.values()))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_only_the_door_asks_for_the_class_of_a_mark(path: Path) -> None:
+    """Behind `annotations` and `path` a mark is its shape: a new kind of mark touches no other room."""
+    if room(path.relative_to(PACKAGE).parts) not in ("annotations", "path", "__init__"):
+        assert asked_classes(ast.parse(path.read_text())) == set()
+
+
+def test_questions_for_a_class_are_seen() -> None:
+    head = "from pinbound.annotations import Line as L, Point, Segment\n"
+    for text in ("isinstance(x, L)", "isinstance(x, int | Point)", "type(x) is Segment", "{Point: 1}[type(x)]"):
+        assert asked_classes(ast.parse(head + text))
+    assert asked_classes(ast.parse(head + "match x:\n    case L(): pass"))
+    assert not asked_classes(ast.parse(head + "Point('p', 'link', (0, 0, 0)); x.shape.is_point"))
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pinbound.annotations import Mark
 from pinbound.contact import ContactRule
 from pinbound.coupling import as_configurations, linear_text
-from pinbound.exceptions import DimensionError, UnknownNameError
+from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.interpreters import outwards, separation, univariate
 from pinbound.path import Kind, RelativePath
 from pinbound.tolerances import ROOT
@@ -180,8 +180,30 @@ class Boundary(Value):
         """Return where on its segments the boundary is nearest: (k,) or (N, k) in [0, 1], one a segment, a's first.
 
         `x = xyz_a + t (xyz_b - xyz_a)`; where several t are equally near (parallel segments) it is one of them.
+
+        Raises:
+            UnsupportedError: If a mark is a hull or cylinder, which has no such t: `nearest_points` has the points.
         """
+        if not self.path.swept.is_zonotope:
+            raise UnsupportedError(
+                f"{self.name!r} has a hull or cylinder, whose nearest point is no t in [0, 1]; ask nearest_points(q)"
+            )
         return self._each(q, lambda Q: separation.parameters(self.path, Q))
+
+    def nearest_points(self, q: ArrayLike) -> Array:
+        """Return the nearest points of both marks, (2, 3) or (N, 2, 3) [m] in the frame of the ancestor link.
+
+        Radii are left out: these are points of the marks' cores. Of a line or plane it is the foot of the other mark's
+        point. Where several pairs are equally near (parallel edges, faces against faces) it is one of them.
+
+        Example:
+            >>> import pinbound as pb
+            >>> beta = pb.load("minervabot_v3").boundaries["beta_4"]
+            >>> a, b = beta.nearest_points([0.0, 0.1, 0.2])
+            >>> bool(np.allclose(a - b, beta.vector([0.0, 0.1, 0.2])))
+            True
+        """
+        return self._each(q, lambda Q: separation.nearest_points(self.path, Q))
 
     def clearance(self, q: ArrayLike) -> Any:
         """Return `norm - threshold` [m]: the unsigned distance less the threshold.

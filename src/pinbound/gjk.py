@@ -16,9 +16,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.exact_nearest import nearest_exactly
 from pinbound.tolerances import UNIT_ROUNDOFF
 
-__all__ = ["AGREE", "INSIDE", "MOST_ROUNDS", "nearest_vertices", "reach", "search"]
+__all__ = ["AGREE", "INSIDE", "MOST_ROUNDS", "nearest_vertices", "reach", "search", "settled"]
 
 Array = NDArray[np.float64]
 Support = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
@@ -62,7 +63,19 @@ def nearest_vertices(w: Array, directions: Array, corners: tuple[Array, Array]) 
 
     middle = np.concatenate((a.mean(axis=0), b.mean(axis=0)))
     start = w + np.einsum("k,kni->ni", middle, directions)
-    return search(w, directions, support, start, reach(w, directions, corners))
+    scale = reach(w, directions, corners)
+    return settled(w, directions, corners, *search(w, directions, support, start, scale))
+
+
+def settled(w: Array, directions: Array, corners: tuple[Array, Array], t: Array, bound: Array) -> tuple[Array, Array]:
+    """Return t and bound of a search, those t in whole numbers that the search has not proven: slivers that touch."""
+    scale = reach(w, directions, corners)
+    with np.errstate(invalid="ignore"):
+        length = np.linalg.norm(w + np.einsum("nk,kni->ni", t, directions), axis=1)
+        rough = (length - np.maximum(bound, 0.0) > AGREE * scale) & ~((bound < 0.0) & (length <= AGREE * scale))
+    for row in np.flatnonzero(rough).tolist():
+        t[row] = nearest_exactly(w[row], directions[:, row], corners)
+    return t, bound
 
 
 def reach(w: Array, directions: Array, corners: tuple[Array, Array]) -> Array:

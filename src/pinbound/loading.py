@@ -124,9 +124,19 @@ def load(
             *narrowed_by_mimics(tree.moving_joints, coupling, limits),
             *notes,
             *stops,
+            *_excesses(marks),
         ),
         package_dirs=tuple(map(str, package_dirs)),
     )
+
+
+def _excesses(marks: Annotations) -> list[str]:
+    """Say by how much shapes lead outside what was marked."""
+    widest = {name: mark.shape.excess for name, mark in marks.marks.items() if mark.shape.excess > 0.0}
+    if not widest:
+        return []
+    names = ", ".join(f"{name} {1e3 * excess:.3g} mm" for name, excess in widest.items())
+    return [f"cylinders are held by prisms around them, which lead outside them at their edges by at most: {names}"]
 
 
 def _given_items(

@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.annotations import KINDS, Annotations, BoundaryMark, LeftOutMark, Mark, RawItem, read_inline
+from pinbound.annotations import MARK_KINDS, Annotations, BoundaryMark, LeftOutMark, Mark, RawItem, read_inline
 from pinbound.bodies import SHAPES, Body, LinkBodies, read_bodies
 from pinbound.candidates import can_be_home, configuration_text, draw, home_entries, within_limits
 from pinbound.closures import place_error
@@ -215,7 +215,7 @@ class _Judge:
         robot = self.robot
         with np.errstate(over="ignore", invalid="ignore"):
             path = relative_path(robot.tree, robot.coupling, a, b)
-            radii = a.radius + b.radius
+            radii = a.shape.radius + b.shape.radius
             distance = contact_distance(path, radii, robot.annotations.contact_tolerance)
             joints = len(robot.tree.path_between(a.link, b.link))
             rounding = FOLDING * UNIT_ROUNDOFF * (joints + 2) ** 2 * path.minimal.scale
@@ -385,7 +385,7 @@ def _kept(robot: Robot) -> Annotations:
     )
 
 
-_GROUPS = dict.fromkeys(KINDS.values(), "mark")
+_GROUPS = dict.fromkeys(MARK_KINDS, "mark")
 
 
 def _key(item: RawItem) -> str:

@@ -31,7 +31,6 @@ __all__ = ["Form", "Kind", "RelativePath", "absolute_chain", "direction_chain", 
 
 Array = NDArray[np.float64]
 
-_SOLID = 2  # directions: two, of one mark or of both, span no body
 _CLOSED = 2  # directions up to which the nearest points have a closed form, over parallelograms
 
 
@@ -74,6 +73,7 @@ class RelativePath(Value):
             (1, 3) the height above a plane. None: all of it.
         upright: Unit direction of the line, or normal of the plane, in the ancestor's frame; None without one.
         measure: The distance, the distance across a line, or the height above a plane.
+        first_is_b: Whether the line or plane is mark b.
     """
 
     kind: Kind
@@ -85,6 +85,7 @@ class RelativePath(Value):
     across: Array | None = None
     upright: Chain | None = None
     measure: Measure = Measure.DISTANCE
+    first_is_b: bool = False
 
     @cached_property
     def form(self) -> Form:
@@ -119,8 +120,12 @@ class RelativePath(Value):
 
     @property
     def is_solid(self) -> bool:
-        """Whether the marks span bodies that may overlap, so that their distance stays zero: boxes, prisms."""
-        return self.across is None and len(self.swept.directions) > _SOLID
+        """Whether the marks span bodies that may overlap, so that their distance stays zero: boxes, prisms, hulls.
+
+        Across a line a body is seen as an area, which two directions span.
+        """
+        spanned = 2 if self.measure is Measure.ACROSS else 3
+        return not self.is_signed and len(self.swept.directions) >= spanned
 
     @property
     def is_signed(self) -> bool:
@@ -159,6 +164,7 @@ def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativeP
         across=across,
         upright=_upright(coupling, down[first.link], first.shape),
         measure=first.shape.measure,
+        first_is_b=first is b,
     )
 
 
@@ -202,7 +208,8 @@ def _across(first: Shape) -> Array | None:
         return -unit[None]
     one: Any = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
     one /= np.linalg.norm(one)
-    return np.stack((one, np.cross(unit, one)))
+    other: Any = np.cross(unit, one)
+    return np.stack((one, other))
 
 
 def _branch(

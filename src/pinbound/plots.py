@@ -7,7 +7,6 @@ every edge also carries its name.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import product
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,7 +15,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pinbound import units
-from pinbound.annotations import FlatMark, Mark, Plane
+from pinbound.annotations import Mark
 from pinbound.boundary import Boundary
 from pinbound.region import Edge, Region
 from pinbound.robot import Robot
@@ -293,7 +292,7 @@ def draw_robot(robot: Robot, q: Array) -> Any:
         _draw_mark(axes, mark, marked[mark.name], plane)
     for index, boundary in enumerate(robot.boundaries):
         colour = PALETTE[index % len(PALETTE)]
-        ends = _nearest_ends(boundary, marked, q)[:, list(plane)]
+        ends = _nearest_ends(robot, boundary, q)[:, list(plane)]
         style, size = "-" if index < len(PALETTE) else "--", 1.0 if few else 0.5
         axes.plot(
             *ends.T,
@@ -320,41 +319,34 @@ def draw_robot(robot: Robot, q: Array) -> Any:
 
 
 def _anchors(robot: Robot, mark: Mark, q: Array) -> list[Array]:
-    """Return a point, or the ends of a segment; of a line and a plane a stretch of 0.1 m, [m]."""
-    first, *others = (np.array(xyz) for xyz in mark.anchors)
-    if isinstance(mark, FlatMark):
-        others = [first + _STRETCH * (others[0] - first)]
-    return [robot.positions(mark.link, q, xyz.tolist()) for xyz in (first, *others)]
+    """Return where the vertices of a mark are; of a line and a plane a stretch of 0.1 m, [m]."""
+    shape = mark.shape
+    local = shape.vertices if shape.normal is None else shape.origin + np.outer((0.0, _STRETCH), shape.normal)
+    return list(_in_root(robot, mark.link, q, local))
 
 
 def _draw_mark(axes: Any, mark: Mark, places: list[Array], plane: tuple[int, int]) -> None:
     """Draw what a mark covers, seen along the third axis: the hull of its corners, its radius around it."""
-    if isinstance(mark, FlatMark):
+    if mark.shape.is_unbounded:
         axes.plot(*(1e3 * np.array(places)[:, list(plane)]).T, color="#333333", linewidth=2.0, zorder=3)
         return
-    first, *others = places
-    corners = np.array([first + sum(part) for part in product(*((0.0 * first, other - first) for other in others))])
-    shape = gis.MultiPoint(1e3 * corners[:, list(plane)]).convex_hull.buffer(1e3 * mark.radius)
+    shape = gis.MultiPoint(1e3 * np.array(places)[:, list(plane)]).convex_hull.buffer(1e3 * mark.shape.radius)
     if shape.area > 0.0:
         axes.fill(*shape.exterior.xy, facecolor="#9AA5B1", edgecolor="#5B6770", linewidth=0.8, alpha=0.25, zorder=1)
     elif shape.length > 0.0:
         axes.plot(*shape.xy, color="#5B6770", linewidth=2.0, alpha=0.5, zorder=1)
 
 
-def _nearest_ends(boundary: Boundary, marked: dict[str, list[Array]], q: Array) -> Array:
-    """Return where the marks of a boundary are nearest, (2, 3) [mm]."""
-    t = iter(boundary.nearest(q).tolist())
-    ends: list[Array] = []
-    for mark in (boundary.point_a, boundary.point_b):
-        first, *others = marked[mark.name]
-        ends.append(first + sum((next(t) * (other - first) for other in others[: len(mark.ways)]), np.zeros(3)))
-    for side, mark in enumerate((boundary.point_a, boundary.point_b)):
-        if isinstance(mark, FlatMark):  # the foot of the other end
-            first, further = marked[mark.name]
-            unit = (further - first) / np.linalg.norm(further - first)
-            along = unit * float(unit @ (ends[1 - side] - first))
-            ends[side] = ends[1 - side] - along if isinstance(mark, Plane) else first + along
-    return 1e3 * np.array(ends)
+def _nearest_ends(robot: Robot, boundary: Boundary, q: Array) -> Array:
+    """Return where the marks of a boundary are nearest, (2, 3) [mm], in the root link's frame."""
+    return 1e3 * _in_root(robot, boundary.ancestor, q, boundary.nearest_points(q))
+
+
+def _in_root(robot: Robot, link: str, q: Array, points: Array) -> Array:
+    """Return points (k, 3) of a link's frame in the root link's."""
+    centre, *axes = (robot.positions(link, q, xyz) for xyz in np.vstack((np.zeros(3), np.eye(3))).tolist())
+    found: Array = centre + points @ (np.array(axes) - centre)
+    return found
 
 
 def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:

@@ -8,7 +8,7 @@ from pinbound.annotations.inline import read_inline
 from pinbound.annotations.marks import Box, Cylinder, FlatMark, Hull, Line, Mark, Plane, Point, Segment, Sweep
 from pinbound.annotations.records import (
     FIELDS,
-    KINDS,
+    MARK_KINDS,
     NAMESPACE,
     Annotations,
     BoundaryMark,
@@ -17,6 +17,7 @@ from pinbound.annotations.records import (
     LeftOutMark,
     LimitMark,
     RawItem,
+    kind_of,
     raw_items,
 )
 from pinbound.annotations.shapes import Measure, Shape
@@ -24,7 +25,7 @@ from pinbound.annotations.validation import validate
 
 __all__ = [
     "FIELDS",
-    "KINDS",
+    "MARK_KINDS",
     "NAMESPACE",
     "Annotations",
     "BoundaryMark",
@@ -45,6 +46,7 @@ __all__ = [
     "Segment",
     "Shape",
     "Sweep",
+    "kind_of",
     "raw_items",
     "read_inline",
     "validate",

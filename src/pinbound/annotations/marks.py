@@ -10,7 +10,7 @@ has one `shape`, which is all that is known of it outside this room and the path
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from pinbound.annotations.shapes import Measure, Shape, hull, unbounded, zonotope
@@ -279,7 +279,8 @@ class Cylinder:
         other, rim = _cross(axis, across), self.radius / math.cos(math.pi / CYLINDER_SIDES)
         turns = [2.0 * math.pi * side / CYLINDER_SIDES for side in range(CYLINDER_SIDES)]
         spokes = [_moved(_scaled(across, rim * math.cos(turn)), _scaled(other, rim * math.sin(turn))) for turn in turns]
-        return hull([_moved(end, spoke) for end in (self.xyz_a, self.xyz_b) for spoke in spokes])
+        prism = hull([_moved(end, spoke) for end in (self.xyz_a, self.xyz_b) for spoke in spokes])
+        return replace(prism, excess=self.excess)
 
 
 Mark = Point | Segment | Sweep | Hull | Box | Cylinder | Line | Plane

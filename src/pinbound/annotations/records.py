@@ -15,6 +15,7 @@ from pinbound.values import FrozenDict, Value
 __all__ = [
     "FIELDS",
     "KINDS",
+    "MARK_KINDS",
     "NAMESPACE",
     "Annotations",
     "BoundaryMark",
@@ -23,6 +24,7 @@ __all__ = [
     "LeftOutMark",
     "LimitMark",
     "RawItem",
+    "kind_of",
     "raw_items",
 ]
 
@@ -58,6 +60,18 @@ KINDS: Mapping[type[Mark], str] = {
     Plane: "plane",
 }
 """The kinds of what is marked on a link."""
+
+MARK_KINDS: tuple[str, ...] = tuple(KINDS.values())
+
+
+def kind_of(mark: Mark) -> str:
+    """Return what kind of mark it is, as files call it.
+
+    Example:
+        >>> kind_of(Point("p", "arm", (0.0, 0.0, 0.0)))
+        'point'
+    """
+    return KINDS[type(mark)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,7 +271,7 @@ def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
     if annotations.home:
         home = {name: _text(value) for name, value in annotations.home.items()}
         items.append(RawItem("home", home, source, annotations.home_line))
-    items += [item(KINDS[type(mark)], mark) for mark in annotations.marks.values()]
+    items += [item(kind_of(mark), mark) for mark in annotations.marks.values()]
     items += [item("boundary", boundary) for boundary in annotations.boundaries]
     items += [item("closure", closure) for closure in annotations.closures]
     items += [item("follower", follower) for follower in annotations.followers]

@@ -26,7 +26,7 @@ __all__ = ["Measure", "Shape", "cube_corners", "extreme_vertices", "hull", "unbo
 Array = NDArray[np.float64]
 Ints = NDArray[Any]
 
-_DEEP = 1e-9  # relative to a hull: further inside all facets than this, a point is no vertex, whatever rounding does
+_DEEP = 1e-9  # of a hull of unit extent: further inside all facets, a point is no vertex, rounded or not
 
 
 class Measure(Enum):
@@ -49,6 +49,7 @@ class Shape(Value):
         radius: [m].
         measure: What is measured against it; only a distance, if it is bounded.
         normal: (3,) unit vector along a line, or normal of a plane; None if it is bounded.
+        excess: By how much it leads outside what was marked [m]: a cylinder is held by a prism.
     """
 
     origin: Array
@@ -57,6 +58,7 @@ class Shape(Value):
     radius: float = 0.0
     measure: Measure = Measure.DISTANCE
     normal: Array | None = None
+    excess: float = 0.0
 
     @property
     def is_unbounded(self) -> bool:
@@ -93,6 +95,11 @@ class Shape(Value):
     def around(self) -> float:
         """How far its vertices are from `middle` [m], the radius left out."""
         return float(np.linalg.norm(self.vertices - self.middle, axis=1).max())
+
+    @property
+    def half_edges(self) -> float:
+        """Half its edges, end to end [m]; of other hulls how far vertices are from the middle."""
+        return 0.5 * float(np.linalg.norm(self.directions, axis=1).sum()) if self.is_zonotope else self.around
 
     @property
     def anchors(self) -> Array:
@@ -156,34 +163,36 @@ def hull(vertices: Sequence[Sequence[float]] | Array, radius: float = 0.0) -> Sh
 def extreme_vertices(points: Array) -> Array:
     """Return those points (k, 3) of which their hull is made, in their order; no other is outside it, but for rounding.
 
-    Qhull finds them where they span a body, a plane or a line. It merges facets that are nearly parallel, and may lose
-    a corner of a sliver with them; so each point that it leaves out is looked for in the hull of the others, and
-    taken back if it is further outside than rounding.
+    Which points are extreme does not change when a direction is stretched, so each principal direction is stretched to
+    unit extent first: a sliver becomes a body with good angles. Qhull finds its vertices. Each point that Qhull leaves
+    out is looked for in the hull of those that it keeps, and taken back if it is further outside than rounding.
     """
     points = points[np.sort(np.unique(points, axis=0, return_index=True)[1])]
-    tolerance = _rounding(points)
-    axes = _spanned(points - points[0], tolerance)
-    local = (points - points[0]) @ axes.T
+    offsets = points - points[0]
+    axes = _spanned(offsets, _rounding(points))
     if len(axes) == 0:
         return points[:1]
+    local = offsets @ axes.T
     if len(axes) == 1:
         return points[np.sort([int(np.argmin(local[:, 0])), int(np.argmax(local[:, 0]))])]
+    low, high = local.min(axis=0), local.max(axis=0)
+    local = (local - 0.5 * (low + high)) / (high - low)
     kept, doubtful = _sorted_by_qhull(local)
     while len(doubtful):
-        outside = _outside(points[doubtful], points[kept])
+        outside = _outside(local[doubtful], local[kept])
         furthest = int(np.argmax(outside))
-        if outside[furthest] <= tolerance:
+        if outside[furthest] <= EXTREME:
             break
         kept, doubtful = np.append(kept, doubtful[furthest]), np.delete(doubtful, furthest)
     return points[np.sort(kept)]
 
 
 def _outside(points: Array, kept: Array) -> Array:
-    """Return how far points (N, 3) are from the hull of others [m]."""
-    middle = kept.mean(axis=0)
-    w, directions = points - middle, np.repeat(-np.eye(3)[:, None], len(points), axis=1)
-    t = gjk.nearest_vertices(w, directions, (kept - middle, np.zeros((1, 0))))[0]
-    found: Array = np.linalg.norm(w - t, axis=1)
+    """Return how far points (N, d) are from the hull of others."""
+    points, kept = (np.pad(one, ((0, 0), (0, 3 - one.shape[1]))) for one in (points, kept))
+    directions = np.repeat(-np.eye(3)[:, None], len(points), axis=1)
+    t = gjk.nearest_vertices(points, directions, (kept, np.zeros((1, 0))))[0]
+    found: Array = np.linalg.norm(points - t, axis=1)
     return found
 
 
@@ -199,11 +208,11 @@ def _sorted_by_qhull(local: Array) -> tuple[Ints, Ints]:
     except QhullError:  # a sliver that is flat for Qhull: its furthest points, to which others are added
         kept = np.unique(np.concatenate((np.argmin(local, axis=0), np.argmax(local, axis=0))))
         return kept, np.setdiff1d(everything, kept)
-    kept, size = np.sort(found.vertices), float(np.abs(local).max())
+    kept = np.sort(found.vertices)
     height = np.full(len(local), -np.inf)
     for normal in found.equations:  # one at a time: points and facets may be many
         height = np.maximum(height, local @ normal[:-1] + normal[-1])
-    return kept, np.setdiff1d(np.flatnonzero(height > -_DEEP * size), kept)
+    return kept, np.setdiff1d(np.flatnonzero(height > -_DEEP), kept)
 
 
 def _spanned(offsets: Array, tolerance: float) -> Array:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from rich.text import Text
 
-from pinbound.annotations import FIELDS, KINDS, Line, Mark, Plane, Point, Segment, Sweep
+from pinbound.annotations import FIELDS, Mark, kind_of
 from pinbound.boundary import Boundary, ContactAngle
 from pinbound.boundary_set import CoordinateLimits
 from pinbound.cli.coverage import RequireCoverage, coverage_record, print_coverage, require_coverage, say_coverage
@@ -80,9 +80,10 @@ def info(
     ]
     if rows:
         print_table("Marked points", ("point", "link", "x [mm]", "y [mm]", "z [mm]", "radius [mm]"), rows)
-    others = [mark for mark in loaded.annotations.marks.values() if not isinstance(mark, Point)]
+    points = loaded.annotations.points
+    others = [mark for name, mark in loaded.annotations.marks.items() if name not in points]
     if others:
-        rows = [(m.name, KINDS[type(m)], m.link, *_vectors(m), millimetres(m.radius, 3)) for m in others]
+        rows = [(m.name, kind_of(m), m.link, *_vectors(m), millimetres(m.radius, 3)) for m in others]
         headings = ("mark", "kind", "link", "from [mm]", "to, or ways [mm]; or direction []", "radius [mm]")
         print_table("Segments, sweeps, lines and planes", headings, rows)
     out.print(f"{len(loaded.boundaries)} boundaries: {', '.join(loaded.boundaries.names) or 'none'}")
@@ -103,13 +104,16 @@ def _off(closure: Closure) -> str:
     return ", ".join(f"{one.joint} {one.bound:.1e}" for one in closure.deviations) or "0"
 
 
-def _vectors(mark: Segment | Sweep | Line | Plane) -> tuple[str, str]:
-    first = " ".join(millimetres(x, 3) for x in mark.xyz)
-    if isinstance(mark, Segment):
-        return first, " ".join(millimetres(x, 3) for x in mark.xyz_b)
-    if isinstance(mark, Sweep):
-        return first, "; ".join(" ".join(millimetres(x, 3) for x in way) for way in mark.ways)
-    return first, " ".join(f"{x:.6g}" for x in mark.upright)
+def _vectors(mark: Mark) -> tuple[str, str]:
+    shape = mark.shape
+    first = " ".join(millimetres(x, 3) for x in shape.origin)
+    if shape.normal is not None:
+        return first, " ".join(f"{x:.6g}" for x in shape.normal)
+    if shape.is_point or shape.is_segment:
+        return first, " ".join(millimetres(x, 3) for x in shape.vertices[-1])
+    if not shape.is_zonotope:
+        return first, f"around it {len(shape.vertices)} vertices"
+    return first, "; ".join(" ".join(millimetres(x, 3) for x in edge) for edge in shape.directions)
 
 
 def _joint_rows(robot: Robot) -> list[tuple[str, ...]]:
@@ -177,8 +181,8 @@ def _coverage_record(coverage: Coverage) -> dict[str, Any]:
 
 
 def _mark_record(mark: Mark) -> dict[str, Any]:
-    required, optional = FIELDS[KINDS[type(mark)]]
-    return {"kind": KINDS[type(mark)]} | {key: getattr(mark, key) for key in (*required, *optional)}
+    required, optional = FIELDS[kind_of(mark)]
+    return {"kind": kind_of(mark)} | {key: getattr(mark, key) for key in (*required, *optional)}
 
 
 def derive(
@@ -221,7 +225,10 @@ def derive(
                     markup=False,
                 )
         if boundary.path.swept.directions:
-            out.print("  each t in [0, 1], along the ways of the first mark, then of the second", markup=False)
+            said = "each t in [0, 1], along the ways of the first mark, then of the second"
+            if not boundary.path.swept.is_zonotope:
+                said = "of a hull or cylinder all t in the hull of its vertices [m, from its middle], else in [0, 1]"
+            out.print(f"  {said}", markup=False)
         out.print(f"  {_contact_text(boundary)}", markup=False)
         if boundary.place_error:
             off = millimetres(boundary.place_error, 6)

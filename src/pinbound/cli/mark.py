@@ -8,7 +8,7 @@ from typing import Annotated, cast
 
 import typer
 
-from pinbound.annotations import KINDS
+from pinbound.annotations import kind_of
 from pinbound.cli.shared import (
     Annotations,
     AsJson,
@@ -103,7 +103,7 @@ def _value(robot: Robot, joint: str, value: float) -> str:
 
 
 def _said(cover: Cover) -> str:
-    counts = Counter(KINDS[type(mark)] for mark in cover.marks)
+    counts = Counter(kind_of(mark) for mark in cover.marks)
     return ", ".join(f"{count} {kind}{'s' if count > 1 else ''}" for kind, count in counts.items())
 
 
@@ -116,7 +116,7 @@ def _record(proposal: Proposal) -> dict[str, object]:
             {
                 "link": c.link,
                 "shapes": [body.shape for body in c.bodies],
-                "marks": [KINDS[type(mark)] for mark in c.marks],
+                "marks": [kind_of(mark) for mark in c.marks],
                 "excess": c.excess,
             }
             for c in proposal.covers

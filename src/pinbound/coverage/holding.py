@@ -1,7 +1,7 @@
 """Proofs that marks hold a body: that no point of it is outside them.
 
-A mark is a zonotope Z (a point, a segment, a box, a prism) with a ball of radius R around: `Z + R`. A body is a core C
-(a point, a segment, eight corners, a cylinder) with a ball of radius r around. If `r <= R`, the mark holds the body
+A mark is a convex body Z (a point, a segment, a box, a hull) with a ball of radius R around: `Z + R`. A body is a core
+C (a point, a segment, eight corners, a cylinder) with a ball of radius r around. If `r <= R`, the mark holds the body
 exactly if every extreme point of C is within `R - r` of Z, for the distance from a convex set is a convex function. If
 `r > R`, Z has to hold the core with a ball of `r - R`, which its facets decide: `h_C(n) + r - R <= h_Z(n)` for every
 unit normal n, h being the support function. `docs/coverage.md` has the cylinder, and several spheres over one body.
@@ -12,17 +12,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.annotations import FlatMark, Mark, Point
+from pinbound.annotations import Mark, Shape
 from pinbound.bodies import Body
 from pinbound.coverage.unions import spheres_over
-from pinbound.interpreters.closest import nearest
+from pinbound.interpreters.closest import nearest, nearest_of_hulls
 from pinbound.tolerances import HELD
 
-__all__ = ["holders", "holds", "is_known"]
+__all__ = ["holders", "holds", "holds_points", "is_known"]
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,7 @@ def holders(body: Body, marks: Sequence[Mark]) -> tuple[tuple[str, ...], ...]:
 
     Example:
         >>> body = Body("arm", 0, "capsule", (0.05, 0.4), np.eye(3), np.zeros(3))
+        >>> from pinbound.annotations import Point
         >>> ends = [Point("low", "arm", (0.0, 0.0, -0.2), 0.13), Point("high", "arm", (0.0, 0.0, 0.2), 0.13)]
         >>> holders(body, [*ends, Point("all", "arm", (0.0, 0.0, 0.0), 0.25)])
         (('all',),)
@@ -48,11 +50,11 @@ def holders(body: Body, marks: Sequence[Mark]) -> tuple[tuple[str, ...], ...]:
     alone = tuple((mark.name,) for mark in marks if holds(mark, body))
     if alone or not is_known(body):
         return alone
-    spheres = [mark for mark in marks if isinstance(mark, Point) and mark.radius > 0.0]
+    spheres = [mark for mark in marks if mark.shape.is_point and mark.shape.radius > 0.0]
     if not spheres:
         return ()
-    centres = (np.array([mark.xyz for mark in spheres]) - body.translation) @ body.rotation
-    used = spheres_over(body.shape, body.size, centres, np.array([mark.radius for mark in spheres]))
+    centres = (np.array([mark.shape.origin for mark in spheres]) - body.translation) @ body.rotation
+    used = spheres_over(body.shape, body.size, centres, np.array([mark.shape.radius for mark in spheres]))
     return (tuple(spheres[index].name for index in used),) if used else ()
 
 
@@ -61,21 +63,21 @@ def holds(mark: Mark, body: Body) -> bool:
 
     Example:
         >>> body = Body("arm", 0, "sphere", (0.05,), np.eye(3), np.zeros(3))
+        >>> from pinbound.annotations import Point
         >>> [holds(Point("p", "arm", (x, 0.0, 0.0), 0.06), body) for x in (0.01, 0.02)]
         [True, False]
     """
-    if isinstance(mark, FlatMark) or not is_known(body):
+    shape, radius = mark.shape, mark.shape.radius
+    if shape.is_unbounded or not is_known(body):
         return False
-    ways = np.array(mark.ways).reshape(-1, 3)
-    corner, radius = np.array(mark.xyz), mark.radius
     points, around = _core(body)
-    if around <= radius and _within(points, corner, ways, radius - around):
+    if around <= radius and holds_points(shape, points, radius - around):
         return True
-    if body.shape == "cylinder" and not len(ways):
-        return _ball_holds_cylinder(corner, radius, body)
-    if body.shape == "cylinder" and radius > 0.0 and _within(_rims(body), corner, ways, radius):
+    if body.shape == "cylinder" and shape.is_point:
+        return _ball_holds_cylinder(shape.origin, radius, body)
+    if body.shape == "cylinder" and radius > 0.0 and holds_points(shape, _rims(body), radius):
         return True
-    return bool(len(ways)) and _between_facets(body, corner, ways, radius)
+    return not shape.is_point and _between_facets(body, shape)
 
 
 def is_known(body: Body) -> bool:
@@ -109,11 +111,22 @@ def _rims(body: Body) -> Array:
     return np.vstack((ring, ring * (1.0, 1.0, -1.0))) @ body.rotation.T + body.translation
 
 
-def _within(points: Array, corner: Array, ways: Array, distance: float) -> bool:
-    """Return whether all points are this near to a zonotope; the nearest points found are feasible, so it is proven."""
-    w = corner - points
-    edges = np.repeat(ways[:, None], len(points), axis=1)
-    t = nearest(w, edges)
+def holds_points(shape: Shape, points: Array, distance: float) -> bool:
+    """Return whether all points (k, 3) of the link are within `distance` [m] of a shape, its own radius left out.
+
+    With them it holds their convex hull: of a mesh its vertices are enough. The nearest points found are points of the
+    shape, so it is proven.
+
+    Example:
+        >>> from pinbound.annotations import Hull
+        >>> corner = Hull("h", "arm", ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))).shape
+        >>> [holds_points(corner, np.array([[x, 0.25, 0.25]]), 0.0) for x in (0.5, 0.51)]
+        [True, False]
+    """
+    w = shape.origin - points
+    edges = np.repeat(shape.directions[:, None], len(points), axis=1)
+    own = shape.corners, np.zeros((1, 0))
+    t = nearest(w, edges) if shape.is_zonotope else nearest_of_hulls(w, edges, own)
     away = np.linalg.norm(w + np.einsum("nk,kni->ni", t, edges), axis=1)
     return bool(np.all(away <= distance + HELD))
 
@@ -123,17 +136,34 @@ def _ball_holds_cylinder(centre: Array, radius: float, body: Body) -> bool:
     return math.hypot(math.hypot(x, y) + body.size[0], abs(z) + body.size[1] / 2) <= radius + HELD
 
 
-def _between_facets(body: Body, corner: Array, ways: Array, radius: float) -> bool:
-    """Return whether a body, less a ball of the mark's radius where it has one, lies in a zonotope that is a solid."""
-    around = 0.0 if body.shape in ("box", "cylinder") else max(body.size[0] - radius, 0.0)
-    normals = [np.cross(a, b) for a, b in combinations(ways, 2)]
-    lengths = [float(np.linalg.norm(normal)) for normal in normals]
-    units = np.array([n / size for n, size in zip(normals, lengths, strict=True) if size > 0.0]).reshape(-1, 3)
-    if not len(units) or np.linalg.matrix_rank(ways) < _SOLID:
+def _between_facets(body: Body, shape: Shape) -> bool:
+    """Return whether a body, less a ball of the mark's radius where it has one, lies in a shape that is a solid."""
+    around = 0.0 if body.shape in ("box", "cylinder") else max(body.size[0] - shape.radius, 0.0)
+    units = _facet_normals(shape)
+    if not len(units) or np.linalg.matrix_rank(shape.directions) < _SOLID:
         return False
-    both = np.vstack((units, -units))
-    mark = both @ corner + np.maximum(both @ ways.T, 0.0).sum(axis=1)
-    return bool(np.all(_support(body, both) + around <= mark + HELD))
+    mark = (units @ shape.vertices.T).max(axis=1)
+    return bool(np.all(_support(body, units) + around <= mark + HELD))
+
+
+def _facet_normals(shape: Shape) -> Array:
+    """Return unit normals (m, 3) outwards of all facets of a solid; Qhull gives those of a hull, in triangles."""
+    if shape.is_zonotope:
+        normals: Any = [np.cross(a, b) for a, b in combinations(shape.directions, 2)]
+        normals = np.array(normals).reshape(-1, 3)
+        normals = np.vstack((normals, -normals))
+    else:
+        from scipy.spatial import ConvexHull
+
+        if len(shape.directions) < _SOLID:
+            return np.zeros((0, 3))
+        found = ConvexHull(shape.corners)
+        a, b, c = (shape.corners[found.simplices[:, corner]] for corner in range(3))
+        normals = np.cross(b - a, c - a)
+        inward = np.einsum("ni,ni->n", normals, found.equations[:, :3]) < 0.0
+        normals[inward] *= -1.0
+    lengths = np.linalg.norm(normals, axis=1)
+    return normals[lengths > 0.0] / lengths[lengths > 0.0, None]
 
 
 def _support(body: Body, normals: Array) -> Array:

@@ -49,9 +49,8 @@ class Poses:
 
     def _around(self, link: str, marks: Sequence[Mark]) -> tuple[Array, Array]:
         if link not in self._balls:
-            ways = [np.array(mark.ways).reshape(-1, 3) for mark in marks]
-            centres = np.array([np.array(m.xyz) + 0.5 * w.sum(axis=0) for m, w in zip(marks, ways, strict=True)])
-            radii = [m.radius + 0.5 * np.linalg.norm(w, axis=1).sum() for m, w in zip(marks, ways, strict=True)]
+            shapes = [mark.shape for mark in marks]
+            centres, radii = np.array([s.middle for s in shapes]), [s.radius + s.half_edges for s in shapes]
             rotation, translation = self._placed[link]
             self._balls[link] = np.einsum("nij,mj->nmi", rotation, centres) + translation[:, None], np.array(radii)
         return self._balls[link]

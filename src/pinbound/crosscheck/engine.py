@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.annotations import Line, Mark, Plane, Sweep
+from pinbound.annotations import Mark, Measure
+from pinbound.annotations import Shape as MarkShape
 from pinbound.bodies import Body
 from pinbound.boundary import Boundary
 from pinbound.coupling import Intervals
@@ -199,39 +200,40 @@ def tolerances_of(boundary: Boundary) -> float:
 
 def mark_shape(mark: Mark, more: float, reach: float = 1.0) -> Shape:
     """Return a mark as a shape that is thicker by `more` [m]; a line is a capsule that is longer than `reach` [m]."""
-    first, thick = np.array(mark.anchors[0]), mark.radius + more
-    if isinstance(mark, Sweep):
-        lengths = np.linalg.norm(mark.ways, axis=1)
-        axes = np.array(mark.ways).T / lengths
-        if len(lengths) in (2, 3) and np.abs(axes.T @ axes - np.eye(len(lengths))).max() < REDUCTION:
-            return _box(mark, axes, lengths, thick)
+    shape = mark.shape
+    first, thick = shape.origin, shape.radius + more
+    if len(shape.directions) > 1:
+        lengths = np.linalg.norm(shape.directions, axis=1)
+        axes = shape.directions.T / lengths
+        upright = np.abs(axes.T @ axes - np.eye(len(lengths))).max() < REDUCTION
+        if shape.is_zonotope and len(lengths) in (2, 3) and upright:
+            return _box(mark.link, shape, axes, lengths, thick)
         if np.linalg.matrix_rank(axes) < _SOLID:
-            raise UnsupportedError(f"coal has no flat body like the sweep {mark.name!r}, but for rectangles")
-        vertices = np.array([mark.ways]).reshape(-1, 3).T @ np.array(list(product((0, 1), repeat=len(mark.ways)))).T
-        return Shape(mark.link, "hull", (thick,), np.eye(3), first, vertices.T)
-    if len(mark.anchors) == 1:
+            raise UnsupportedError(f"coal has no flat body like {mark.name!r}, but for rectangles")
+        return Shape(mark.link, "hull", (thick,), np.eye(3), first, shape.corners @ shape.directions)
+    if shape.is_point:
         return Shape(mark.link, "sphere", (thick,), np.eye(3), first)
-    along = np.array(mark.anchors[1]) - first
+    along: Array = shape.directions[0] if shape.normal is None else shape.normal
     length = float(np.linalg.norm(along))
     z = along / length
     x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     x /= np.linalg.norm(x)
     rotation: Any = np.column_stack((x, np.cross(z, x), z))
-    if isinstance(mark, Plane):
+    if shape.measure is Measure.HEIGHT:
         return Shape(mark.link, "halfspace", (more,), rotation, first)
-    if isinstance(mark, Line):
+    if shape.measure is Measure.ACROSS:
         return Shape(mark.link, "capsule", (thick, max(_LINE, _LONGER * reach)), rotation, first)
     return Shape(mark.link, "capsule", (thick, length), rotation, first + along / 2)
 
 
-def _box(mark: Sweep, axes: Array, lengths: Array, thick: float) -> Shape:
+def _box(link: str, shape: MarkShape, axes: Array, lengths: Array, thick: float) -> Shape:
     """Return a rectangle or box, `thick` around it."""
     third = np.cross(axes[:, 0], axes[:, 1])
     flip = 1.0 if axes.shape[1] == 2 or float(third @ axes[:, 2]) > 0.0 else -1.0
     rotation: Any = np.column_stack((axes[:, 0], axes[:, 1], third))
     size = (float(lengths[0]), float(lengths[1]), float(lengths[2]) if len(lengths) > 2 else 0.0)
-    middle = np.array(mark.xyz) + rotation @ (np.array([size[0], size[1], flip * size[2]]) / 2)
-    return Shape(mark.link, "box", size, rotation, middle, swept_radius=thick)
+    middle = shape.origin + rotation @ (np.array([size[0], size[1], flip * size[2]]) / 2)
+    return Shape(link, "box", size, rotation, middle, swept_radius=thick)
 
 
 def sample(robot: Robot, count: int, rng: np.random.Generator) -> Array:

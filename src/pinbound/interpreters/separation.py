@@ -5,6 +5,10 @@ and a t at its end does not move, so that with the Hessian H of |r| over (q, t) 
 
     grad = r^ . (w' + sum_i t*_i e_i'),      Hess = H_qq - H_qf H_ff^-1 H_fq.
 
+Of hulls the free t are those that stay in the face that is nearest: the differences of its vertices span them. Where
+H_ff is singular in a direction that q does not lead along either (edges along the axis of every joint), the separation
+does not depend on that direction, and it is left out.
+
 A plane measures `n . r` instead of |r|, which is linear: its least t are 0 or 1. `docs/segments.md` derives all this,
 and says where derivatives jump.
 """
@@ -19,12 +23,16 @@ from numpy.typing import NDArray
 from pinbound.interpreters import numeric
 from pinbound.interpreters.closest import lowest, nearest, nearest_of_hulls
 from pinbound.path import RelativePath
-from pinbound.tolerances import OVERLAP
+from pinbound.tolerances import OVERLAP, UNIT_ROUNDOFF
 
-__all__ = ["gradients", "hessians", "measured", "parameters", "separations", "vectors"]
+__all__ = ["gradients", "hessians", "measured", "nearest_points", "parameters", "separations", "vectors"]
 
 Array = NDArray[np.float64]
 
+_FACE = 64  # unit roundoffs of the path's length: vertices this near to the lowest are of one face
+_SPANNED = 1e-9  # relative: directions in which a face leads less far do not count as its own
+_FLAT_FACE = 1e-10  # relative: a curvature this small is none (two directions at 1e-5 rad)
+_STILL = 1e-8  # relative: so little does q lead along a direction that it does not follow
 _SINGULAR = 1e-14  # a determinant of unit rows: two ways at 1e-7 rad
 
 
@@ -60,6 +68,30 @@ def vectors(path: RelativePath, Q: Array) -> Array:
     return along if path.is_signed else r - along
 
 
+def nearest_points(path: RelativePath, Q: Array) -> Array:
+    """Return the nearest points of both marks (N, 2, 3) [m], radii left out, in the ancestor's frame.
+
+    Of a line or plane it is the foot of the other's point. Where several pairs are equally near it is one of them.
+    """
+    t = parameters(path, Q)
+    points: list[Array] = []
+    for branch in (path.branch_a, path.branch_b):
+        x = numeric.positions(branch.chain, Q)
+        for column, way in enumerate(branch.ways):
+            x = x + t[:, column, None] * numeric.positions(way, Q)
+        points.append(x)
+    if path.upright is not None:
+        unit = numeric.positions(path.upright, Q)
+        r = points[0] - points[1]
+        along = np.einsum("ni,ni->n", r, unit)[:, None] * unit
+        r = along if path.is_signed else r - along
+        if path.first_is_b:
+            points[1] = points[0] - r
+        else:
+            points[0] = points[1] + r
+    return np.stack(points, axis=1)
+
+
 def gradients(path: RelativePath, Q: Array) -> Array:
     """Return the gradient (N, n) of the separation; NaN where a distance is zero, for it has a kink there."""
     if path.is_plain:
@@ -80,6 +112,8 @@ def hessians(path: RelativePath, Q: Array) -> Array:
     full = numeric.norm_hessian(r, J, H)
     free = (t > 0.0) & (t < 1.0)
     found = full[:, :n, :n].copy()
+    if not path.swept.is_zonotope:
+        return found - _follows(full, _faces(path, r, J[:, :, n:]), n)
     patterns: Any = np.unique(free, axis=0)
     for pattern in patterns:
         rows, columns = np.flatnonzero(np.all(free == pattern, axis=1)), n + np.flatnonzero(pattern)
@@ -87,6 +121,45 @@ def hessians(path: RelativePath, Q: Array) -> Array:
             inner = full[rows[:, None, None], columns[:, None], columns]
             mixed = full[rows[:, None, None], columns[:, None], np.arange(n)]
             found[rows] -= np.swapaxes(mixed, 1, 2) @ _solve(inner, mixed)
+    return found
+
+
+def _faces(path: RelativePath, r: Array, ways: Array) -> Array:
+    """Return the projectors (N, k, k) on the t that stay in the nearest face of either body."""
+    towards, k = numeric.unit(r), ways.shape[2]
+    heights, split = np.einsum("ni,nik->nk", towards, ways), path.swept.corners[0].shape[1]
+    size = np.linalg.norm(r, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a unit vector is known to the rounding of r
+        tolerance = _FACE * UNIT_ROUNDOFF * path.minimal.scale * (1.0 + path.minimal.scale / size)
+    projectors, first = np.zeros((len(r), k, k)), 0
+    for corners, along in zip(path.swept.corners, (heights[:, :split], heights[:, split:]), strict=True):
+        above = along @ corners.T
+        with np.errstate(invalid="ignore"):
+            lowest = above <= above.min(axis=1, keepdims=True) + tolerance[:, None]
+        m = corners.shape[1]
+        for row in np.flatnonzero(lowest.sum(axis=1) > 1).tolist():
+            face = corners[lowest[row]]
+            _, sizes, rows = np.linalg.svd(face[1:] - face[0], full_matrices=False)
+            rows = rows[sizes > _SPANNED * sizes[0]]
+            projectors[row, first : first + m, first : first + m] = rows.T @ rows
+        first += m
+    return projectors
+
+
+def _follows(full: Array, faces: Array, n: int) -> Array:
+    """Return `H_qf H_ff^+ H_fq` (N, n, n), NaN where f is singular in a direction that q leads along."""
+    inner = faces @ full[:, n:, n:] @ faces
+    mixed = faces @ full[:, n:, :n]
+    found = np.full((len(full), n, n), np.nan)
+    rows = np.flatnonzero(np.all(np.isfinite(inner), axis=(1, 2)) & np.all(np.isfinite(mixed), axis=(1, 2)))
+    sizes, axes = np.linalg.eigh(inner[rows])
+    largest = np.abs(sizes).max(axis=1, initial=0.0)[:, None]
+    kept = sizes > _FLAT_FACE * largest
+    turned = np.swapaxes(axes, 1, 2) @ mixed[rows]
+    size = np.abs(full[rows]).max(axis=(1, 2))
+    lost = np.abs(np.where(kept[:, :, None], 0.0, turned)).max(axis=(1, 2), initial=0.0)
+    parts = np.divide(turned, sizes[:, :, None], out=np.zeros_like(turned), where=kept[:, :, None])
+    found[rows] = np.where((lost <= _STILL * size)[:, None, None], np.swapaxes(turned, 1, 2) @ parts, np.nan)
     return found
 
 

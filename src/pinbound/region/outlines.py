@@ -22,7 +22,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pinbound.annotations import Line as LineMark
-from pinbound.annotations import Mark, Point, Segment
+from pinbound.annotations import Mark, Point
 from pinbound.annotations import Plane as PlaneMark
 from pinbound.chain import Chain
 from pinbound.exceptions import UnsupportedError
@@ -136,7 +136,7 @@ def _functions(plane: Plane, curve: Curve, window: Array) -> list[Traced]:
     if not path.swept.directions:
         return [ContactFunction.over(_scaled(plane, path.minimal), T, window, path.across)]
     boundary = plane.robot.boundaries[curve.name]
-    segments = [mark for mark in (boundary.point_a, boundary.point_b) if isinstance(mark, Segment) and mark.ways]
+    segments = [mark for mark in (boundary.point_a, boundary.point_b) if mark.shape.is_segment]
     known = len(segments) == len(path.swept.directions) and path.across is None
     if not known or (len(segments) > 1 and not _is_flat(path)):
         raise UnsupportedError(
@@ -149,12 +149,14 @@ def _functions(plane: Plane, curve: Curve, window: Array) -> list[Traced]:
     ]
     for segment in segments:
         other = boundary.point_b if segment is boundary.point_a else boundary.point_a
-        for xyz in other.anchors:
-            end = Point("", other.link, xyz)
-            line = _seen(plane, LineMark("", segment.link, segment.xyz, segment.ways[0]), end)
+        first, last = segment.shape.vertices
+        along = tuple((last - first).tolist())
+        for xyz in other.shape.vertices.tolist():
+            end = Point("", other.link, tuple(xyz))
+            line = _seen(plane, LineMark("", segment.link, tuple(first.tolist()), along), end)
             found.append(ContactFunction.over(_scaled(plane, line.minimal), T, window, line.across))
-            for foot in segment.anchors:  # the foot on the line passes an end of the segment
-                upright = _seen(plane, PlaneMark("", segment.link, foot, segment.ways[0]), end)
+            for foot in (first, last):  # the foot on the line passes an end of the segment
+                upright = _seen(plane, PlaneMark("", segment.link, tuple(foot.tolist()), along), end)
                 found.append(_height(upright, _scaled(plane, upright.minimal), 0.0, window))
     return [function for function in found if function.chain.coordinates]
 
