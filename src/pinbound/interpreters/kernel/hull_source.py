@@ -8,6 +8,7 @@ makes symbols of Python's of it. `docs/hulls.md` derives what is done.
 
 from __future__ import annotations
 
+from functools import cache
 from textwrap import indent
 from typing import Final
 
@@ -34,6 +35,7 @@ WORK: Final = 46
 """Of a search: four corners, their shares twice, their vertices, edge vectors of a and b."""
 
 
+@cache
 def hull_source() -> KernelSource:
     """Return the source; it has the prototype of all kernels, its tables in place of scratch."""
     steps = {name: indent(text, "    " * depth).strip() for name, (depth, text) in _STEPS.items()}

@@ -138,7 +138,7 @@ class _Writer:
             path_nodes.append(self._node(path_nodes[-1], step, chain, index))
         counts = [corners.shape[1] for corners in path.swept.corners]
         first, last = offsets[0].copy(), offsets[-1].copy() if chain.rotations else np.zeros(3)
-        sides: list[list[float]] = []
+        sides: list[float] = []
         tables: list[float] = []
         true_counts: list[float] = []
         reach = 0.0
