@@ -3,7 +3,7 @@
 All that a set of boundaries is stands in one array of numbers, `s`: a head, tables, and room to work in. `hulls` writes
 it. So machine code is compiled once a machine and not once a robot, and its length does not grow with the pairs. It is
 one function, put together from the steps below: Numba takes seconds for each call of one function by another, and
-makes symbols of Python's of it. `docs/hulls.md` derives what is done.
+makes symbols of Python's of it. `docs/kernel.md` derives what is done.
 """
 
 from __future__ import annotations
