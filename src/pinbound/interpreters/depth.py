@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,12 +43,12 @@ class Penetration(Value):
         depth: (N,) [m], the shortest way that makes them touch; zero where they are apart.
         direction: (N, 3), unit, in the ancestor's frame: body a moved along it by the depth touches b. Where they
             are apart it leads from b's nearest point to a's.
-        is_unique: (N,), whether it is the only such direction; it is one of several if not.
+        is_unique: (N,) bools, whether it is the only such direction; it is one of several if not.
     """
 
-    depth: Array
+    depth: Any
     direction: Array
-    is_unique: NDArray[np.bool_]
+    is_unique: Any
 
 
 @dataclass
@@ -136,9 +137,10 @@ def _deepest_of(path: RelativePath, Q: Array, rows: NDArray[np.intp]) -> list[tu
 
 def _across(unit: Array) -> Array:
     """Return two unit rows across a unit vector, and each other."""
-    one = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
+    one: Array = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
     one /= np.linalg.norm(one)
-    return np.stack((one, np.cross(unit, one)))
+    other: Array = np.cross(unit, one)
+    return np.stack((one, other))
 
 
 def _deepest(a: Array, b: Array, basis: Array) -> _Deepest:
@@ -212,7 +214,8 @@ def _faces(points: Array) -> tuple[Array, Array]:
     found = ConvexHull((points - middle) @ axes.T / sizes)
     normals: Array = (found.equations[:, :-1] / sizes) @ axes
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    return normals, np.einsum("fi,fki->fk", normals, points[found.simplices]).min(axis=1)
+    heights: Array = np.einsum("fi,fki->fk", normals, points[found.simplices])
+    return normals, heights.min(axis=1)
 
 
 def _slope(path: RelativePath, q: Array, m: Array, depth: float) -> Array:
