@@ -137,10 +137,9 @@ def _deepest_of(path: RelativePath, Q: Array, rows: NDArray[np.intp]) -> list[tu
 
 def _across(unit: Array) -> Array:
     """Return two unit rows across a unit vector, and each other."""
-    one: Array = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
+    one = np.asarray(np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))]), dtype=np.float64)
     one /= np.linalg.norm(one)
-    other: Array = np.cross(unit, one)
-    return np.stack((one, other))
+    return np.stack((one, np.asarray(np.cross(unit, one), dtype=np.float64)))
 
 
 def _deepest(a: Array, b: Array, basis: Array) -> _Deepest:

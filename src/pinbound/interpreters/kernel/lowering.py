@@ -116,25 +116,20 @@ _WIDE = 8
 """Vertices looked at together: two vectors of AVX2, one of AVX-512."""
 
 
-@_intrinsic
-def furthest(_: Any, s: Any, start: Any, count: Any, x: Any, y: Any, z: Any) -> Any:
+def furthest(builder: Any, args: list[Any]) -> Any:
     """Return the place of the vertex least along (x, y, z), the first of equal ones within each of eight lanes.
 
-    Coordinates stand one after the other: those along x at `s[start]`, along y at `s[start + count]`, along z behind
-    them; count is a multiple of eight. LLVM does not vectorise a loop that keeps the place of its minimum.
+    Arguments are s, start, count, x, y, z. Coordinates stand one after the other: those along x at `s[start]`, along y
+    at `s[start + count]`, along z behind them; count is a multiple of eight. LLVM does not vectorise a loop that keeps
+    the place of its minimum.
     """
-
-    def generate(_: Any, builder: Any, signature: Any, args: Any) -> Any:
-        kind = _ir.FunctionType(_ir.IntType(64), [argument.type for argument in args])
-        function = _cgutils.get_or_insert_function(builder.module, kind, "pinbound_furthest")
-        if function.is_declaration:
-            function.linkage = "internal"
-            function.attributes.add("alwaysinline")
-            _furthest(function)
-        return builder.call(function, args)
-
-    real = s.dtype
-    return _types.intp(s, _types.intp, _types.intp, real, real, real), generate
+    kind = _ir.FunctionType(_ir.IntType(64), [argument.type for argument in args])
+    function = _cgutils.get_or_insert_function(builder.module, kind, "pinbound_furthest")
+    if function.is_declaration:
+        function.linkage = "internal"
+        function.attributes.add("alwaysinline")
+        _furthest(function)
+    return builder.call(function, args)
 
 
 def _furthest(function: Any) -> None:
