@@ -18,6 +18,7 @@ from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedErr
 from pinbound.interpreters import depth, outwards, separation, univariate
 from pinbound.interpreters.depth import Penetration
 from pinbound.path import Kind, RelativePath
+from pinbound.spans import checked_window
 from pinbound.tolerances import ROOT
 from pinbound.values import Value
 
@@ -429,27 +430,6 @@ def _around(arcs: univariate.AllowedArcs, value: float) -> tuple[float, float]:
         if found is not None:
             return min(found[0], value), max(found[1], value)
     return value, value
-
-
-def checked_window(window: Any) -> tuple[float, float]:
-    """Return a window as two numbers, the lower one first.
-
-    Raises:
-        DimensionError: If it is something else.
-
-    Example:
-        >>> checked_window([-1, 2])
-        (-1.0, 2.0)
-    """
-    try:
-        low, high = (float(end) for end in window)
-    except (TypeError, ValueError) as error:
-        raise DimensionError(f"the window {window!r} is not two numbers; give window=(lower, upper)") from error
-    if not low < high:  # also if one is NaN
-        raise DimensionError(
-            f"the window ({low}, {high}) holds nothing; give window=(lower, upper), the lower end first"
-        )
-    return low, high
 
 
 def one_configuration(q: ArrayLike, coordinates: Sequence[str]) -> Array:
