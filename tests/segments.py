@@ -9,11 +9,12 @@ from typing import Any
 import coal
 import numpy as np
 import pinocchio as pin
+from scipy.optimize import lsq_linear
 
 import pinbound as pb
 from robots import ARM, HEAD, joint
 
-__all__ = ["MARKS", "PLANAR", "ROBOTS", "assemble", "oracle_clearances", "place"]
+__all__ = ["MARKS", "PLANAR", "ROBOTS", "assemble", "exact_clearance", "oracle_clearances", "place"]
 
 FAR = 1e3  # metres: half the length of a capsule that stands for a line
 
@@ -194,8 +195,35 @@ def place(robot: pb.Robot, theta: Any, mark: Any, data: Any) -> Any:
     return [data.oMf[robot.model.getFrameId(mark.link, pin.BODY)].act(xyz) for xyz in mark.shape.anchors]
 
 
+def exact_clearance(robot: pb.Robot, boundary: pb.Boundary, q: Any) -> float:
+    """Return one clearance from Pinocchio's placements and SciPy's bounded least squares, exact but for rounding."""
+    data = robot.model.createData()
+    theta = robot.coupling.expand(q[None])[0]
+    pin.framesForwardKinematics(robot.model, data, theta)
+    one, two = boundary.point_a, boundary.point_b
+    (first, *ends), (second, *others) = (place(robot, theta, mark, data) for mark in (one, two))
+    threshold = boundary.min_distance + one.radius + two.radius
+    ways = [end - first for end in ends] + [second - other for other in others]
+    if any(isinstance(mark, pb.Plane) for mark in (one, two)):
+        (top, *corners), mark = (others, two) if isinstance(two, pb.Plane) else (ends, one)
+        assert not corners
+        base, normal = (second, top - second) if mark is two else (first, top - first)
+        start, body = (first, ends) if mark is two else (second, others)
+        return float((start - base) @ normal + sum(min(0.0, (end - start) @ normal) for end in body)) - threshold
+    free = np.array([isinstance(mark, pb.Line) for mark in (one, two) for _ in (ends if mark is one else others)])
+    if not ways:
+        return float(np.linalg.norm(second - first)) - threshold
+    ends_of_t = np.where(free, -np.inf, 0.0), np.where(free, np.inf, 1.0)
+    found = lsq_linear(np.column_stack(ways), second - first, ends_of_t, method="bvls", tol=1e-16)
+    return float(np.linalg.norm(found.fun)) - threshold
+
+
 def oracle_clearances(robot: pb.Robot, Q: Any, chosen: Sequence[int] | None = None) -> Any:
-    """Return clearances (N, m) from Pinocchio's placements and coal's distances: of all boundaries, or those chosen."""
+    """Return clearances (N, m) from Pinocchio's placements and coal's distances: of all boundaries, or those chosen.
+
+    coal's search ends within 1e-6 m of the distance, and its boxes are larger by 1e-10 of their size where the
+    direction that it looks in has a component of exactly zero: on which rows that is, rounding decides.
+    """
     data = robot.model.createData()
     boundaries = list(robot.boundaries) if chosen is None else [robot.boundaries[index] for index in chosen]
     found = np.empty((len(Q), len(boundaries)))

@@ -317,3 +317,35 @@ def test_the_bounds_of_a_stop_over_an_interval_are_its_extremes(load_text: Load,
     assert np.all(least - found.lower < 1e-5)  # what 4,001 samples may miss
     assert np.array_equal(found.clear, np.all(np.abs(samples) < math.pi - 1e-11, axis=1))
     assert not np.any(found.violated & (np.abs(centre[:, 0]) < math.pi))
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("backend", ["compiled", "numpy"])
+def test_every_backend_has_the_signs_of_the_rule(minerva: pb.Robot, backend: Any, dtype: Any) -> None:
+    """At, next to, beside and turns beyond every contact line: what a fused sine cannot tell, the rule decides."""
+    rng, B = np.random.default_rng(4), minerva.boundaries
+    Q = rng.uniform(-3.0, 3.0, (400, 3))
+    for boundary in B:
+        stop = boundary.rule.stop
+        assert stop is not None
+        index = int(np.flatnonzero(stop.coefficients)[-1])
+        near = rng.uniform(-1.0, 1.0, (60, 3))
+        rest = near @ stop.coefficients - near[:, index] * stop.coefficients[index]
+        off = rng.choice([0.0, 1e-17, -1e-17, 1e-15, -1e-15, 1e-9, -1e-9, 7.0, -7.0, 50.0], 60)
+        near[:, index] = (np.array(stop.gap)[rng.integers(0, 2, 60)] - rest + off) / stop.coefficients[index]
+        Q = np.vstack((Q, near))
+    Q[7, 1], Q[9, 2] = np.nan, np.inf
+    rule = np.stack([boundary.rule.signed(Q) for boundary in B], axis=1)
+    found = B.signed_clearances(Q, backend=backend, dtype=dtype)
+    smallest = B.smallest(Q, backend=backend, dtype=dtype)
+    least, index = smallest.clearance, smallest.index
+    assert np.array_equal(np.isnan(found), np.isnan(rule))
+    finite = ~np.isnan(rule)
+    assert np.array_equal(found[finite] > 0.0, rule[finite] > 0.0)
+    rounding = 64.0 * np.finfo(dtype).eps * (1.0 + np.nan_to_num(np.abs(Q), posinf=0.0).max(axis=1))
+    assert np.all((np.abs(found - rule) <= rounding[:, None])[finite])
+    told = finite.all(axis=1)
+    assert np.array_equal(index < 0, ~told)
+    assert np.array_equal(least[told] > 0.0, rule[told].min(axis=1) > 0.0)
+    assert np.all(np.abs(least - rule.min(axis=1))[told] <= rounding[told])
+    assert np.array_equal(B.free(Q, limits=False), np.all(np.where(finite, rule, -1.0) > 0.0, axis=1))

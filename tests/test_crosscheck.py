@@ -487,5 +487,5 @@ def test_what_the_region_level_asks_for_can_be_given(load_text: Load, tmp_path: 
     path = tmp_path / "three.urdf"
     path.write_text(THREE)
     words = [str(path), "--levels", "region", "--coordinates", "q1,q2", "--step", "0.05"]
-    assert "region holds" in run(*words, "--window", "q1=-0.6:0.6", "--window", "q2=-0.6:0.6")
-    assert "NAME=LOWER:UPPER" in run(*words, "--window", "q1=-0.6", code=2)
+    assert "region holds" in run(*words, "--window", "q1=-0.6..0.6,q2=-0.6..0.6")
+    assert "NAME=LOWER..UPPER" in run(*words, "--window", "q1=-0.6:0.6", code=2)

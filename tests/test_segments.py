@@ -24,8 +24,9 @@ from pinbound.interpreters.swept_bounds import over_box
 from pinbound.interpreters.swept_isolation import arcs as searched_arcs
 from pinbound.path import RelativePath
 from robots import random_q
-from segments import ROBOTS, oracle_clearances, place
+from segments import ROBOTS, exact_clearance, oracle_clearances, place
 
+COAL = 1e-5  # metres: ten times the tolerance of coal's search
 Load = Callable[..., pb.Robot]
 
 
@@ -45,8 +46,12 @@ def test_clearances_equal_coal_on_capsules_boxes_and_half_spaces(robot: pb.Robot
     found, expected = each(robot, lambda b: b.clearance(Q)), oracle_clearances(robot, Q)
     for column, boundary in enumerate(robot.boundaries):
         floor = -boundary.threshold if boundary.path.is_solid else -np.inf  # coal goes on to measure the depth
-        difference = np.abs(found[:, column] - np.maximum(expected[:, column], floor)).max()
-        assert difference < (1e-9 if boundary.path.is_solid else 2e-13), boundary
+        difference = np.abs(found[:, column] - np.maximum(expected[:, column], floor))
+        assert difference.max() < COAL, boundary
+        rough = np.flatnonzero(difference > 2e-13)  # coal's or ours: a third that is exact decides
+        assert len(rough) <= 0.02 * len(Q), boundary
+        exact = np.array([exact_clearance(robot, boundary, Q[row]) for row in rough])
+        assert np.all(np.abs(found[rough, column] - exact) < 2e-13), boundary
         assert (expected[:, column] > 0).any(), boundary
 
 
@@ -856,3 +861,10 @@ def test_a_contact_however_narrow_is_not_passed_over(load_text: Load, depth: flo
     assert found.shape == (1, 2)
     assert found[0] == pytest.approx([half, 2 * np.pi - half], abs=max(1e-9, 1e-16 / half))
     assert not boundary.limits("q", [2.0]).contains(0.0)
+
+
+def test_the_exact_oracle_agrees_with_every_clearance(robot: pb.Robot) -> None:
+    Q = random_q(robot, 12, seed=6)
+    for boundary in robot.boundaries:
+        found, exact = boundary.clearance(Q), [exact_clearance(robot, boundary, q) for q in Q]
+        assert np.abs(found - exact).max() < 2e-13, boundary

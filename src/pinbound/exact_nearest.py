@@ -48,7 +48,9 @@ def nearest_exactly(w: Array, directions: Array, corners: tuple[Array, Array]) -
         return (x, y, z), (first, second)
 
     point, pair = support((0, 0, 0))
-    points, pairs, shares, v = [point], [pair], [1], point
+    points: list[Whole] = [point]
+    pairs: list[tuple[int, int]] = [pair]
+    shares, v = [1], point
     for _ in range(_MOST_ROUNDS):
         point, pair = support(v)
         if pair in pairs or _dot(v, point) * sum(shares) >= _dot(v, v):  # v is sum(shares) times what it stands for
@@ -58,11 +60,10 @@ def nearest_exactly(w: Array, directions: Array, corners: tuple[Array, Array]) -
         points, pairs = [points[i] for i in used], [pairs[i] for i in used]
         if not any(v):
             break
-    total = sum(shares)
-    return sum(
-        (share / total) * np.concatenate((corners[0][i], corners[1][j]))
-        for share, (i, j) in zip(shares, pairs, strict=True)
-    )
+    total, t = sum(shares), np.zeros(len(directions))
+    for share, (i, j) in zip(shares, pairs, strict=True):
+        t += (share / total) * np.concatenate((corners[0][i], corners[1][j]))
+    return t
 
 
 def _whole(values: Array) -> tuple[NDArray[Any], int]:

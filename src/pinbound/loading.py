@@ -136,7 +136,7 @@ def _excesses(marks: Annotations) -> list[str]:
     if not widest:
         return []
     names = ", ".join(f"{name} {1e3 * excess:.3g} mm" for name, excess in widest.items())
-    return [f"cylinders are held by prisms around them, which lead outside them at their edges by at most: {names}"]
+    return [f"round marks are held by prisms around them, which lead outside them at their edges by at most: {names}"]
 
 
 def _given_items(

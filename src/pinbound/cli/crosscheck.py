@@ -14,11 +14,13 @@ from pinbound.cli.shared import (
     AsJson,
     PackageDirs,
     RobotName,
+    Window,
     XacroArgs,
     console,
     emit_json,
     load_robot,
     millimetres,
+    parse_window,
     print_table,
 )
 from pinbound.crosscheck import (
@@ -45,10 +47,8 @@ def crosscheck(
     seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
     levels: Annotated[str, typer.Option(help="Levels, separated by commas.")] = ",".join(LEVELS),
     coordinates: Annotated[str | None, typer.Option(help="The two of the region level, e.g. q2,q3.")] = None,
-    window: Annotated[
-        list[str] | None,
-        typer.Option(help="NAME=LOWER:UPPER [rad or m]: where the region level looks; for coordinates without limits."),
-    ] = None,
+    window: Window = None,
+    deg: Annotated[bool, typer.Option("--deg", help="Angles of --window are in degrees.")] = False,
     step: Annotated[float | None, typer.Option(help="Grid of the region level [rad or m].")] = None,
     accuracy: Annotated[float, typer.Option(help="Of the region level's curved edges [rad or m].")] = REGION_ACCURACY,
     out: Annotated[Path | None, typer.Option(help="Figure of the region level, .png and .svg.")] = None,
@@ -70,7 +70,8 @@ def crosscheck(
         raise InputError([Problem("is drawn from the region level", "Add it to --levels", "--out")])
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     plane = None if coordinates is None else [name.strip() for name in coordinates.split(",")]
-    found = cross_check(loaded, samples, seed, chosen, rays, step, plane, _windows(window or []), accuracy)
+    within = parse_window(loaded, window, deg)
+    found = cross_check(loaded, samples, seed, chosen, rays, step, plane, within, accuracy)
     if as_json:
         emit_json(found.to_dict())
     else:
@@ -84,20 +85,6 @@ def crosscheck(
     require_coverage(loaded.coverage, require_coverage_)
     if not found.holds:
         raise typer.Exit(1)
-
-
-def _windows(words: list[str]) -> dict[str, tuple[float, float]]:
-    """Return windows by coordinate from words NAME=LOWER:UPPER."""
-    found: dict[str, tuple[float, float]] = {}
-    for word in words:
-        name, _, ends = word.partition("=")
-        try:
-            lower, upper = (float(end) for end in ends.split(":"))
-        except ValueError as error:
-            problem = Problem(f"{word!r} is no window", "Write NAME=LOWER:UPPER, e.g. q2=-1.5:1.5", "--window")
-            raise InputError([problem]) from error
-        found[name.strip()] = lower, upper
-    return found
 
 
 def _print(robot: Robot, found: CrossCheck) -> None:
@@ -119,25 +106,26 @@ def _print(robot: Robot, found: CrossCheck) -> None:
 
 
 def _print_points(level: PointLevel) -> None:
-    rows = [(name, f"{value:.1e}") for name, value in level.differences.items()]
-    rows += [(f"pin of closure {name}", f"{gap:.1e}") for name, gap in level.pins.items()]
+    rows = [(name, f"{1e3 * value:.1e}") for name, value in level.differences.items()]
+    rows += [(f"pin of closure {name}", f"{1e3 * gap:.1e}") for name, gap in level.pins.items()]
     title = f"Points: clearances against coal's shapes, {level.samples} configurations"
-    allowed = f"Allowed: {level.tolerance:.0e} m a metre of path." + _solid(level)
-    print_table(title, ("boundary", "worst difference [m]"), rows, allowed)
+    allowed = f"Allowed: {1e3 * level.tolerance:.0e} mm a metre of path." + _solid(level)
+    print_table(title, ("boundary", "worst difference [mm]"), rows, allowed)
 
 
 def _solid(level: PointLevel | BoundaryLevel) -> str:
-    return f" Boxes and prisms: {level.solid_tolerance:.0e} m." if level.solid else ""
+    return f" Boxes and prisms: {1e3 * level.solid_tolerance:.0e} mm." if level.solid else ""
 
 
 def _print_boundaries(level: BoundaryLevel) -> None:
     rows = [
-        (name, one.method, one.rays, one.free, one.grazing, f"{one.angle:.1e}", f"{one.metres:.1e}")
+        (name, one.method, one.rays, one.free, one.grazing, f"{np.degrees(one.angle):.1e}", f"{1e3 * one.metres:.1e}")
         for name, one in level.boundaries.items()
     ]
-    columns = ("boundary", "compared with", "rays []", "free []", "grazing []", "worst [rad]", "worst [m]")
+    columns = ("boundary", "compared with", "rays []", "free []", "grazing []", "worst [deg]", "worst [mm]")
     title = f"Contacts: closed form against bisection on coal's distance, {level.rays} rays"
-    allowed = f"Allowed: {level.tolerance:.0e} rad, {level.metres_tolerance:.0e} m a metre of path." + _solid(level)
+    allowed = f"Allowed: {np.degrees(level.tolerance):.1e} deg, {1e3 * level.metres_tolerance:.0e} mm a metre of path."
+    allowed += _solid(level)
     print_table(title, columns, rows, allowed)
 
 

@@ -17,6 +17,7 @@ from pinbound.cli.shared import (
     AsJson,
     PackageDirs,
     RobotName,
+    Window,
     XacroArgs,
     console,
     degrees,
@@ -40,10 +41,6 @@ __all__ = ["derive", "info", "limits", "region"]
 At = Annotated[str | None, typer.Option(help="q2=0.1,q3=-0.2: the configuration; home where left out.")]
 Degrees = Annotated[bool, typer.Option("--deg", help="Angles of --at and --window are in degrees.")]
 InPlane = Annotated[str | None, typer.Option("--coordinates", help="The two coordinates, e.g. q2,q3.")]
-Window = Annotated[
-    str | None,
-    typer.Option(help="q1=-1..1,q2=0..0.5: within which ends to look; needed for coordinates without limits."),
-]
 Budget = Annotated[float, typer.Option(help="Seconds after which it ends with what is left; inf: never.")]
 
 

@@ -27,6 +27,7 @@ __all__ = [
     "AsJson",
     "PackageDirs",
     "RobotName",
+    "Window",
     "XacroArgs",
     "console",
     "degrees",
@@ -56,6 +57,10 @@ PackageDirs = Annotated[
 ]
 XacroArgs = Annotated[list[str] | None, typer.Option("--xacro-arg", help="NAME=VALUE for a xacro file.")]
 Trust = Annotated[str, typer.Option(help="'urdf-only' refuses xacro files, which can run code.")]
+Window = Annotated[
+    str | None,
+    typer.Option(help="q1=-1..1,q2=0..0.5: within which ends to look; needed for coordinates without limits."),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON (metres, radians) instead of tables.")]
 
 

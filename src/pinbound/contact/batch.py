@@ -1,22 +1,22 @@
 """Signed clearances of many boundaries, for many configurations: the rule of `rule`, at the speed of the batch kernel.
 
 Stops are functions of one angle each, so that whether they are free is an interval of a linear combination of q, like
-a joint limit: `free` needs the kernel for the other boundaries alone. The size of a stop's signed clearance is the norm
-of two equal arms (`ContactRule.size_path`), which the kernel evaluates; the side is again an interval.
+a joint limit: `free` needs the kernel for the other boundaries alone. Their signed clearances are `stops`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.contact.rule import ContactRule, signed_share
-from pinbound.coupling import Intervals, LinearLimit, combination
+from pinbound.contact.rule import ContactRule
+from pinbound.contact.stops import StopKernel
+from pinbound.coupling import Intervals, LinearLimit
 from pinbound.interpreters import separation
 from pinbound.values import read_only
 
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 __all__ = ["SignedKernel"]
 
 Array = NDArray[Any]
-
-_BLOCK, _LARGE_BLOCK = 1 << 12, 1 << 15
 
 
 class SignedKernel:
@@ -48,7 +46,7 @@ class SignedKernel:
         common: Callable[[], Mapping[str, CommonMark] | None],
     ) -> None:
         """Hold rules of one robot of n coordinates, with the names of their marks; `common` as for `Kernel`."""
-        from pinbound.interpreters.kernel import Kernel, Pair, Reference, kernel_of
+        from pinbound.interpreters.kernel import Reference, kernel_of
 
         self.rules, self.marks, self.n, self.limits = tuple(rules), tuple(marks), n, tuple(limits)
         is_stop = np.array([rule.is_stop for rule in rules], dtype=np.bool_)
@@ -58,16 +56,8 @@ class SignedKernel:
             [self.pairs[k] for k in self.areas.tolist()], n, reference, common
         )
         chosen = self._chosen = [stop for rule in rules if (stop := rule.stop) is not None]
-        angles: dict[tuple[float, ...], int] = {}
-        places = [angles.setdefault(tuple(stop.coefficients.tolist()), len(angles)) for stop in chosen]
-        self._angle = np.array(places, dtype=np.intp)
-        self._angles = np.array(list(angles)).reshape(len(angles), n)
-        self._gaps = np.array([stop.free_gap for stop in chosen]).reshape(-1, 2)
-        self._plays = np.array([stop.play for stop in chosen])
-        self._amplitudes = np.array([stop.amplitude for stop in chosen])
         self._between = [(stop.coefficients, stop.free_gap) for stop in chosen]
-        sizes = [Pair(rules[k].size_path, 0.0, marks[k]) for k in self.stops.tolist()]
-        self._sizes = Kernel(sizes, n, reference, _no_common)
+        self._stops = StopKernel([self.rules[k] for k in self.stops.tolist()], n)
 
     @cached_property
     def pairs(self) -> tuple[Pair, ...]:
@@ -95,7 +85,7 @@ class SignedKernel:
         if len(self.areas):
             chosen = self.kernel.prepare(mode, dtype)
         if len(self.stops) and mode != "least":
-            chosen = self._sizes.prepare(mode, dtype)
+            chosen = self._stops.prepare(mode, dtype)
         return chosen
 
     def free(self, Q: NDArray[np.float64], limits: bool, threads: int = 1, backend: Backend = "auto") -> Array:
@@ -144,20 +134,12 @@ class SignedKernel:
         if not len(self.stops):
             return self.kernel.rows(Q, "gradients" if is_slope else "clearances", out, threads, backend, dtype)
         result = buffer(out, (len(Q), m, self.n) if is_slope else (len(Q), m), kind, columns=not is_slope, source=Q)
-        if is_slope:
-            if len(self.areas):
-                result[:, self.areas] = self.kernel.rows(Q, "gradients", None, threads, backend, dtype)
-            for start in range(0, len(Q), _BLOCK):
-                result[start : start + _BLOCK, self.stops] = self._slopes(Q[start : start + _BLOCK])
-            bad = np.flatnonzero(~np.all(np.isfinite(Q), axis=1))
-            for k in self.stops.tolist() if len(bad) else ():
-                result[bad, k] = self.rules[k].gradients(Q[bad])
-            return result
-        if len(self.areas):
-            result[:, self.areas] = self.kernel.rows(Q, "clearances", None, threads, backend, dtype)
-            result[:, self.stops] = self._signed(Q, None, threads, backend, dtype)
-        else:
-            self._signed(Q, result, threads, backend, dtype)
+        if not len(self.areas):
+            return self._stops.rows(Q, mode, result, threads, backend, dtype)
+        result[:, self.areas] = self.kernel.rows(
+            Q, "gradients" if is_slope else "clearances", None, threads, backend, dtype
+        )
+        result[:, self.stops] = self._stops.rows(Q, mode, None, threads, backend, dtype)
         return result
 
     def smallest(
@@ -170,53 +152,19 @@ class SignedKernel:
         dtype: Any = np.float64,
     ) -> tuple[Array, NDArray[np.int64]]:
         """Return each row's smallest signed clearance (N,) and which boundary has it; NaN and -1 if one is NaN."""
-        least, index = self.kernel.smallest(Q, with_index, out, threads, backend, dtype)
-        if with_index and len(self.areas):
-            index = np.where(index < 0, -1, np.append(self.areas, -1)[index])
         if not len(self.stops):
-            return least, index
-        for start in range(0, len(Q), _LARGE_BLOCK):
-            part = slice(start, start + _LARGE_BLOCK)
-            best, where = least[part], index[part]
-            signed = self._signed(Q[part], None, threads, backend, dtype)
-            for place, column in zip(self.stops.tolist(), signed.T, strict=True):
-                if with_index:
-                    where += (place - where) * ~(column >= best)
-                np.minimum(best, column, out=best)  # a NaN is taken, and stays
+            return self.kernel.smallest(Q, with_index, out, threads, backend, dtype)
+        least, index = self._stops.smallest(Q, with_index, out, threads, backend, dtype)
         if with_index:
-            index[np.isnan(least)] = -1
+            index = np.append(self.stops, -1)[index]
+        if not len(self.areas):
+            return least, index
+        others, places = self.kernel.smallest(Q, with_index, None, threads, backend, dtype)
+        smaller = ~(others >= least)  # a NaN is taken, and stays
+        if with_index:
+            places = np.append(self.areas, -1)[places]
+            smaller |= (others == least) & (places < index)
+            index = np.where(smaller & ~np.isnan(least), places, index)
+            index[np.isnan(others)] = -1
+        np.copyto(least, others, where=smaller & ~np.isnan(least))
         return least, index
-
-    def _signed(self, Q: NDArray[np.float64], out: Array | None, threads: int, backend: Backend, dtype: Any) -> Array:
-        """Return the signed clearances of the stops (N, k): sizes by the kernel, with the sign of the side."""
-        found = self._sizes.rows(Q, "norms", out, threads, backend, dtype)
-        least = float(np.finfo(found.dtype).tiny)
-        for start in range(0, len(Q), _BLOCK):
-            part = slice(start, start + _BLOCK)
-            for column, beyond in enumerate(self._beyond(Q[part])):
-                values = found[part, column]
-                if self._plays[column]:  # the gap is narrower than the arms' alignment
-                    values[:] = self._amplitudes[column] * signed_share(-beyond)
-                    continue
-                np.maximum(values, least, out=values)  # a free q has a positive clearance, however small
-                np.copysign(values, beyond, out=values, casting="same_kind")  # at a contact line it is no free one
-                np.negative(values, out=values)
-        return found
-
-    def _beyond(self, Q: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-        """Yield how far each stop's angle is out of home's gap (N,) [rad], negative in it: `-Stop.depth`."""
-        block = Q.T.copy().T
-        with np.errstate(invalid="ignore"):
-            angles: list[NDArray[np.float64]] = [combination(c, block) for c in self._angles]
-            gaps: list[list[float]] = self._gaps.tolist()
-            for place, (low, high) in zip(map(int, self._angle), gaps, strict=True):
-                yield np.maximum(low - angles[place], angles[place] - high)
-
-    def _slopes(self, Q: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the gradients of the stops' signed clearances (N, k, n)."""
-        with np.errstate(invalid="ignore"):
-            return np.stack([stop.gradients(Q) for stop in self._chosen], axis=1)
-
-
-def _no_common() -> None:
-    """Return that equal arms have no common frame."""

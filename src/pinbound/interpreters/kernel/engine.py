@@ -63,6 +63,7 @@ class Kernel:
         n: int,
         reference: Reference,
         common: Callable[[], Mapping[str, CommonMark] | None],
+        program: Program | None = None,
     ) -> None:
         """Hold what to evaluate.
 
@@ -71,11 +72,14 @@ class Kernel:
             n: Number of active coordinates.
             reference: Gives rows that are not finite.
             common: Returns each mark's chains in one common frame, or None.
+            program: The expressions, where they are not those of the pairs' separations.
         """
         self.pairs, self.n = tuple(pairs), n
         self.reference, self._common = reference, common
         self._scalar: dict[str, Callable[..., list[float]]] = {}
         self._compiled: dict[tuple[str, bool], MachineCode] = {}
+        if program is not None:
+            self.__dict__["program"] = program
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave machine code out; the receiver compiles or loads its own."""
@@ -83,8 +87,7 @@ class Kernel:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore what `__getstate__` kept."""
-        self.__init__(state["pairs"], state["n"], state["reference"], _no_common)
-        self.__dict__["program"] = state["program"]
+        self.__init__(state["pairs"], state["n"], state["reference"], _no_common, state["program"])
 
     @cached_property
     def program(self) -> Program:

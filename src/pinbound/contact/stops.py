@@ -1,0 +1,169 @@
+"""Signed clearances of stops for many configurations, in the batch kernel.
+
+A stop's signed clearance is `s = A sin(d / 2)`, `d = min(phi - low, high - phi)`, with `high = low + 2 pi` where the
+sides of all loops are equal. Then both terms of the minimum have the same sine, and for d of at least -2 pi
+
+    s = A sin((phi - low) / 2) = A (sin(phi / 2) cos(low / 2) - cos(phi / 2) sin(low / 2)),
+
+which costs two products and a difference, and the cosine and sine of `phi / 2` once an angle. Its rounding is
+`|A| (1 + |phi|)` times a few unit roundoffs, so that a sign is sure beyond that; the few rows that are nearer to a
+contact line, and those more than a turn beyond it, are taken from the rule itself. So is a stop whose gap is narrowed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.contact.rule import ContactRule
+from pinbound.coupling import combination
+from pinbound.path import RelativePath
+from pinbound.values import read_only
+
+if TYPE_CHECKING:
+    from pinbound.interpreters.kernel import Backend, Kernel
+    from pinbound.interpreters.kernel.program import Program
+
+__all__ = ["StopKernel"]
+
+Array = NDArray[Any]
+
+_SURE = 32.0
+"""Machine epsilons, relative to `A (1 + |phi|)`: beyond them the sign of a computed clearance is sure."""
+
+_TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True)
+class _Rules:
+    """The rules as the interpreter that the kernel has to equal."""
+
+    rules: tuple[ContactRule, ...]
+
+    def signed(self, path: RelativePath, Q: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self._of(path).signed(Q)
+
+    def gradients(self, path: RelativePath, Q: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self._of(path).gradients(Q)
+
+    def _of(self, path: RelativePath) -> ContactRule:
+        return next(rule for rule in self.rules if rule.path is path)
+
+
+class StopKernel:
+    """Evaluates the signed clearances of stops."""
+
+    def __init__(self, rules: Sequence[ContactRule], n: int) -> None:
+        """Hold the rules of stops of one robot of n coordinates."""
+        self.rules, self.n = tuple(rules), n
+        self._stops = [stop for rule in rules if (stop := rule.stop) is not None]
+        narrow = [stop.play > 0.0 or not np.isfinite(stop.gap[0]) for stop in self._stops]
+        self._is_narrow = read_only(np.array(narrow, dtype=np.bool_))
+
+    def prepare(self, mode: str = "norms", dtype: Any = np.float64) -> str:
+        """Compile or load a mode now, and return the backend that it will run on."""
+        return self._kernel.prepare("norms" if mode == "clearances" else mode, dtype)
+
+    @cached_property
+    def _kernel(self) -> Kernel:
+        """The kernel of all stops; those whose gap is narrowed are overwritten."""
+        from pinbound.interpreters.kernel import Kernel, Pair, Reference
+
+        reference = _Rules(self.rules)
+        pairs = [Pair(rule.path, 0.0, ("", "")) for rule in self.rules]
+        return Kernel(pairs, self.n, Reference(reference.signed, reference.gradients), _no_common, self._program())
+
+    def _program(self) -> Program:
+        from pinbound.interpreters.kernel.program import Program
+        from pinbound.interpreters.kernel.scalars import Graph
+
+        graph = Graph()
+        zero, values = graph.constant(0.0), list[int]()
+        for stop in self._stops:
+            cos, sin = graph.angle((0.5 * stop.coefficients).tolist())
+            half = 0.5 * stop.gap[0] if np.isfinite(stop.gap[0]) else 0.0
+            along, across = stop.amplitude * np.cos(half), stop.amplitude * np.sin(half)
+            values.append(
+                graph.sub(graph.mul(graph.constant(float(along)), sin), graph.mul(graph.constant(float(across)), cos))
+            )
+        vectors = tuple((value, zero, zero) for value in values)
+        m = len(values)
+        return Program(graph, vectors, tuple(values), (True,) * m, (0.0,) * m, self.n, is_common=False)
+
+    def rows(
+        self, Q: NDArray[np.float64], mode: str, out: Array | None, threads: int, backend: Backend, dtype: Any
+    ) -> Array:
+        """Return the signed clearances (N, k), or with the mode ``"gradients"`` their gradients (N, k, n)."""
+        is_slope = mode == "gradients"
+        if is_slope:
+            found = self._kernel.rows(Q, "gradients", out, threads, backend, dtype)
+        else:
+            found = self._kernel.rows(Q, "norms", out, threads, backend, dtype)
+        narrow, sure = self._is_narrow, self._sure(Q, found.dtype)
+        for k, (rule, far) in enumerate(zip(self.rules, self._far(Q), strict=True)):
+            rows = np.arange(len(Q)) if narrow[k] else far
+            if not narrow[k] and not is_slope:
+                rows = np.union1d(rows, np.flatnonzero(~(np.abs(found[:, k]) > sure[k])))
+            if len(rows):
+                found[rows, k] = rule.gradients(Q[rows]) if is_slope else _kept_free(rule.signed(Q[rows]), found.dtype)
+        return found
+
+    def smallest(
+        self, Q: NDArray[np.float64], with_index: bool, out: Array | None, threads: int, backend: Backend, dtype: Any
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """Return each row's smallest signed clearance (N,) and which stop has it; NaN and -1 if one is NaN."""
+        least, index = self._kernel.smallest(Q, with_index, out, threads, backend, dtype)
+        doubtful = ~(np.abs(least) > self._sure(Q, least.dtype).max(initial=0.0))
+        for far in self._far(Q):
+            doubtful[far] = True
+        rows = np.arange(len(Q)) if np.any(self._is_narrow) else np.flatnonzero(doubtful)
+        if len(rows):
+            signed = np.stack([rule.signed(Q[rows]) for rule in self.rules], axis=1)
+            least[rows] = _kept_free(np.min(signed, axis=1), least.dtype)
+            if with_index:
+                index[rows] = np.where(np.any(np.isnan(signed), axis=1), -1, np.argmin(signed, axis=1))
+        return least, index
+
+    def _sure(self, Q: NDArray[np.float64], kind: np.dtype[Any]) -> NDArray[np.float64]:
+        """Return above which size (k,) the sign of a computed clearance is sure while it is finite [m]."""
+        epsilon = float(np.finfo(kind).eps)
+        largest = _largest(Q)
+        reach = np.array([np.abs(stop.coefficients).sum() for stop in self._stops]) * (
+            largest if np.isfinite(largest) else 0.0
+        )
+        size = np.array([stop.amplitude for stop in self._stops])
+        return _SURE * epsilon * size * (1.0 + reach)
+
+    def _far(self, Q: NDArray[np.float64]) -> list[NDArray[np.intp]]:
+        """Return the rows at which each stop's angle is more than a turn beyond home's gap."""
+        none, largest = np.empty(0, dtype=np.intp), _largest(Q)
+        found: list[NDArray[np.intp]] = []
+        for stop in self._stops:
+            low, high = stop.gap[0] - _TURN, stop.gap[1] + _TURN
+            reach = float(np.abs(stop.coefficients).sum()) * largest
+            if reach < min(-low, high):
+                found.append(none)
+                continue
+            with np.errstate(invalid="ignore", over="ignore"):
+                phi = combination(stop.coefficients, Q)
+                found.append(np.flatnonzero(~((phi > low) & (phi < high))))
+        return found
+
+
+def _largest(Q: NDArray[np.float64]) -> float:
+    """Return the largest |q_j| of all rows; NaN if one is NaN, zero of no rows."""
+    return float(max(np.max(Q), -np.min(Q))) if Q.size else 0.0
+
+
+def _kept_free(values: NDArray[np.float64], kind: np.dtype[Any]) -> NDArray[np.float64]:
+    """Return clearances of which no positive one becomes zero as a number of this kind: free stays free."""
+    return np.where(values > 0.0, np.maximum(values, np.finfo(kind).tiny), values)
+
+
+def _no_common() -> None:
+    """Return that angles have no common frame."""
