@@ -1,11 +1,14 @@
 """Make a batch job fail at every place where it writes or reads, and see that resuming gives the undisturbed job.
 
 python -m benchmarks.faults --faults 200
+python -m benchmarks.faults --every
 
-Faults: the system refuses a call (disk full, no permission, read error), writes only a part, or the process is killed
-at it; files of the job are damaged, swapped or removed between two runs; the input changes or shrinks while it is read.
+Faults: the system refuses a call (disk full, no permission, read error), does only a part of it, or the process is
+killed at it (SIGKILL); files of the job are damaged, swapped or removed between two runs; the input changes, shrinks or
+cannot be read while it is read. The calls that a job makes are counted first, so that every fault is at one of them.
 After each fault the job is started again without one. It must then be complete, with the same bytes as the undisturbed
-job, or be refused with one message; and files that are not its own must be as they were.
+job, or be refused with one message; and files that are not its own must be as they were. `--every` kills a job at each
+of its calls in turn: one in a new folder, and one in a folder that is half done.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import errno
 import hashlib
 import os
 import shutil
+import signal
 import sys
 import tempfile
 from collections import Counter
@@ -25,41 +29,52 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 import pinbound as pb
-from pinbound.batch import FileSource, RandomSource, Source, evaluation_of, open_source, run
+from pinbound.batch import VERDICTS, FileSource, RandomSource, Source, evaluation_of, open_source, run
 from pinbound.batch import files as batch_files
 
 ROWS, CHUNK = 2500, 300
 CALLS = ("open", "write", "fsync", "replace", "read", "unlink")
 CODES = (errno.ENOSPC, errno.EACCES, errno.EIO)
-KILLED = 77
 
 
 class _System:
-    """`os` as the batch room sees it, with a fault at one call."""
+    """`os` as the batch room sees it: its calls are counted, and one of them fails."""
 
-    def __init__(self, call: str, at: int, fault: str, code: int) -> None:
-        self.call, self.at, self.fault, self.code, self.seen = call, at, fault, code, 0
+    def __init__(self, call: str = "", at: int = 0, fault: str = "", code: int = 0) -> None:
+        self.call, self.at, self.fault, self.code = call, at, fault, code
+        self.passed: Counter[str] = Counter()
 
     def __getattr__(self, name: str) -> Any:
         real = getattr(os, name)
-        if name != self.call:
+        if name not in CALLS:
             return real
 
         def asked(*args: Any, **kwargs: Any) -> Any:
-            self.seen += 1
-            if self.seen != self.at:
+            self.passed[name] += 1
+            if name != self.call or self.passed[name] != self.at:
                 return real(*args, **kwargs)
             if self.fault == "kill":
-                os._exit(KILLED)
+                os.kill(os.getpid(), signal.SIGKILL)
             if self.fault == "short" and name == "write":
                 return real(args[0], bytes(args[1])[: max(1, len(args[1]) // 3)])
+            if self.fault == "short" and name == "read":
+                return real(args[0], 7)
+            if self.fault == "half" and name == "read":
+                return b""  # the file ends here
             if self.fault == "half" and name == "write":
                 real(args[0], bytes(args[1])[: len(args[1]) // 2])
             raise OSError(self.code, os.strerror(self.code))
 
         return asked
+
+    @property
+    def points(self) -> list[tuple[str, int]]:
+        """Every call that was made, as its name and its number."""
+        return [(name, at) for name in CALLS for at in range(1, self.passed[name] + 1)]
 
 
 @contextmanager
@@ -90,8 +105,23 @@ class Campaign:
         self.restore_input()
         self.whole = self._run(self.made, folder / "whole")
         self.expected = digests(folder / "whole")
+        self.neighbour = folder / "neighbour"
+        self.neighbour.mkdir()
+        (self.neighbour / "part-00000000.parquet").write_text("mine")
         self.seen: Counter[str] = Counter()
         self.wrong: list[str] = []
+        self._compare_with_the_source()
+
+    def _compare_with_the_source(self) -> None:
+        """Refuse to measure by an undisturbed job that is itself wrong: its rows and counts are made here once more."""
+        parts = sorted((self.folder / "whole").glob("part-*.parquet"))
+        table = pa.concat_tables([pq.read_table(part, use_threads=False) for part in parts])
+        Q = self.made.read(0, ROWS)
+        read = np.stack([table[name].to_numpy() for name in self.robot.coordinates], axis=1)
+        free = self.robot.boundaries.free(Q)
+        kept = sum(self.whole.statistics.verdicts[VERDICTS.index(name)] for name in ("inside", "free", "outside"))
+        if not (np.array_equal(table["row"], np.arange(ROWS)) and np.array_equal(read, Q) and kept == free.sum()):
+            raise SystemExit("the undisturbed job does not hold the rows of its source")
 
     def restore_input(self) -> None:
         np.save(self.input, self.made.read(0, ROWS))
@@ -106,12 +136,28 @@ class Campaign:
     def trial(self) -> None:
         """Do one fault, resume, compare."""
         kinds: tuple[Callable[[Path, Source], str], ...] = (self._refused, self._refused, self._damaged, self._input)
+        where, source = self._begin()
+        self._resumed(kinds[self.random.integers(len(kinds))](where, source), where, source)
+
+    def kill_everywhere(self) -> None:
+        """Kill jobs at every call that they make: in a new folder, and in one that is half done."""
+        for source in (self.made, open_source(self.input, self.robot.coordinates)):
+            for begun in (False, True):
+                where, _ = self._begin()
+                for call, at in self._points(where, source, 9 if begun else 0):
+                    where, _ = self._begin()
+                    self._half_done(where, source, 9 if begun else 0)
+                    self._resumed(self._killed(where, source, call, at), where, source)
+
+    def _begin(self) -> tuple[Path, Source]:
         where = self.folder / "trial"
         shutil.rmtree(where, ignore_errors=True)
         where.mkdir()
         self.restore_input()
-        source = self.source()
-        what = kinds[self.random.integers(len(kinds))](where, source)
+        return where, self.source()
+
+    def _resumed(self, what: str, where: Path, source: Source) -> None:
+        """Start the job again, and compare it with the undisturbed one."""
         foreign = where / "notes.txt"
         if (where / "manifest.json").is_file() and not foreign.exists():
             foreign.write_text("mine")
@@ -132,32 +178,56 @@ class Campaign:
                 self.wrong.append(f"{what}: a half-written file is left")
         if before is not None and foreign.read_bytes() != before:
             self.wrong.append(f"{what}: a foreign file changed")
+        if [path.read_text() for path in self.neighbour.iterdir()] != ["mine"]:
+            self.wrong.append(f"{what}: a file beside the folder changed")
         self.seen[f"{what} -> {ending}"] += 1
 
-    def _refused(self, where: Path, source: Source) -> str:
-        call = CALLS[self.random.integers(len(CALLS))]
-        fault = ("refuse", "kill", "short", "half")[self.random.integers(4)]
-        if fault in ("short", "half") and call != "write":
-            fault = "refuse"
-        code = CODES[self.random.integers(len(CODES))]
-        if self.random.integers(2):  # in a folder that is begun already, so that reading happens too
-            with _faulty(_System("replace", int(self.random.integers(2, 15)), "refuse", errno.EIO)):
+    def _half_done(self, where: Path, source: Source, files: int) -> None:
+        """Begin a job and refuse it the given rename; 0 leaves the folder empty."""
+        if not files:
+            return
+        with _faulty(_System("replace", files, "refuse", errno.EIO)):
+            try:
+                self._run(source, where)
+            except pb.MachineError:
+                pass
+        (where / "notes.txt").write_text("mine")
+
+    def _points(self, where: Path, source: Source, files: int) -> list[tuple[str, int]]:
+        """Return the calls of a job that is not disturbed."""
+        self._half_done(where, source, files)
+        counting = _System()
+        with _faulty(counting):
+            self._run(source, where)
+        return counting.points
+
+    def _killed(self, where: Path, source: Source, call: str, at: int) -> str:
+        child = os.fork()
+        if not child:
+            with _faulty(_System(call, at, "kill")):
                 try:
                     self._run(source, where)
-                except pb.MachineError:
-                    pass
-        system = _System(call, int(self.random.integers(1, 40)), fault, code)
+                finally:
+                    os._exit(0)
+        if os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != -signal.SIGKILL:
+            self.wrong.append(f"kill at {call} {at}: not reached")
+        return f"killed at {call}"
+
+    def _refused(self, where: Path, source: Source) -> str:
+        files = int(self.random.integers(2, 15)) if self.random.integers(2) else 0
+        points = self._points(where, source, files)  # where the code passes
+        where, _ = self._begin()
+        self._half_done(where, source, files)
+        names = sorted({name for name, _ in points})
+        call = names[self.random.integers(len(names))]
+        at = int(self.random.integers(1, sum(name == call for name, _ in points) + 1))
+        fault = ("refuse", "kill", "short", "half")[self.random.integers(4)]
+        if fault in ("short", "half") and call not in ("write", "read"):
+            fault = "kill"
         if fault == "kill":
-            child = os.fork()
-            if not child:
-                with _faulty(system):
-                    try:
-                        self._run(source, where)
-                    finally:
-                        os._exit(0)
-            return (
-                f"killed at {call}" if os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == KILLED else "not reached"
-            )
+            return self._killed(where, source, call, at)
+        code = CODES[self.random.integers(len(CODES))]
+        system = _System(call, at, fault, code)
         name = f"{call} {'refused' if fault == 'refuse' else fault} ({errno.errorcode[code]})"
         with _faulty(system):
             try:
@@ -167,9 +237,12 @@ class Campaign:
                     self.wrong.append(f"{name}: no remedy in {error}")
                 return name
             except pb.PinboundError as error:
-                self.wrong.append(f"{name}: called a fault of the input: {error}")
+                if not (fault == "half" and call == "read" and "no manifest" in str(error)):  # it looks damaged
+                    self.wrong.append(f"{name}: called a fault of the input: {error}")
                 return name
-        return f"{name}, ridden out" if system.seen >= system.at else "not reached"
+        if system.passed[call] < at:
+            self.wrong.append(f"{name}, call {at}: not reached")
+        return f"{name}, ridden out"
 
     def _damaged(self, where: Path, source: Source) -> str:
         self._run(source, where)
@@ -205,11 +278,13 @@ class Campaign:
     def _input(self, where: Path, source: Source) -> str:
         if isinstance(source, RandomSource):
             return self._refused(where, source)
-        how = ("other numbers", "cut", "longer", "gone")[self.random.integers(4)]
+        how = ("other numbers", "cut", "longer", "gone", "unreadable")[self.random.integers(5)]
         at = int(self.random.integers(0, 8))
 
         class Changing(FileSource):
             def read(changing, start: int, stop: int) -> Any:
+                if start == at * CHUNK and how == "unreadable":
+                    raise OSError(errno.EIO, os.strerror(errno.EIO))
                 if start == at * CHUNK:
                     self._spoil(how)
                 return super().read(start, stop)
@@ -217,7 +292,7 @@ class Campaign:
         changing = Changing(**{f.name: getattr(source, f.name) for f in dataclasses.fields(source)})
         try:
             self._run(changing, where)
-        except (pb.PinboundError, FileNotFoundError):
+        except (pb.PinboundError, OSError):
             return f"input changed while read ({how})"
         self.wrong.append(f"input changed while read ({how}, chunk {at}): not noticed")
         return f"input changed while read ({how})"
@@ -244,14 +319,23 @@ def campaign(faults: int, seed: int, folder: Path) -> Campaign:
     return made
 
 
+def kills(seed: int, folder: Path) -> Campaign:
+    """Kill jobs at every call."""
+    made = Campaign(folder, seed)
+    made.kill_everywhere()
+    return made
+
+
 def main() -> None:
     """Print a table of what was done; exit 1 if anything came out wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--faults", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--every", action="store_true", help="kill at every call instead")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        found = campaign(options.faults, options.seed, Path(name))
+        where = Path(name)
+        found = kills(options.seed, where) if options.every else campaign(options.faults, options.seed, where)
     for what, count in sorted(found.seen.items()):
         print(f"| {what} | {count} |")
     print(f"{sum(found.seen.values())} faults, {len(found.wrong)} wrong")

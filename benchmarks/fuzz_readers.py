@@ -1,11 +1,15 @@
-"""Fuzz the readers: mutated URDF, xacro, YAML and SRDF files end in a robot or in one InputError, never otherwise.
+"""Fuzz the readers: mutated files of every kind end in a robot, a table, or one InputError, never otherwise.
 
-A mutated URDF that loads is compared with Pinocchio's own reading of the same bytes: a difference without a note is a
-failure too. Run:
+The readers: URDF, xacro, YAML, SRDF; CSV, NPY, NPZ and Parquet as `check` and `batch` read them; the command `mark`.
+A URDF that loads without a note is compared with Pinocchio's own reading of the same bytes, a table with what a plain
+reader reads (`benchmarks.fuzz_tables`): a difference is a failure too. Run:
 
+    python -m benchmarks.fuzz_readers --all 100000 --seed 0
     python -m benchmarks.fuzz_readers --files 10000 --seed 0 [--only urdf,yaml] [--keep FOLDER]
 
-Each failure prints the reader, the number of the file (`--start N --files 1` repeats it) and its traceback.
+Each failure prints the reader, the number of the file (`--start N --files 1` repeats it) and its traceback. Every
+reader runs in a process of its own, so that one that crashes or does not come back is counted, and the next file is
+tried.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
+import multiprocessing
 import os
 import random
 import re
@@ -28,6 +33,7 @@ from typing import Any
 import numpy as np
 
 import pinbound as pb
+from benchmarks.fuzz_tables import TABLES, invoke, table_case
 
 __all__ = ["READERS", "fuzz", "mutated"]
 
@@ -57,6 +63,27 @@ MARKS = """  <pinbound:annotations contact_tolerance="2e-5">
     <pinbound:boundary name="b1" a="p" b="s" min_distance="0.001"/>
     <pinbound:boundary name="b2" a="s" b="floor"/>
   </pinbound:annotations>
+"""
+BODIES = """<?xml version="1.0"?>
+<robot name="crane">
+  <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>
+  <link name="base">
+    <collision name="slab"><origin xyz="0 0 0.1" rpy="0 0 0"/><geometry><box size="0.1 0.2 0.3"/></geometry></collision>
+    <collision><geometry><mesh filename="package://crane/slab.stl" scale="1 1 1"/></geometry></collision></link>
+  <link name="boom"><collision><origin xyz="0.2 0 0" rpy="0 1.5 0"/><geometry><cylinder radius="0.05" length="0.4"/>
+    </geometry></collision><visual><geometry><box size="0.5 0.5 0.5"/></geometry></visual></link>
+  <link name="rod"><visual><origin xyz="0.05 0 0"/><geometry><capsule radius="0.02" length="0.1"/></geometry></visual>
+    </link>
+  <link name="hook"><collision><origin xyz="0.1 0 0"/><geometry><sphere radius="0.04"/></geometry></collision>
+    <collision_checking><capsule/></collision_checking></link>
+  <joint name="lift" type="revolute"><parent link="base"/><child link="boom"/><origin xyz="0 0 0.4" rpy="0 0.1 1.2"/>
+    <axis xyz="0 1 0"/><limit lower="-1.5" upper="2" effort="10" velocity="1"/></joint>
+  <joint name="lift_rod" type="revolute"><parent link="boom"/><child link="rod"/><origin xyz="0.5 0 0"/>
+    <axis xyz="0 1 0"/><limit lower="-4" upper="4" effort="10" velocity="1"/>
+    <mimic joint="lift" multiplier="-1" offset="0.25"/></joint>
+  <joint name="reach" type="prismatic"><parent link="rod"/><child link="hook"/><origin xyz="0.1 0 0" rpy="0.1 0.2 0.3"/>
+    <axis xyz="1 0 0"/><limit lower="0" upper="0.4" effort="10" velocity="1"/></joint>
+</robot>
 """
 YAML = """contact_tolerance: 2.0e-5
 home: {lift: 0.1, reach: 0.1}
@@ -279,19 +306,44 @@ def _xacro(folder: Path, rng: random.Random) -> str:
 
 
 def _yaml(folder: Path, rng: random.Random) -> str:
-    return _annotated(folder, "m.yaml", mutated(YAML, rng))
+    return _annotated(folder, "m.yaml", rng, mutated(YAML, rng))
 
 
 def _srdf(folder: Path, rng: random.Random) -> str:
-    return _annotated(folder, "m.srdf", mutated(SRDF, rng))
+    return _annotated(folder, "m.srdf", rng, mutated(SRDF, rng))
 
 
-def _annotated(folder: Path, name: str, annotations: bytes) -> str:
+def _annotated(folder: Path, name: str, rng: random.Random, annotations: bytes) -> str:
     (folder / "r.urdf").write_text(URDF % "")
     (folder / name).write_bytes(annotations)
     robot = pb.load(folder / "r.urdf", annotations=folder / name)
-    robot.boundaries.norms(robot.home)
+    if rng.random() < 0.1:  # it costs more than the rest
+        robot.boundaries.norms(robot.home)
     return ""
+
+
+def _mark(folder: Path, rng: random.Random) -> str:
+    """Run the command on a URDF with bodies; what it writes must load with that URDF."""
+    path, sidecar = folder / "r.urdf", folder / "marks.yaml"
+    sidecar.unlink(missing_ok=True)
+    path.write_bytes(mutated(BODIES, rng))
+    words = ["mark", str(path), "--out", str(sidecar), *(["--json"] if rng.random() < 0.5 else [])]
+    words += rng.choice([[], [], ["--by", "spheres"], ["--accuracy", "0.1"], ["--shapes", "box,capsule"]])
+    code, said = invoke(words)
+    if code == 2:
+        pb.load(path)  # refused by `load` as well, or by `mark` alone
+        return "" if said.startswith("pinbound: ") else f"no message: {said}"
+    if code not in (0, 1):
+        return f"exit code {code}: {said}"
+    try:
+        pb.load(path, annotations=sidecar)
+    except pb.InputError as error:
+        return f"what it wrote is refused: {error}"
+    return ""
+
+
+def _table(kind: str) -> Callable[[Path, random.Random], str]:
+    return lambda folder, rng: table_case(kind, folder, rng)
 
 
 READERS: dict[str, Callable[[Path, random.Random], str]] = {
@@ -299,8 +351,16 @@ READERS: dict[str, Callable[[Path, random.Random], str]] = {
     "xacro": _xacro,
     "yaml": _yaml,
     "srdf": _srdf,
+    "mark": _mark,
+    **{kind: _table(kind) for kind in TABLES},
 }
 """One function a reader: it writes a mutated file, loads it, and returns what is wrong with what was loaded."""
+
+SHARES = {"urdf": 28, "xacro": 8, "yaml": 10, "srdf": 18, "mark": 10, "csv": 9, "npy": 10, "npz": 4, "parquet": 3}
+"""Files of each reader out of a hundred (`--all`)."""
+
+STUCK = 60.0
+"""Seconds after which a process that does not come back from one file is ended."""
 
 
 @contextlib.contextmanager
@@ -374,10 +434,55 @@ def fuzz(
     return outcomes, failures
 
 
+def _work(reader: str, start: int, count: int, seed: int, folder: str, pipe: Any) -> None:
+    """Fuzz file by file, and tell each outcome; memory is limited, so that what runs away is a fault."""
+    with contextlib.suppress(ImportError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (6 * 2**30, 6 * 2**30))
+    np.seterr(over="ignore", invalid="ignore")  # lengths of 1e308 m are what they are
+    for number in range(start, start + count):
+        pipe.send((number, *fuzz(reader, number, 1, seed, Path(folder))))
+    pipe.close()
+
+
+def _guarded(
+    reader: str, start: int, count: int, seed: int, folder: Path
+) -> tuple[Counter[str], list[tuple[int, str]]]:
+    """Do what `fuzz` does in other processes; count files at which one crashed or got stuck."""
+    outcomes, failures, end = Counter[str](), list[tuple[int, str]](), start + count
+    context = multiprocessing.get_context("spawn")
+    while start < end:
+        ours, theirs = context.Pipe(duplex=False)
+        child = context.Process(target=_work, args=(reader, start, end - start, seed, str(folder), theirs))
+        child.start()
+        theirs.close()
+        what = ""
+        while start < end and not what:
+            if not ours.poll(STUCK):
+                child.kill()
+                what = "hang"
+                break
+            try:
+                number, found, wrong = ours.recv()
+            except EOFError:
+                what = "crash"
+                break
+            outcomes, start = outcomes + found, number + 1
+            failures += wrong
+        child.join()
+        if what:
+            outcomes[what] += 1
+            failures.append((start, f"{what}; exit code of its process: {child.exitcode}"))
+            start += 1
+    return outcomes, failures
+
+
 def main() -> int:
     """Run the campaign; exit 1 if anything failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--files", type=int, default=1000, help="files a reader")
+    parser.add_argument("--all", type=int, help="files in all, shared out among the readers")
     parser.add_argument("--start", type=int, default=0, help="number of the first file")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", default=",".join(READERS))
@@ -386,14 +491,16 @@ def main() -> int:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     bad = 0
     for reader in asked.only.split(","):
+        count = asked.files if asked.all is None else asked.all * SHARES[reader] // 100
         with tempfile.TemporaryDirectory() as name:
-            outcomes, failures = fuzz(reader, asked.start, asked.files, asked.seed, Path(name))
-            print(f"{reader}: {dict(sorted(outcomes.items()))}", flush=True)
+            begun = time.monotonic()
+            outcomes, failures = _guarded(reader, asked.start, count, asked.seed, Path(name))
+            print(f"{reader}: {dict(sorted(outcomes.items()))} in {time.monotonic() - begun:.0f} s", flush=True)
             for number, what in failures[:20]:
                 print(f"--- {reader} {number}\n{what}", flush=True)
                 if asked.keep is not None:
-                    fuzz(reader, number, 1, asked.seed, Path(name))
-                    for file in Path(name).iterdir():
+                    _guarded(reader, number, 1, asked.seed, Path(name))
+                    for file in filter(Path.is_file, Path(name).iterdir()):
                         asked.keep.mkdir(parents=True, exist_ok=True)
                         (asked.keep / f"{reader}-{number}-{file.name}").write_bytes(file.read_bytes())
         bad += len(failures)

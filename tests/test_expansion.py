@@ -1,6 +1,7 @@
 """xacro in a process of its own: threads do not mix, hostile files end, nothing is left behind, packages are found."""
 
 import os
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -281,3 +282,18 @@ def test_a_wrong_limit_of_time_is_said(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setenv("PINBOUND_XACRO_SECONDS", "soon")
     with pytest.raises(pb.InputError, match="PINBOUND_XACRO_SECONDS is 'soon'"):
         pb.load(arm(tmp_path / "r.xacro"))
+
+
+def test_what_is_kept_for_speed_changes_no_result(tmp_path: Path) -> None:
+    """One expression in many scopes, dollars of all kinds and empty texts come out as xacro alone prints them."""
+    path = tmp_path / "many.urdf.xacro"
+    path.write_text("""<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="n" default="2"/>
+      <xacro:property name="x" value="1"/>
+      <xacro:macro name="one" params="x y:=^|7 text:=''"><link name="l_${x}_${y}" a="$${x}" b="" c="$5 ${text}" d="$"/>
+        <xacro:if value="${x &gt; 1}"><xacro:one x="${x - 1}"/></xacro:if></xacro:macro>
+      <xacro:one x="$(arg n)"/><xacro:property name="y" value="${x * 2}"/><xacro:one x="3" text="${'$'}{x}"/>
+      <xacro:property name="x" value="9"/><link name="${x * 2}"/></robot>""")
+    code = "import sys, xacro; print(xacro.process_file(sys.argv[1]).toprettyxml(indent='  '), end='')"
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
+    assert expand_xacro(path, {}).text == done.stdout
+    assert 'name="l_1_2"' in done.stdout

@@ -1,34 +1,32 @@
-"""A seeded part of `benchmarks/fuzz_readers.py`: mutated files end in a robot or in one InputError."""
+"""A seeded part of `benchmarks/fuzz_readers.py`: mutated files end in a robot, a table, or one InputError."""
 
-import importlib.util
+import importlib
 import random
-import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 
 import pinbound as pb
 
-BENCHMARK = Path(__file__).resolve().parents[1] / "benchmarks" / "fuzz_readers.py"
-COUNTS = {"urdf": 300, "xacro": 120, "yaml": 300, "srdf": 300}
+COUNTS = {"urdf": 300, "xacro": 120, "yaml": 300, "srdf": 300, "mark": 80, "csv": 120, "npy": 100, "npz": 80}
+COUNTS["parquet"] = 60
 
 
 @pytest.fixture(scope="module")
-def fuzzer() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("fuzz_readers", BENCHMARK)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+def fuzzer() -> Iterator[ModuleType]:
+    pytest.importorskip("pyarrow")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).resolve().parents[1]))
+        yield importlib.import_module("benchmarks.fuzz_readers")
 
 
 @pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")  # lengths of 1e308 m are what they are
 @pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
 @pytest.mark.parametrize("reader", COUNTS)
-def test_mutated_files_end_in_a_robot_or_in_one_fault(fuzzer: ModuleType, tmp_path: Path, reader: str) -> None:
+def test_mutated_files_end_in_what_they_say_or_in_one_fault(fuzzer: ModuleType, tmp_path: Path, reader: str) -> None:
     outcomes, failures = fuzzer.fuzz(reader, 0, COUNTS[reader], 11, tmp_path, seconds=20.0)
     assert failures == []
     assert outcomes["loaded"] > COUNTS[reader] / 20
@@ -53,3 +51,16 @@ def test_files_that_are_not_mutated_load_and_agree_with_pinocchio(fuzzer: Module
 def test_mutations_repeat_with_their_seed(fuzzer: ModuleType) -> None:
     twice = [fuzzer.mutated(fuzzer.YAML, random.Random("3")) for _ in range(2)]
     assert twice[0] == twice[1] != fuzzer.YAML.encode()
+
+
+def test_a_table_read_otherwise_than_by_a_plain_reader_is_told(
+    fuzzer: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The oracle of the tables can fail: a reader that gives numbers changed in the last bit is found."""
+    from pinbound.tables.arrays import NpyTable
+
+    real = NpyTable.read
+    monkeypatch.setattr(NpyTable, "read", lambda *words: np.nextafter(real(*words), 9.0))
+    outcomes, failures = fuzzer.fuzz("npy", 0, 30, 11, tmp_path, seconds=20.0)
+    assert outcomes["different"] > 3
+    assert {what for _, what in failures} == {"`check` reads other numbers than a plain reader"}

@@ -145,3 +145,19 @@ def test_a_hint_keeps_the_case_of_names(tmp_path: Path) -> None:
     assert done.exit_code == 2
     assert "Did you mean 'LeftArm_J1'? Valid: time, LeftArm_J1, LeftArm_J2" in done.stderr
     assert "Did you mean 'LeftArm_J2'?" in done.stderr
+
+
+@pytest.mark.parametrize("inside", ["\t", "\n", "\r\n"])
+@pytest.mark.parametrize("quote", ['"', "'"])
+def test_names_with_tabs_and_line_breaks_are_refused(inside: str, quote: str, load_text: Load) -> None:
+    """XML reads them as spaces, Pinocchio as they are: two robots out of one file."""
+    body = "".join(joint(name, "revolute", f"l_{name}", f"m_{name}") for name in "ab").replace("l_b", "m_a")
+    body += '<link name="l_a"/>'
+    text = f'<robot name="r">\n{body}</robot>'.replace('"a"', f"{quote}a{inside}c{quote}")
+    assert inside in text
+    with pytest.raises(pb.InputError, match="tab or a line break") as caught:
+        load_text(text)
+    (problem,) = caught.value.problems
+    assert problem.line == text[: text.index(f"{quote}a{inside}")].count("\n") + 1
+    assert load_text(text.replace(inside, " ")).coordinates == ("a c", "b")
+    assert load_text(text.replace(inside, " ").replace("<robot", f'<!-- link="x{inside}" --><robot', 1)).coordinates

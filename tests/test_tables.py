@@ -80,6 +80,15 @@ def test_where_pyarrow_gives_up_the_line_is_named(tmp_path: Path, monkeypatch: p
     assert [(p.line, p.message) for p in raised.value.problems] == [(399_002, "a is '1_0'"), (399_003, "a is '\u0661'")]
 
 
+@pytest.mark.parametrize("least", [0, 1 << 40])
+def test_a_stray_byte_is_refused_in_any_column(least: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Large files, which PyArrow reads, keep to the same rule as small ones."""
+    monkeypatch.setattr(text_module, "_FAST_FROM", least)
+    (tmp_path / "q.csv").write_bytes(b"a,note\n" + b"1,ok\n" * 20_000 + b"2,\x84\n")
+    with pytest.raises(pb.InputError, match="no CSV file in UTF-8"):
+        list(open_table(tmp_path / "q.csv").blocks(("a",)))
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -125,6 +134,9 @@ def test_faults_of_arrays(tmp_path: Path) -> None:
         open_table(path, NAMES)
     path.write_bytes(whole.replace(b"(10, 3)", b"(99999999999999, 3)".ljust(7))[: len(whole)])
     with pytest.raises(pb.InputError):
+        open_table(path, NAMES)
+    path.write_bytes(whole.replace(b"(10, 3)", b"(True,3)").replace(b"} ", b"}", 1))
+    with pytest.raises(pb.InputError, match="no NPY file"):  # NumPy refuses it too
         open_table(path, NAMES)
     path.write_bytes(whole)
     table = open_table(path, NAMES)

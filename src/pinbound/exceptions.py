@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import errno
 import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ __all__ = [
     "Problems",
     "UnknownNameError",
     "UnsupportedError",
+    "blames_the_path",
     "name_hint",
     "printable",
 ]
@@ -147,6 +149,20 @@ class Problems:
         """
         if self.found:
             raise InputError(self.found)
+
+
+_PATH = ("ENOENT", "EISDIR", "ENOTDIR", "EACCES", "EPERM", "EEXIST", "ELOOP", "ENAMETOOLONG", "EINVAL", "EROFS")
+_PATH_ERRORS = {getattr(errno, name) for name in _PATH if hasattr(errno, name)}
+
+
+def blames_the_path(error: OSError) -> bool:
+    """Return whether the system refused because of the path that it was given, not because the machine failed.
+
+    Example:
+        >>> blames_the_path(FileNotFoundError(2, "No such file")), blames_the_path(OSError(28, "No space left"))
+        (True, False)
+    """
+    return error.errno in _PATH_ERRORS
 
 
 def name_hint(name: str, valid: Iterable[str], most: int = 12) -> str:

@@ -225,7 +225,7 @@ def _home(
         expected = float(coefficients @ home) + offset
         if abs(value - expected) > HOME:
             message = f"home has {name!r} at {value:.9g}, but the closed loops put it at {expected:.9g}"
-            problems.add(message, "Leave it out, or give the assembled pose exactly", marks.home_line, source)
+            problems.add(message, f"Give {name!r} the value {expected:.9g}", marks.home_line, source)
     home.flags.writeable = False
     return home, notes
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from xml.parsers.expat import ExpatError, ParserCreate
 
 from lxml import etree
 
-from pinbound.exceptions import InputError, Problem
+from pinbound.exceptions import InputError, MachineError, Problem, blames_the_path
 
 __all__ = ["local_name", "parse_bytes", "parse_file", "parse_floats", "refusal", "xml_parser"]
 
@@ -30,10 +31,13 @@ def parse_file(path: Path) -> etree._Element:
 
     Raises:
         InputError: If it cannot be read, is not well-formed, or has a DOCTYPE.
+        MachineError: If the disk fails.
     """
     try:
         data = path.read_bytes()
     except OSError as error:
+        if not blames_the_path(error):
+            raise MachineError(f"{path}: reading failed: {error.strerror}") from error
         raise refusal(str(path), f"cannot be read ({error.strerror})", "Check the path and its permissions") from error
     return parse_bytes(data, path.name)
 
@@ -42,7 +46,8 @@ def parse_bytes(data: bytes, label: str) -> etree._Element:
     """Return the root of XML text, entities refused.
 
     Raises:
-        InputError: If it is not well-formed, has a DOCTYPE, or is in an encoding that XML readers disagree about.
+        InputError: If it is not well-formed, has a DOCTYPE, is in an encoding that XML readers disagree about, or holds
+            a name that they do.
     """
     if b"<!DOCTYPE" in data or b"\0" in data:  # bytes of zero: UTF-16 or UTF-32, in which it reads otherwise
         _refuse_doctype(data, label)
@@ -58,6 +63,8 @@ def parse_bytes(data: bytes, label: str) -> etree._Element:
     facts = root.getroottree().docinfo
     if facts.doctype or facts.internalDTD is not None:  # written in an encoding of which expat knows nothing
         raise refusal(label, "has a DOCTYPE", _NO_DOCTYPE)
+    if _BROKEN_NAME.search(data):
+        _refuse_broken_names(data, label)
     encoding = (facts.encoding or "utf-8").lower()
     if not encoding.startswith(_ENCODINGS):
         raise refusal(label, f"is written in the encoding {facts.encoding!r}", "Save it as UTF-8", 1)
@@ -88,6 +95,19 @@ def _refuse_doctype(data: bytes, label: str) -> None:
         raise refusal(label, "has a DOCTYPE", _NO_DOCTYPE, parser.CurrentLineNumber) from None
     except (ExpatError, ValueError, LookupError):
         return  # an encoding that expat does not know, or no XML: lxml says what is wrong
+
+
+_BROKEN_NAME = re.compile(rb"""\s(?:name|link[12]?|joint)\s*=\s*(?:"[^"<]*[\t\r\n]|'[^'<]*[\t\r\n])""")
+"""A name with a tab or a line break: XML makes a space of it, Pinocchio's reader keeps it, so the names differ."""
+
+
+def _refuse_broken_names(data: bytes, label: str) -> None:
+    """Refuse such a name, unless it stands in a comment."""
+    bare = re.sub(rb"<!--.*?-->", lambda found: b"\n" * found.group().count(b"\n"), data, flags=re.DOTALL)
+    if found := _BROKEN_NAME.search(bare):
+        line = bare.count(b"\n", 0, found.start() + 1) + 1
+        message = "a name holds a tab or a line break, which some readers turn into a space and some keep"
+        raise refusal(label, message, "Write the name on one line, with spaces", line)
 
 
 def local_name(element: etree._Element) -> str:

@@ -9,7 +9,7 @@ from typing import Any, cast
 import yaml
 
 from pinbound.annotations.records import RawItem
-from pinbound.exceptions import Problems, name_hint
+from pinbound.exceptions import MachineError, Problems, blames_the_path, name_hint
 
 __all__ = ["read_sidecar", "sidecar_text"]
 
@@ -40,6 +40,8 @@ def read_sidecar(path: Path, problems: Problems) -> list[RawItem]:
             return []
         node = yaml.compose(text, Loader=yaml.SafeLoader)
     except OSError as error:
+        if not blames_the_path(error):
+            raise MachineError(f"{path}: reading failed: {error.strerror}") from error
         problems.add(f"cannot be read ({error.strerror})", "Check the path and its permissions", source=str(path))
         return []
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:

@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from pinbound.document import TRUST
-from pinbound.exceptions import InputError, MachineError, PinboundError, Problem
+from pinbound.exceptions import InputError, MachineError, PinboundError, Problem, blames_the_path
 from pinbound.loading import load
 from pinbound.robot import Robot
 
@@ -45,7 +45,6 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _PIPE_WIDTH = 140
-_INPUT = (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError, FileExistsError)
 _trusted = ContextVar("trust", default=TRUST[0])
 
 RobotName = Annotated[str, typer.Argument(help="A packaged robot's name, or a path to a .urdf or .xacro.")]
@@ -97,7 +96,7 @@ def guarded(command: Callable[P, R]) -> Callable[..., R]:
         except OSError as error:
             place = error.filename if error.filename is not None else command.__name__
             typer.echo(f"pinbound: {place}: {error.strerror or error}", err=True)
-            if not isinstance(error, _INPUT):
+            if not blames_the_path(error):
                 raise typer.Exit(3) from error
         raise typer.Exit(2)
 

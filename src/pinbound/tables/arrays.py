@@ -19,7 +19,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from pinbound.exceptions import InputError, Problem
-from pinbound.tables.table import BLOCK, bad, check_names
+from pinbound.tables.table import BLOCK, bad, check_names, pass_on
 
 __all__ = ["NpyTable", "NpzTable"]
 
@@ -76,9 +76,9 @@ def _header(stream: Any) -> Header:
     if version not in readers:
         raise ValueError(f"NPY version {version} is not known")
     shape, fortran, dtype = readers[version](stream, max_header_size=_HEADER)
-    if any(side < 0 for side in shape):
+    if any(type(side) is not int or side < 0 for side in shape):  # True is an int for NumPy's own check
         raise ValueError(f"shape {shape}")
-    return Header(tuple(int(side) for side in shape), bool(fortran), np.dtype(dtype), int(stream.tell()))
+    return Header(tuple(shape), bool(fortran), np.dtype(dtype), int(stream.tell()))
 
 
 @dataclass(frozen=True)
@@ -196,6 +196,7 @@ class NpzTable:
         except InputError:
             raise
         except (*_DAMAGE, OSError) as error:
+            pass_on(error)
             remedy = "Write it with numpy.savez(file, time=t, q1=..., ...)"
             raise bad(path, f"it is no NPZ file of numbers ({error})", remedy) from error
         if len(set(lengths.values())) > 1:
@@ -225,6 +226,7 @@ class NpzTable:
                     parts = [_column(s, t, count) for s, t in zip(streams, types, strict=True)]
                     yield np.stack(parts, axis=1) if parts else np.empty((count, 0))
         except (*_DAMAGE, OSError) as error:
+            pass_on(error)
             raise bad(self.path, f"it is damaged ({error})", "Write it again with numpy.savez") from error
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.exceptions import InputError, Problem, UnsupportedError
-from pinbound.tables.table import BLOCK, bad, check_names
+from pinbound.tables.table import BLOCK, bad, check_names, pass_on
 
 __all__ = ["ParquetTable", "load_arrow"]
 
@@ -64,6 +64,7 @@ class ParquetTable:
             with file:
                 schema, rows = file.schema_arrow, int(file.metadata.num_rows)
         except (arrow.ArrowException, OSError, ValueError) as error:
+            pass_on(error)
             raise _damaged(path, error) from error
         names = tuple(schema.names)
         check_names(path, names)
@@ -101,6 +102,7 @@ class ParquetTable:
                     found += batch.num_rows
                     yield np.stack(parts, axis=1) if parts else np.empty((batch.num_rows, 0))
         except (arrow.ArrowException, OSError, ValueError, MemoryError) as error:
+            pass_on(error)
             raise _damaged(self.path, error) from error
         if found != self.rows:
             raise bad(self.path, f"it promises {self.rows} rows and holds {found}", "Write it again")

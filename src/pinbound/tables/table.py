@@ -15,9 +15,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.exceptions import InputError, Problem
+from pinbound.exceptions import InputError, Problem, blames_the_path
 
-__all__ = ["BLOCK", "SUFFIXES", "Table", "bad", "check_names", "open_table", "read_table"]
+__all__ = ["BLOCK", "SUFFIXES", "Table", "bad", "check_names", "open_table", "pass_on", "read_table"]
 
 Array = NDArray[np.float64]
 
@@ -133,6 +133,16 @@ def check_names(path: Path, names: Sequence[str]) -> None:
 def bad(path: Path, message: str, remedy: str, line: int | None = None) -> InputError:
     """Return the error of one fault of a file."""
     return InputError([Problem(message, remedy, path.name, line)])
+
+
+def pass_on(error: BaseException) -> None:
+    """Raise an error of the disk again; one without a number of the system is a library's word for a damaged file.
+
+    Raises:
+        OSError: If the machine failed.
+    """
+    if isinstance(error, OSError) and error.errno is not None and not blames_the_path(error):
+        raise error
 
 
 def _listed() -> str:

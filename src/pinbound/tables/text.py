@@ -7,6 +7,7 @@ part in doubt, and says which line is wrong.
 
 from __future__ import annotations
 
+import codecs
 import csv
 import importlib
 import re
@@ -29,6 +30,7 @@ _MOST_FAULTS = 8
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 _FAST_FROM = 1 << 20
 """Bytes from which PyArrow is loaded for a file."""
+_PART = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -122,6 +124,9 @@ class TextTable:
 
     def _fast(self, columns: Sequence[str]) -> Iterator[Array]:
         """Yield blocks as PyArrow reads them; an empty one where it refuses."""
+        if not _is_utf8(self.path):  # PyArrow looks at the columns that it converts only
+            yield np.empty((0, len(columns)))
+            return
         try:
             arrow: Any = importlib.import_module("pyarrow")
             text: Any = importlib.import_module("pyarrow.csv")
@@ -143,6 +148,18 @@ class TextTable:
                     yield np.ascontiguousarray(table[start : start + BLOCK], dtype=np.float64)
         except arrow.ArrowException:
             yield np.empty((0, len(columns)))
+
+
+def _is_utf8(path: Path) -> bool:
+    decoder = codecs.getincrementaldecoder("utf-8")()
+    try:
+        with path.open("rb") as stream:
+            while part := stream.read(_PART):
+                decoder.decode(part)
+        decoder.decode(b"", final=True)
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:

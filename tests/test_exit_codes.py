@@ -1,0 +1,127 @@
+"""Exit codes: 0 holds, 1 a check found a violation, 2 bad input, 3 the machine or the cluster failed."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from pinbound.cli import app
+
+HERE = Path(__file__).resolve().parents[1]
+ARM = """<robot name="arm" xmlns:pinbound="urn:pinbound:1">
+  <link name="base"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+  <link name="upper"/>
+  <link name="lower"><collision><origin xyz="0.3 0 0"/><geometry><sphere radius="0.02"/></geometry></collision></link>
+  <joint name="a" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="b" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <pinbound:annotations><pinbound:point name="p" link="base" xyz="0.5 0 0.2" radius="0.01"/>
+    <pinbound:point name="s" link="lower" xyz="0.3 0 0"/>
+    <pinbound:boundary name="c" a="p" b="s"/></pinbound:annotations>
+</robot>"""
+MESHES = ARM.replace('<sphere radius="0.02"/>', '<mesh filename="hand.stl"/>')
+BARE = ARM[: ARM.index("  <pinbound:annotations")] + "</robot>"
+
+
+def out_of(text: str) -> Callable[[Any], Any]:
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(*{"disk": (28, "No space left on device"), "read": (5, "Input/output error")}[text])
+
+    return refuse
+
+
+# command, exit code, words; ARM, MESHES and BARE stand for robots, HERE for the folder
+CASES: list[tuple[str, int, str]] = [
+    ("info", 0, "info ARM"),
+    ("info", 2, "info HERE/none.urdf"),
+    ("derive", 0, "derive ARM"),
+    ("derive", 2, "derive ARM --annotations HERE/none.yaml"),
+    ("limits", 0, "limits ARM --at a=0.1"),
+    ("limits", 2, "limits ARM --at a=far"),
+    ("region", 0, "region ARM"),
+    ("region", 1, "region ARM --require-coverage"),
+    ("region", 2, "region ARM --window a=1"),
+    ("batch", 0, "batch ARM --random 5 --out HERE/o"),
+    ("batch", 1, "batch ARM --random 5 --out HERE/o --require-coverage"),
+    ("batch", 2, "batch ARM --out HERE/o"),
+    ("check", 0, "check ARM HERE/clear.csv"),
+    ("check", 1, "check ARM HERE/beyond.csv"),
+    ("check", 1, "check ARM HERE/clear.csv --require-coverage"),
+    ("check", 2, "check ARM HERE/wrong.csv"),
+    ("check", 2, "check BARE HERE/clear.csv"),
+    ("mark", 0, "mark ARM --out HERE/m.yaml"),
+    ("mark", 1, "mark MESHES"),
+    ("mark", 2, "mark ARM --out HERE/arm.urdf"),
+    ("crosscheck", 0, "crosscheck ARM --levels points --samples 5"),
+    ("crosscheck", 1, "crosscheck ARM --levels points --samples 5 --require-coverage"),
+    ("crosscheck", 2, "crosscheck BARE --samples 5"),
+    ("report", 0, "report ARM --out HERE/page"),
+    ("report", 1, "report ARM --out HERE/page --require-coverage"),
+    ("report", 2, "report HERE/none.urdf --out HERE/page"),
+    ("reproduce", 2, "reproduce --robot HERE/none.urdf --out HERE/page"),
+]
+ELSEWHERE = {("reproduce", 0): "tests/test_reproduce.py draws the paper"}
+NEVER = {("info", 1), ("derive", 1), ("limits", 1), ("reproduce", 1)}
+COMMANDS = sorted({command for command, _, _ in CASES})
+
+
+def run(words: str, folder: Path) -> tuple[int, str]:
+    for name, text in (("ARM", ARM), ("MESHES", MESHES), ("BARE", BARE)):
+        (folder / f"{name.lower()}.urdf").write_text(text)
+    (folder / "clear.csv").write_text("a,b\n0,0\n0.1,0.1\n")
+    (folder / "beyond.csv").write_text("a,b\n0,0\n0,2\n")
+    (folder / "wrong.csv").write_text("a,b\n0,far\n")
+    robots = {name: str(folder / f"{name.lower()}.urdf") for name in ("ARM", "MESHES", "BARE")}
+    line = [robots.get(word, word.replace("HERE", str(folder))) for word in words.split()]
+    result = CliRunner().invoke(app, line)
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.output
+    return result.exit_code, result.output
+
+
+@pytest.mark.parametrize(("command", "code", "words"), CASES, ids=[f"{words}: {code}" for _, code, words in CASES])
+def test_exit_code(command: str, code: int, words: str, tmp_path: Path) -> None:
+    found, said = run(words, tmp_path)
+    assert found == code, said
+    if code == 2:
+        assert said.count("pinbound: ") == 1
+        assert "Traceback" not in said
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_disk_that_fails_is_no_fault_of_the_input(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = {"reproduce": "reproduce --robot ARM --out HERE/page", "batch": "batch ARM --random 5 --out HERE/o"}
+    words |= {"check": "check ARM HERE/clear.csv", "report": "report ARM --out HERE/page"}
+    run("info ARM", tmp_path)  # its imports read files, too
+    line = words.get(command, f"{command} ARM").replace("ARM", str(tmp_path / "arm.urdf"))
+    monkeypatch.setattr(Path, "read_bytes", out_of("read"))
+    result = CliRunner().invoke(app, line.replace("HERE", str(tmp_path)).split())
+    assert result.exit_code == 3, result.output
+    assert "reading failed: Input/output error" in result.output
+
+
+@pytest.mark.parametrize("words", ["mark ARM --out HERE/m.yaml", "report ARM --out HERE/page"])
+def test_a_full_disk_exits_with_3(words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run("info ARM", tmp_path)
+    monkeypatch.setattr(Path, "write_text", out_of("disk"))
+    line = words.replace("ARM", str(tmp_path / "arm.urdf")).replace("HERE", str(tmp_path))
+    result = CliRunner().invoke(app, line.split())
+    assert result.exit_code == 3, result.output
+    assert "No space left on device" in result.output
+
+
+def test_the_page_lists_every_command_and_code() -> None:
+    """The table of docs/reading.md is what is tested here."""
+    registered = sorted(one.callback.__name__ for one in app.registered_commands if one.callback)
+    assert registered == COMMANDS
+    page = (HERE / "docs" / "reading.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \|(.*)\|(.*)\|(.*)\|(.*)\|$", page, flags=re.MULTILINE)
+    told = {(name, code) for name, *cells in rows for code, cell in enumerate(cells) if cell.strip() not in ("", "-")}
+    tested = {(command, code) for command, code, _ in CASES} | set(ELSEWHERE) | {(name, 3) for name in COMMANDS}
+    assert told == tested
+    assert not told & NEVER
