@@ -22,7 +22,7 @@ from pinbound.spans import checked_window
 from pinbound.tolerances import ROOT
 from pinbound.values import Value
 
-__all__ = ["Boundary", "ContactAngle", "checked_window", "one_configuration"]
+__all__ = ["Boundary", "ContactAngle", "Penetration", "checked_window", "one_configuration"]
 
 Array = NDArray[np.float64]
 
