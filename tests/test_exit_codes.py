@@ -59,13 +59,15 @@ CASES: list[tuple[str, int, str]] = [
     ("crosscheck", 0, "crosscheck ARM --levels points --samples 5"),
     ("crosscheck", 1, "crosscheck ARM --levels points --samples 5 --require-coverage"),
     ("crosscheck", 2, "crosscheck BARE --samples 5"),
+    ("export", 0, "export ARM c --out HERE/arm.c"),
+    ("export", 2, "export ARM fortran --out HERE/arm.f"),
     ("report", 0, "report ARM --out HERE/page"),
     ("report", 1, "report ARM --out HERE/page --require-coverage"),
     ("report", 2, "report HERE/none.urdf --out HERE/page"),
     ("reproduce", 2, "reproduce --robot HERE/none.urdf --out HERE/page"),
 ]
 ELSEWHERE = {("reproduce", 0): "tests/test_reproduce.py draws the paper"}
-NEVER = {("info", 1), ("derive", 1), ("limits", 1), ("reproduce", 1)}
+NEVER = {("info", 1), ("derive", 1), ("limits", 1), ("export", 1), ("reproduce", 1)}
 COMMANDS = sorted({command for command, _, _ in CASES})
 
 
@@ -97,6 +99,7 @@ def test_a_disk_that_fails_is_no_fault_of_the_input(
 ) -> None:
     words = {"reproduce": "reproduce --robot ARM --out HERE/page", "batch": "batch ARM --random 5 --out HERE/o"}
     words |= {"check": "check ARM HERE/clear.csv", "report": "report ARM --out HERE/page"}
+    words |= {"export": "export ARM json --out HERE/arm.json"}
     run("info ARM", tmp_path)  # its imports read files, too
     line = words.get(command, f"{command} ARM").replace("ARM", str(tmp_path / "arm.urdf"))
     monkeypatch.setattr(Path, "read_bytes", out_of("read"))
@@ -105,7 +108,9 @@ def test_a_disk_that_fails_is_no_fault_of_the_input(
     assert "reading failed: Input/output error" in result.output
 
 
-@pytest.mark.parametrize("words", ["mark ARM --out HERE/m.yaml", "report ARM --out HERE/page"])
+@pytest.mark.parametrize(
+    "words", ["mark ARM --out HERE/m.yaml", "export ARM c --out HERE/a.c", "report ARM --out HERE/page"]
+)
 def test_a_full_disk_exits_with_3(words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run("info ARM", tmp_path)
     monkeypatch.setattr(Path, "write_text", out_of("disk"))

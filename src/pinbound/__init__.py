@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     )
     from pinbound.crosscheck import CrossCheck, cross_check
     from pinbound.inverse_kinematics import InverseKinematics, solve_ik
+    from pinbound.limit_tables import LimitTable, limit_table
     from pinbound.marking import Proposal, propose_marks
     from pinbound.motion import Motion, MotionHistory, history, read_motion
     from pinbound.region import (
@@ -70,6 +71,7 @@ if TYPE_CHECKING:
         swept_body,
         workspace_section,
     )
+    from pinbound.steps import StepBounds, StepRows
 
 __version__ = "0.1.0"
 
@@ -103,6 +105,7 @@ __all__ = [
     "LeavesRegionError",
     "LeftOutMark",
     "LimitMark",
+    "LimitTable",
     "Line",
     "MachineError",
     "Measure",
@@ -122,6 +125,8 @@ __all__ = [
     "Shape",
     "Smallest",
     "SmallestClearance",
+    "StepBounds",
+    "StepRows",
     "Sweep",
     "SweptBody",
     "UnknownNameError",
@@ -134,6 +139,7 @@ __all__ = [
     "cross_check",
     "feasible_region",
     "history",
+    "limit_table",
     "load",
     "packaged_robots",
     "propose_marks",
@@ -147,6 +153,10 @@ __all__ = [
 
 _LATER = {
     "CrossCheck": "pinbound.crosscheck",
+    "LimitTable": "pinbound.limit_tables",
+    "limit_table": "pinbound.limit_tables",
+    "StepBounds": "pinbound.steps",
+    "StepRows": "pinbound.steps",
     "cross_check": "pinbound.crosscheck",
     "BoundedMotion": "pinbound.certificates",
     "BoxCertificate": "pinbound.certificates",

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
-from operator import itemgetter
-from typing import TYPE_CHECKING, Any, Literal, cast, overload
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +15,7 @@ from pinbound.contact import SignedKernel
 from pinbound.coupling import LinearLimit, as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.interpreters import separation
+from pinbound.named_boundaries import NamedBoundaries
 from pinbound.spans import CoordinateLimits, Smallest, linear_span, linear_spans, tighten
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def _as_usual(threads: Any, backend: Any) -> bool:
     return type(threads) is int and threads == 1 and backend == "auto"
 
 
-class BoundarySet(Sequence[Boundary]):
+class BoundarySet(NamedBoundaries):
     """The boundaries of a robot, in order, evaluated together.
 
     Example:
@@ -54,45 +54,46 @@ class BoundarySet(Sequence[Boundary]):
 
         `common` returns each mark's chains in one common frame, by name; None: there is none.
         """
-        self._common = common
-        self._boundaries = tuple(boundaries)
-        self._index = {boundary.name: boundary for boundary in boundaries}
+        self.common = common
+        super().__init__(boundaries)
         self._coordinates = tuple(coordinates)
         self._limits = tuple(limits)
         self._home = np.zeros(len(coordinates)) if home is None else as_configurations(home, coordinates)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Their names, in order."""
-        return tuple(self._index)
-
-    def __len__(self) -> int:
-        """Return how many there are."""
-        return len(self._boundaries)
-
-    def __iter__(self) -> Iterator[Boundary]:
-        """Iterate over them in order."""
-        return iter(self._boundaries)
-
-    @overload
-    def __getitem__(self, key: int | str) -> Boundary: ...
-    @overload
-    def __getitem__(self, key: slice) -> Sequence[Boundary]: ...
-    def __getitem__(self, key: int | str | slice) -> Boundary | Sequence[Boundary]:
-        """Return one boundary by name or position.
+    def select(self, names: str | Iterable[str]) -> BoundarySet:
+        """Return some boundaries as a set of their own, in the order of `names`; joint limits and home stay.
 
         Raises:
-            UnknownNameError: If there is no boundary of that name.
-        """
-        if isinstance(key, str):
-            if key not in self._index:
-                raise UnknownNameError("boundary", key, self._index)
-            return self._index[key]
-        return self._boundaries[key]
+            UnknownNameError: If there is no boundary of a name.
+            DimensionError: If a name is given twice.
 
-    def __repr__(self) -> str:
-        """Return the names."""
-        return f"<BoundarySet {', '.join(self.names)}>"
+        Example:
+            >>> import pinbound as pb
+            >>> B = pb.load("minervabot_v3").boundaries
+            >>> some = B.select(["beta_4", "beta_1"])
+            >>> some.names, some.signed_clearances([0.0, 0.0, 0.0]).shape
+            (('beta_4', 'beta_1'), (2,))
+        """
+        wanted = [names] if isinstance(names, str) else list(names)
+        for name in wanted:
+            if wanted.count(name) > 1:
+                raise DimensionError(f"boundary {name!r} is named twice; name each boundary once")
+        return BoundarySet([self[name] for name in wanted], self._coordinates, self._limits, self._home, self.common)
+
+    def to_casadi(self, name: str = "signed_clearances") -> Any:
+        """Return a CasADi function of that name: q (n) to the signed clearances h (m) [m], positive is free.
+
+        Of points, segments, lines and planes it is an SX `Function`, which CasADi differentiates, and makes C of. The
+        nearest points of boxes and prisms are searched: with such boundaries it is an MX `Function` with a callback,
+        which has a Jacobian and no Hessian, and must be called in this process; `select(names)` leaves them out.
+
+        Raises:
+            UnsupportedError: If CasADi is not installed (extra `bridges`).
+        """
+        from pinbound.export import casadi_function
+
+        rules, marks = [b.rule for b in self], [(b.point_a.name, b.point_b.name) for b in self]
+        return casadi_function(rules, marks, len(self._coordinates), self.common, name)
 
     def vectors(self, Q: ArrayLike) -> Array:
         """Return every r in its ancestor's frame: (m, 3) for one q, (N, m, 3) for many [m]."""
@@ -105,13 +106,13 @@ class BoundarySet(Sequence[Boundary]):
 
         pairs = [Pair(b.path, b.threshold, (b.point_a.name, b.point_b.name)) for b in self._boundaries]
         reference = Reference(separation.separations, separation.gradients)
-        return kernel_of(pairs, len(self._coordinates), reference, self._common)
+        return kernel_of(pairs, len(self._coordinates), reference, self.common)
 
     @cached_property
     def signed_kernel(self) -> SignedKernel:
         """The contact rule of all boundaries, and joint limits: behind what is signed, `smallest` and `free`."""
         rules, marks = [b.rule for b in self], [(b.point_a.name, b.point_b.name) for b in self]
-        return SignedKernel(rules, marks, len(self._coordinates), self._limits, self._common)
+        return SignedKernel(rules, marks, len(self._coordinates), self._limits, self.common)
 
     def norms(
         self,
@@ -383,22 +384,7 @@ class BoundarySet(Sequence[Boundary]):
             if span is not None:  # what lies beyond a stop that is known stops nothing
                 low, high = max(low, span[0]), min(high, span[1])
             spans.append((boundary.name, span))
-        blocked = tuple(name for name, span in spans if span is None)
-        beyond = self.beyond(point)
-        if blocked:
-            return CoordinateLimits(coordinate, value, math.nan, math.nan, None, None, blocked, beyond)
-        first = itemgetter(0)  # of several at one place the first is named: joint limits, then boundaries, in order
-        lower, lower_stop = max(((span[0], name) for name, span in spans if span), default=(-math.inf, ""), key=first)
-        upper, upper_stop = min(((span[1], name) for name, span in spans if span), default=(math.inf, ""), key=first)
-        return CoordinateLimits(
-            coordinate,
-            value,
-            lower,
-            upper,
-            lower_stop if math.isfinite(lower) else None,
-            upper_stop if math.isfinite(upper) else None,
-            beyond=beyond,
-        )
+        return CoordinateLimits.of(coordinate, value, spans, self.beyond(point))
 
     def limits_table(self, coordinate: str, Q: ArrayLike) -> tuple[Array, NDArray[np.str_]]:
         """Return how far one coordinate can move from each of many q, and what stops it.

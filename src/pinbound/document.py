@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from pinbound.xml_text import local_name, parse_bytes, parse_file, parse_floats,
 
 __all__ = [
     "TRUST",
+    "URDF_TEXT",
     "Document",
     "local_name",
     "packaged_robots",
@@ -22,6 +24,11 @@ __all__ = [
     "read_document",
     "refusal",
 ]
+
+URDF_TEXT = "URDF text"
+"""How messages name a robot that was given as text."""
+
+_DECLARATION = re.compile(r"^\s*<\?xml[^>]*\?>")
 
 TRUST = ("xacro", "urdf-only")
 """What of a stranger's files may be read: xacro, which runs code, or plain URDF only."""
@@ -76,10 +83,10 @@ def read_document(
     package_dirs: Sequence[str | Path] = (),
     trust: str = "xacro",
 ) -> Document:
-    """Read a packaged robot, a `.urdf` or a `.xacro`, without resolving any entity.
+    """Read a packaged robot, a `.urdf` or a `.xacro`, or the text of a URDF, without resolving any entity.
 
     Args:
-        robot: A name of `packaged_robots`, or a path.
+        robot: A name of `packaged_robots`, or a path, or the text of a URDF, which begins with `<`.
         xacro_args: Arguments of the xacro file; each must be declared in it, or in what it includes.
         package_dirs: Folders of ROS packages, for `$(find name)`.
         trust: `"xacro"`, or `"urdf-only"`, which refuses xacro files, but for those that ship with pinbound.
@@ -90,9 +97,11 @@ def read_document(
     Raises:
         InputError: If there is no such file, or if it is not well-formed XML, or if xacro refuses it.
     """
-    path = _locate(robot)
     if trust not in TRUST:
         raise refusal("trust", f"{trust!r} is no kind of trust", f"Valid: {', '.join(TRUST)}")
+    if isinstance(robot, str) and robot.lstrip().startswith("<"):
+        return _from_text(robot, xacro_args)
+    path = _locate(robot)
     if path.suffix.lower() == ".xacro":
         if trust == "urdf-only" and path not in packaged_robots().values():
             remedy = "Expand it yourself where that may do no harm, or trust it: trust='xacro', --trust xacro"
@@ -106,6 +115,15 @@ def read_document(
     if xacro_args:
         raise refusal(path.name, f"xacro_args {sorted(xacro_args)} given for a plain URDF", "leave them out")
     return _without_default_namespace(Document(path.name, path, root))
+
+
+def _from_text(text: str, xacro_args: Mapping[str, str] | None) -> Document:
+    """Read the text of a URDF; files that it names are looked up from the working folder."""
+    if xacro_args:
+        raise refusal(URDF_TEXT, f"xacro_args {sorted(xacro_args)} given for the text of a URDF", "leave them out")
+    # A text is decoded already: the encoding that its declaration names is that of a file.
+    root = parse_bytes(_DECLARATION.sub("", text, count=1).encode(), URDF_TEXT)
+    return _without_default_namespace(Document(URDF_TEXT, Path.cwd() / URDF_TEXT, root))
 
 
 def _locate(robot: str | Path) -> Path:

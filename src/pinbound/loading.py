@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,7 +55,8 @@ def load(
     """Load a robot with its boundaries.
 
     Args:
-        robot: Name of a packaged robot (e.g. ``"minervabot_v3"``), or a path to a `.urdf` or `.xacro`.
+        robot: Name of a packaged robot (e.g. ``"minervabot_v3"``), or a path to a `.urdf` or `.xacro`, or the text of
+            a URDF (it begins with `<`).
         annotations: Path of a YAML sidecar or of an .srdf with spheres, or `Annotations`, or several of these in a
             sequence; they add to what is inline, and to each other. By default `NAME.pinbound.yaml` beside the file,
             where it exists.
@@ -81,6 +83,46 @@ def load(
     problems = Problems(document.label)
     given, said = _given_items(document, annotations, problems)
     items = [*read_inline(document.root, problems), *given]
+    return _made(document, items, said, tuple(map(str, package_dirs)), problems)
+
+
+@dataclass(frozen=True)
+class _Again:
+    """Makes a robot anew with more annotations, from what was read of its files.
+
+    Attributes:
+        document: The normalised document.
+        items: Raw items of all annotations.
+        said: Notes on annotations that were not used.
+        package_dirs: As the robot has them.
+    """
+
+    document: Document
+    items: tuple[RawItem, ...]
+    said: tuple[str, ...]
+    package_dirs: tuple[str, ...]
+
+    def __call__(self, robot: Robot, more: AnnotationSource | Sequence[AnnotationSource]) -> Robot:
+        """Return the robot with `more` beside what it has."""
+        problems = Problems(self.document.label)
+        items, said = _given_items(self.document, more, problems)
+        return _made(
+            self.document, [*self.items, *items], [*self.said, *said], self.package_dirs, problems, robot.annotations
+        )
+
+
+def _made(
+    document: Document,
+    items: Sequence[RawItem],
+    said: Sequence[str],
+    package_dirs: tuple[str, ...],
+    problems: Problems,
+    compared: Annotations | None = None,
+) -> Robot:
+    """Return the robot of a document and raw items.
+
+    `compared` are annotations under which Pinocchio's reading of the document was found to agree already.
+    """
     links, joints = ([str(e.get("name")) for e in document.root.findall(tag)] for tag in ("link", "joint"))
     marks = validate(items, problems, links, joints)
     faults = len(problems.found)
@@ -95,8 +137,9 @@ def load(
     if len(problems.found) > faults:
         problems.raise_if_any()
     tree = Tree(kinematics, {mark.link for mark in marks.marks.values()})
-    replaced = {mark.joint for mark in marks.limits}, {mark.joint for mark in marks.followers}
-    compare_with_pinocchio(document, tree, problems, *replaced)
+    if compared is None or (compared.limits, compared.followers) != (marks.limits, marks.followers):
+        replaced = {mark.joint for mark in marks.limits}, {mark.joint for mark in marks.followers}
+        compare_with_pinocchio(document, tree, problems, *replaced)
     settled = settle(tree, couple(tree.moving_joints), marks, problems)
     coupling = settled.coupling
     limits = linear_limits(tree.moving_joints, coupling)
@@ -126,7 +169,8 @@ def load(
             *stops,
             *_excesses(marks),
         ),
-        package_dirs=tuple(map(str, package_dirs)),
+        package_dirs=package_dirs,
+        again=_Again(document, tuple(items), tuple(said), package_dirs),
     )
 
 

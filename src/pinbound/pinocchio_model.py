@@ -20,7 +20,7 @@ from pinbound.tolerances import AGREEMENT, UNIT_ROUNDOFF
 from pinbound.tree import Tree
 from pinbound.xml_text import local_name, refusal
 
-__all__ = ["build_model", "compare_with_pinocchio"]
+__all__ = ["build_model", "compare_with_pinocchio", "placements"]
 
 Array = NDArray[np.float64]
 _UNBOUNDED = "1e9"  # urdfdom does not read "inf"; build_model puts the infinity back
@@ -213,7 +213,7 @@ def _compare_placements(model: Any, tree: Tree, theta: Array, problems: Problems
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
     bodies = {frame.name: index for index, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY}
-    names, ours = _placements(tree, dict(zip(order, theta.tolist(), strict=True)))
+    names, ours = placements(tree, dict(zip(order, theta.tolist(), strict=True)))
     unseen = [name for name in names if name not in bodies]
     if unseen:
         problems.add(f"Pinocchio does not see link {unseen[0]!r}", _REPORT, tree.links[unseen[0]].line)
@@ -257,8 +257,8 @@ def _magnitudes(tree: Tree, theta: Mapping[str, float]) -> tuple[float, float]:
     return slid, sum(size(name) for name, joint in joints.items() if joint.type != "prismatic")
 
 
-def _placements(tree: Tree, theta: Mapping[str, float]) -> tuple[list[str], Array]:
-    """Return the links, the root first, and (N, 3, 4) where they are at `theta`."""
+def placements(tree: Tree, theta: Mapping[str, float]) -> tuple[list[str], Array]:
+    """Return the links, the root first, and (N, 3, 4) where they are at `theta`, in the root link's frame."""
     places: dict[str, tuple[Array, Array]] = {}
     for link, joint, _ in tree.walk():
         if joint is None:

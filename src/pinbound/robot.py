@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -21,9 +23,11 @@ from pinbound.exceptions import (
     DimensionError,
     PinboundError,
     UnknownNameError,
+    UnsupportedError,
     name_hint,
 )
 from pinbound.interpreters import numeric
+from pinbound.model_view import ModelView, read_model
 from pinbound.path import absolute_chain
 from pinbound.pinocchio_model import build_model
 from pinbound.tree import Tree
@@ -49,6 +53,7 @@ class Robot(Value):
         home: (n,) a feasible configuration [rad or m].
         notes: What was normalised on loading.
         package_dirs: Folders in which `package://` is looked up.
+        again: Makes the robot anew with more annotations; what `with_annotations` asks.
     """
 
     document: Document
@@ -61,6 +66,7 @@ class Robot(Value):
     home: Array
     notes: tuple[str, ...]
     package_dirs: tuple[str, ...] = ()
+    again: Callable[[Robot, Any], Robot] | None = None
 
     def __repr__(self) -> str:
         """Return name and counts."""
@@ -189,6 +195,124 @@ class Robot(Value):
         )
         unreduced = symbolic.unreduced_vector(place_a, place_b, self.coordinates)
         return symbolic.operations(found.expression()), symbolic.operations(unreduced)
+
+    def with_annotations(self, more: Any) -> Robot:
+        """Return the robot with more annotations, as if they had been in its files, which are not read again.
+
+        Marks on the root link are fixed to the world: a table, a wall, a conveyor. Everything is checked as on loading:
+        home must be free of the new boundaries, too.
+
+        Args:
+            more: `Annotations`, or the path of a sidecar or .srdf, or a sequence of these.
+
+        Raises:
+            InputError: If anything is wrong with them: all faults at once.
+            UnsupportedError: If the robot was not made by `load`.
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> table = pb.Plane("table", "base_link", (0.0, 0.0, -0.05), (0.0, 0.0, 1.0))
+            >>> tool = pb.Point("tool", "link_6", (0.0, 0.0, 0.0), radius=0.01)
+            >>> more = pb.Annotations.of([table, tool], [pb.BoundaryMark("above", "tool", "table")])
+            >>> robot.with_annotations(more).boundaries.names[-2:]
+            ('beta_10', 'above')
+        """
+        if self.again is None:
+            raise UnsupportedError("this robot was not made by load(), so that it cannot be made anew; load() its file")
+        return self.again(self, more)
+
+    def export(self, kind: str, path: str | Path, boundaries: Sequence[str] | str | None = None) -> tuple[Path, ...]:
+        """Write the boundaries for other programs; the same robot gives the same bytes.
+
+        ``"c"``: C99 without dependencies, `path` (ending in .c) and a header beside it that states units and order:
+        signed clearances, and their Jacobian. ``"json"``: the reduced chains as data, with the formula that evaluates
+        them.
+
+        Args:
+            kind: ``"c"`` or ``"json"``.
+            path: The file; one that exists is replaced.
+            boundaries: Names of boundaries; None: all.
+
+        Returns:
+            The files that were written.
+
+        Raises:
+            UnknownNameError: If there is no such kind, or no boundary of a name.
+            UnsupportedError: If C is asked for of boxes or prisms, whose nearest points are searched for.
+        """
+        from pinbound.export import c_files, chains_record, is_closed, signed_nodes
+
+        chosen = self.boundaries if boundaries is None else self.boundaries.select(boundaries)
+        file, names = Path(path), chosen.names
+        rules, marks = [b.rule for b in chosen], [(b.point_a.name, b.point_b.name) for b in chosen]
+        units = [(name, "rad" if self.turns(name) else "m") for name in self.coordinates]
+        if kind == "json":
+            record = chains_record(
+                self.name, units, self.home.tolist(), self.linear_limits, list(zip(names, marks, rules, strict=True))
+            )
+            file.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+            return (file,)
+        if kind != "c":
+            raise UnknownNameError("kind of export", kind, ("c", "json"))
+        searched = [name for name, rule in zip(names, rules, strict=True) if not is_closed(rule)]
+        if searched:
+            said = (
+                f"the nearest points of {', '.join(searched)} are searched for (boxes, prisms): no straight-line code"
+            )
+            raise UnsupportedError(f"{said}; name the other boundaries, or cover these bodies by capsules")
+        if file.suffix != ".c":
+            raise DimensionError(f"{file.name} does not end in .c; the header takes the same name, ending in .h")
+        nodes = signed_nodes(rules, marks, len(self.coordinates), chosen.common)
+        header, source = c_files(nodes, self.name, units, names, file.stem)
+        file.write_text(source, encoding="ascii")
+        file.with_suffix(".h").write_text(header, encoding="ascii")
+        return file, file.with_suffix(".h")
+
+    def on(self, model: Any) -> ModelView:
+        """Return the boundaries as a user's own `pinocchio.Model` asks for them: by its q, with gradients over its v.
+
+        The model may have a free flyer, continuous joints as (cos, sin), mimic joints of its own (`mimic=False`) or
+        not, and locked joints (`pinocchio.buildReducedModel`), whose values are read from it. That it is a model of
+        this robot is proved on binding. The model is not changed and not kept.
+
+        Raises:
+            DimensionError: If it is no model of this robot, or locks mimic joints whose primaries move.
+
+        Example:
+            >>> import pinbound as pb, numpy as np
+            >>> robot = pb.load("minervabot_v3")
+            >>> view = robot.on(robot.model)
+            >>> q = robot.to_pinocchio(robot.model, robot.home)
+            >>> view.clearances(q).shape, view.gradients(q).shape
+            ((10,), (10, 11))
+        """
+        joints = read_model(self.tree, self.coupling, model, self.home)
+        return ModelView.of(self.boundaries, self.coupling, joints, self.home)
+
+    def from_pinocchio(self, model: Any, q: ArrayLike, near: ArrayLike | None = None) -> Array:
+        """Return this robot's Q of q of a user's own model: the way back from `to_pinocchio`.
+
+        Args:
+            model: As for `on`. Bind it once (`on`) where many q come one by one.
+            q: (model.nq,) or (N, model.nq).
+            near: (n,) next to which angles are taken that the model knows by cos and sin only: windings are not known
+                there. Default: home.
+
+        Returns:
+            (n,) or (N, n).
+
+        Raises:
+            DimensionError: If it is no model of this robot, q has another shape, or a mimic joint is not where its
+                primary puts it.
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> robot.from_pinocchio(robot.model, robot.to_pinocchio(robot.model, [0.1, 0.2, 0.3])).tolist()
+            [0.1, 0.2, 0.3]
+        """
+        return self.on(model).configurations(q, near)
 
     def to_pinocchio(self, model: Any, Q: ArrayLike) -> Array:
         """Return q of a model that the user built from this URDF, matched by joint name.

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -40,6 +42,31 @@ class CoordinateLimits:
     upper_stop: str | None
     blocked_by: tuple[str, ...] = ()
     beyond: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        coordinate: str,
+        value: float,
+        spans: Sequence[tuple[str, tuple[float, float] | None]],
+        beyond: tuple[str, ...],
+    ) -> CoordinateLimits:
+        """Return the intersection of intervals around the value, each with its name; None: the value is not allowed."""
+        blocked = tuple(name for name, span in spans if span is None)
+        if blocked:
+            return cls(coordinate, value, math.nan, math.nan, None, None, blocked, beyond)
+        first = itemgetter(0)  # of several at one place the first is named: joint limits, then boundaries, in order
+        lower, lower_stop = max(((span[0], name) for name, span in spans if span), default=(-math.inf, ""), key=first)
+        upper, upper_stop = min(((span[1], name) for name, span in spans if span), default=(math.inf, ""), key=first)
+        return cls(
+            coordinate,
+            value,
+            lower,
+            upper,
+            lower_stop if math.isfinite(lower) else None,
+            upper_stop if math.isfinite(upper) else None,
+            beyond=beyond,
+        )
 
 
 @dataclass(frozen=True)

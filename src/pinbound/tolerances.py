@@ -11,6 +11,7 @@ __all__ = [
     "CONTOUR_ROUNDING",
     "CONTOUR_TURN",
     "CONVERSION",
+    "COUPLED",
     "CROSSCHECK_ANGLE",
     "CROSSCHECK_BODY",
     "CROSSCHECK_GRAZING",
@@ -55,10 +56,14 @@ __all__ = [
     "REGION_BUDGET",
     "ROOT",
     "SAME_BODY",
+    "SAME_ROBOT",
     "SAMPLE_ROUNDOFFS",
     "SOLVES",
+    "STEP_BOX",
     "STOP_MISS",
     "SYMBOLIC_DIGITS",
+    "TABLE",
+    "UNIT_CIRCLE",
     "UNIT_ROUNDOFF",
     "VERTEX",
     "WIDEST_WINDOW",
@@ -181,6 +186,24 @@ FIRST_CONTACT: Final = 1e-9
 
 FOLLOWS: Final = 1e-4
 """Radians or metres. A recorded follower follows if it is this near: encoders resolve 1e-5, backlash is far more."""
+
+COUPLED: Final = 1e-6
+"""Radians or metres. A mimic joint of a user's own model must be this near to where its primary puts it: a million
+steps of integration leave 1e-9, a model that does not know the coupling leaves more at once."""
+
+SAME_ROBOT: Final = 1e-9
+"""Metres a metre of the robot's size, and absolute for rotations: how far a user's model may place a link elsewhere.
+Angles that are printed to 11 digits and read as pi leave 1e-11."""
+
+UNIT_CIRCLE: Final = 1e-6
+"""Of `cos^2 + sin^2 - 1` of a continuous joint: integration leaves 1e-9, two numbers that are no angle leave more."""
+
+TABLE: Final = 1e-9
+"""Radians. Entries of tables of coupled limits stay this far inside the limits: printing and a reader's interpolation
+round by less (1e-14)."""
+
+STEP_BOX: Final = 1.0 + 1e-3
+"""Factor on the box of a step in proofs: solvers of quadratic programs pass its sides by their tolerance, 1e-6 m."""
 
 ON_CONTOUR: Final = 1e-9
 """Radians. A configuration is on a region's contour within this: the rounding of a path given to nine decimals."""

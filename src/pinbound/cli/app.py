@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import typer
 
-from pinbound.cli import batch, check, crosscheck, inspect, mark, report, reproduce
+from pinbound.cli import batch, check, crosscheck, export, inspect, mark, report, reproduce
 from pinbound.cli.shared import guarded
 
 __all__ = ["app", "main"]
@@ -32,6 +32,7 @@ _register(batch.batch)
 _register(check.check)
 _register(mark.mark)
 _register(crosscheck.crosscheck)
+_register(export.export)
 _register(report.report)
 _register(reproduce.reproduce)
 

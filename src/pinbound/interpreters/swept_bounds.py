@@ -31,7 +31,16 @@ from pinbound.interpreters.rounding import rounding_bound as chain_rounding_boun
 from pinbound.path import RelativePath
 from pinbound.tolerances import INFLATION, REDUCTION, UNIT_ROUNDOFF
 
-__all__ = ["Bounds", "SweptBundle", "along_motion", "over_box", "rounding_bound", "swept_bundle"]
+__all__ = [
+    "Bounds",
+    "SweptBundle",
+    "all_rows",
+    "along_motion",
+    "over_box",
+    "rounding_bound",
+    "separated",
+    "swept_bundle",
+]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -160,25 +169,26 @@ def rounding_bound(swept: SweptBundle, walked: Walks | None, lower: Array, upper
 def along_motion(swept: SweptBundle, which: Indices, piece: Expansion, error: Array) -> Bounds:
     """Return bounds of separations `which` (N,) on N pieces; `error` (N,) is their rounding bound [m]."""
     again = np.repeat(np.arange(len(which)), swept.rows)
-    terms = motion_terms(swept.chains, swept.arms, _all_rows(swept, which), piece.take(again))
+    terms = motion_terms(swept.chains, swept.arms, all_rows(swept, which), piece.take(again))
     return _bounds(swept, which, terms, error, share=0.5, curvature=0.125)
 
 
 def over_box(swept: SweptBundle, which: Indices, centre: Array, half: Array, error: Array) -> Bounds:
     """Return bounds of separations `which` (N,) over the boxes `centre +- half` (N, n)."""
     again = np.repeat(np.arange(len(which)), swept.rows)
-    terms = box_terms(swept.chains, swept.arms, _all_rows(swept, which), centre[again], half[again])
+    terms = box_terms(swept.chains, swept.arms, all_rows(swept, which), centre[again], half[again])
     return _bounds(swept, which, terms, error, share=1.0, curvature=0.5)
 
 
-def _all_rows(swept: SweptBundle, which: Indices) -> Indices:
+def all_rows(swept: SweptBundle, which: Indices) -> Indices:
+    """Return the rows of the chains and ways of paths `which`."""
     return (which[:, None] * swept.rows + np.arange(swept.rows)).ravel()
 
 
 def _bounds(swept: SweptBundle, which: Indices, terms: Terms, error: Array, share: float, curvature: float) -> Bounds:
     rows = swept.rows
     r = terms.r.T.reshape(-1, rows, 3)
-    value, n, depth, t = _separation(swept, which, r)
+    value, n, depth, t = separated(swept, which, r)
     along = np.einsum("nci,ni->nc", r, n)
     moved = terms.moved.reshape(-1, rows)[:, 0] * INFLATION
     taken = along[:, 1:] < 0.0  # the ways that lead to the corner that is least along n
@@ -210,7 +220,7 @@ def _measure(swept: SweptBundle, which: Indices, r: Array, n: Array) -> Array:
     return np.where(swept.is_signed[which], np.einsum("ni,ni->n", n, r), length)
 
 
-def _separation(swept: SweptBundle, which: Indices, r: Array) -> tuple[Array, Array, Array, Array]:
+def separated(swept: SweptBundle, which: Indices, r: Array) -> tuple[Array, Array, Array, Array]:
     """Return what chain and ways r (N, 1 + k, 3) say in the middle.
 
     The separation (N,), the unit vector (N, 3) along which it is measured, and how far all may move while bodies that

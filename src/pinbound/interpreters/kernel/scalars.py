@@ -17,6 +17,7 @@ COSTS = {
     "sub": 1.0,
     "mul": 1.0,
     "div": 4.0,
+    "sqrt": 6.0,
     "pick": 2.0,
     "hold": 0.0,
     "cos": 12.0,
@@ -139,6 +140,11 @@ class Graph:
             return self.constant(a / b) if a is not None else self.mul(x, self.constant(1.0 / b))
         return self._make(Node("div", (x, y)))
 
+    def sqrt(self, x: int) -> int:
+        """Return the square root of x."""
+        a = self.value_of(x)
+        return self.constant(math.sqrt(a)) if a is not None else self._make(Node("sqrt", (x,)))
+
     def pick(self, a: int, b: int, x: int, y: int) -> int:
         """Return x where a < b, else y."""
         u, v = self.value_of(a), self.value_of(b)
@@ -185,6 +191,9 @@ class Graph:
             rate = self.angles[node.args[0]][j]
             other = self._make(Node("sin" if node.kind == "cos" else "cos", node.args))
             return self.mul(self.constant(-rate if node.kind == "cos" else rate), other)
+        if node.kind == "sqrt":
+            root = self.sqrt(node.args[0])
+            return self.div(self.mul(self.constant(0.5), self.derivative(node.args[0], j)), root)
         x, y = node.args
         if node.kind in ("add", "sub"):
             combine = self.add if node.kind == "add" else self.sub

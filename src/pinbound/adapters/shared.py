@@ -1,0 +1,142 @@
+"""What adapters share: a library's class where it is installed, and steps that are safe, said of a model's velocity."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinbound.coupling import real_array
+from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
+from pinbound.model_view import ModelView
+from pinbound.region import Region
+from pinbound.robot import Robot
+from pinbound.steps import StepBounds, StepRows
+
+__all__ = ["Polytope", "SafeSteps", "optional"]
+
+Array = NDArray[np.float64]
+
+
+def optional(module: str, name: str, package: str) -> Any:
+    """Return a class of a library, or one that says on construction that the library is missing.
+
+    Example:
+        >>> optional("no_such_library", "Limit", "no-such")()
+        Traceback (most recent call last):
+        pinbound.exceptions.UnsupportedError: this needs no-such, ... pip install 'pinbound[bridges]'
+    """
+    try:
+        return getattr(import_module(module), name)
+    except ImportError:
+        return _missing(package)
+
+
+def _missing(package: str) -> type:
+    class Missing:
+        """Stands for a class of a library that is not installed."""
+
+        def __init__(self, *_: Any, **__: Any) -> None:
+            raise UnsupportedError(f"this needs {package}, which is not installed: pip install 'pinbound[bridges]'")
+
+    return Missing
+
+
+class SafeSteps:
+    """Step-safe rows over a model's displacement: `G (v dt) <= h`.
+
+    Attributes:
+        view: The robot's boundaries, as the model asks for them.
+        velocity: (n,) the largest speed of each coordinate [rad/s or m/s]: a step's box is `velocity * dt`.
+        last: The rows of the last step, with the names of what stands near (`StepRows`); None before the first.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        view: ModelView,
+        velocity: ArrayLike | Mapping[str, float],
+        boundaries: Sequence[str] | str | None = None,
+        **options: Any,
+    ) -> None:
+        """Prepare the rows; `options` are those of `StepBounds.rows`."""
+        self.view, self.options = view, options
+        self.velocity = _speeds(robot, velocity)
+        self.bounds = StepBounds(robot, boundaries)
+        self.last: StepRows | None = None
+        moving = np.any(view.E != 0.0, axis=1)
+        self._box = view.E[moving]
+        self._moving = moving
+
+    def half_spaces(self, q: ArrayLike, dt: float) -> tuple[Array, Array]:
+        """Return G (k, nv) and h (k,) at the model's q for a step of dt [s].
+
+        Raises:
+            DimensionError: If dt is not positive, or q is refused (`ModelView.configurations`).
+        """
+        if not 0.0 < dt < np.inf:
+            raise DimensionError(f"dt is {dt}; give a positive number of seconds")
+        rows = self.last = self.bounds.rows(self.view.configurations(q), self.velocity * dt, **self.options)
+        side = rows.step[self._moving]
+        G = np.vstack((rows.A @ self.view.E, self._box, -self._box))
+        return G, np.concatenate((rows.b, side, side))
+
+
+def _speeds(robot: Robot, velocity: ArrayLike | Mapping[str, float]) -> Array:
+    names = robot.coordinates
+    if isinstance(velocity, Mapping):
+        for name in velocity:
+            if name not in names:
+                raise UnknownNameError("coordinate", name, names)
+        missing = [name for name in names if name not in velocity]
+        if missing:
+            raise DimensionError(f"velocity says nothing of {missing[0]!r}; give the largest speed of every coordinate")
+        velocity = [float(velocity[name]) for name in names]
+    given = real_array(velocity, "velocity")
+    if given.shape not in ((), (len(names),)) or not np.all((given > 0.0) & np.isfinite(given)):
+        said = f"velocity is {given.tolist()}; give the largest speed of {', '.join(names)}, each positive and finite"
+        raise DimensionError(said)
+    return np.broadcast_to(given, (len(names),)).astype(np.float64)
+
+
+class Polytope:
+    """A convex set `A q <= b` of a robot's coordinates, said of a model's displacement.
+
+    From `q` inside it, every d with `A E d <= b - A q` stays inside, and so does the straight way: the set is convex.
+    """
+
+    def __init__(self, robot: Robot, view: ModelView, A: Any, b: ArrayLike | None = None) -> None:
+        """Take a convex region of all that the boundaries depend on, or A (k, n) and b (k,).
+
+        Raises:
+            UnsupportedError: If the region is not convex, or boundaries depend on coordinates that it holds.
+            DimensionError: If A and b do not fit.
+        """
+        self.view = view
+        if isinstance(A, Region):
+            self.A, self.b = _of_region(robot, A)
+        else:
+            self.A, self.b = real_array(A, "A"), real_array([] if b is None else b, "b")
+        n = len(robot.coordinates)
+        if self.A.ndim != 2 or self.A.shape[1] != n or self.b.shape != (len(self.A),):
+            raise DimensionError(f"A has shape {self.A.shape} and b {self.b.shape}; give (k, {n}) and (k,)")
+
+    def half_spaces(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Return G (k, nv) and h (k,) with `G d <= h` at the model's q."""
+        return self.A @ self.view.E, self.b - self.A @ self.view.configurations(q)
+
+
+def _of_region(robot: Robot, region: Region) -> tuple[Array, Array]:
+    held = {name for one in robot.boundaries for name in one.coordinates} - set(region.coordinates)
+    if held:
+        said = (
+            f"boundaries depend on {', '.join(sorted(held))}, which the region of {', '.join(region.coordinates)} holds"
+        )
+        raise UnsupportedError(f"{said}: it says nothing once they move. Use step-safe rows")
+    edges, bounds = region.halfspaces()
+    A = np.zeros((len(edges), len(robot.coordinates)))
+    A[:, [robot.coordinates.index(name) for name in region.coordinates]] = edges
+    return A, bounds

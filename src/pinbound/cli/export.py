@@ -1,0 +1,71 @@
+"""`pinbound export`: boundaries as C, as data, or as a table of coupled limits, for programs without pinbound."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pinbound.cli.shared import Annotations, AsJson, PackageDirs, RobotName, XacroArgs, console, emit_json, load_robot
+from pinbound.exceptions import InputError, Problem, UnknownNameError
+from pinbound.limit_tables import FORMATS, limit_table
+from pinbound.robot import Robot
+
+__all__ = ["export"]
+
+_KINDS = ("c", "json", "table")
+
+
+def export(
+    robot: RobotName,
+    kind: Annotated[str, typer.Argument(help="'c', 'json' (the reduced chains) or 'table' (coupled limits).")],
+    out: Annotated[Path, typer.Option(help="File to write; of 'c' it ends in .c, and a header .h comes beside it.")],
+    boundary: Annotated[list[str] | None, typer.Option(help="Only this boundary; may be given more than once.")] = None,
+    form: Annotated[str, typer.Option("--format", help=f"Of a table: {', '.join(FORMATS)}.")] = "csv",
+    target: Annotated[str | None, typer.Option(help="Of a table: the joint that the limits depend on.")] = None,
+    dependent: Annotated[str | None, typer.Option(help="Of a table: the joint that is limited.")] = None,
+    spacing: Annotated[float, typer.Option(help="Of a table: degrees between entries.")] = 1.0,
+    whole: Annotated[bool, typer.Option("--whole", help="Of a table: limits in whole degrees, for jskeus.")] = False,
+    annotations: Annotations = None,
+    package_dir: PackageDirs = None,
+    xacro_arg: XacroArgs = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write boundaries as C99, the reduced chains as JSON, or coupled limits as a table that other programs read."""
+    if kind not in _KINDS:
+        raise UnknownNameError("kind of export", kind, _KINDS)
+    loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    if kind != "table":
+        files = loaded.export(kind, out, boundary)
+        notes: tuple[str, ...] = ()
+    else:
+        notes = _table(loaded, out, form, (target, dependent), spacing, whole, boundary)
+        files = (out,)
+    if as_json:
+        emit_json({"kind": kind, "files": [str(path) for path in files], "notes": list(notes)})
+        return
+    said = console()
+    for note in notes:
+        said.print(f"Note: {note}.", soft_wrap=True)
+    said.print(f"Wrote {', '.join(str(path) for path in files)}.", soft_wrap=True)
+
+
+def _table(
+    robot: Robot,
+    out: Path,
+    form: str,
+    joints: tuple[str | None, str | None],
+    spacing: float,
+    whole: bool,
+    boundaries: list[str] | None,
+) -> tuple[str, ...]:
+    if form not in FORMATS:
+        raise UnknownNameError("format", form, FORMATS)
+    target, dependent = joints
+    if target is None or dependent is None:
+        known = ", ".join(robot.coordinates)
+        raise InputError([Problem("a table needs two joints", f"Give --target and --dependent, of {known}", "export")])
+    table = limit_table(robot, target, dependent, spacing=spacing, whole=whole, boundaries=boundaries)
+    out.write_text(table.text(form), encoding="utf-8")
+    return table.notes
