@@ -24,7 +24,7 @@ from pinbound.annotations import (
     Shape,
     Sweep,
 )
-from pinbound.boundary import Boundary, ContactAngle
+from pinbound.boundary import Boundary, ContactAngle, Penetration
 from pinbound.boundary_set import BoundarySet, CoordinateLimits, Smallest
 from pinbound.coverage import Coverage, CoverageRecord
 from pinbound.document import packaged_robots
@@ -117,6 +117,7 @@ __all__ = [
     "Membership",
     "Motion",
     "MotionHistory",
+    "Penetration",
     "PinboundError",
     "Place",
     "Plane",

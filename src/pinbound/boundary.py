@@ -15,12 +15,14 @@ from pinbound.annotations import Mark
 from pinbound.contact import ContactRule
 from pinbound.coupling import as_configurations, linear_text
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
-from pinbound.interpreters import outwards, separation, univariate
+from pinbound.interpreters import depth, outwards, separation, univariate
+from pinbound.interpreters.depth import Penetration
 from pinbound.path import Kind, RelativePath
+from pinbound.spans import checked_window
 from pinbound.tolerances import ROOT
 from pinbound.values import Value
 
-__all__ = ["Boundary", "ContactAngle", "checked_window", "one_configuration"]
+__all__ = ["Boundary", "ContactAngle", "Penetration", "checked_window", "one_configuration"]
 
 Array = NDArray[np.float64]
 
@@ -243,6 +245,44 @@ class Boundary(Value):
         """Return the Hessian of the norm, (n, n) or (N, n, n); NaN where the norm is zero (a kink)."""
         return self._each(q, lambda Q: separation.hessians(self.path, Q))
 
+    def signed_distance(self, q: ArrayLike) -> Any:
+        """Return the distance of the two bodies, their radii taken off, or minus their depth: a float, or (N,) [m].
+
+        Where hulls overlap, and `norm` is zero, it goes on: down to minus the least way that would make them touch.
+        `min_distance` is no part of the bodies. Certificates and contact go by `signed_clearance`.
+        """
+        return self._each(q, lambda Q: depth.signed_distances(self.path, self._radii, Q))
+
+    def signed_distance_gradient(self, q: ArrayLike) -> Array:
+        """Return the gradient of the signed distance, (n,) or (N, n) [m/rad, or 1 for a prismatic joint].
+
+        It is NaN where the way out is not unique, and where a distance without depth is zero (a kink).
+        """
+        return self._each(q, lambda Q: depth.signed_gradients(self.path, Q))
+
+    def penetration(self, q: ArrayLike) -> Penetration:
+        """Return how deep the bodies are in each other, which way leads out, and whether it is the only one.
+
+        The depth is proven from both sides to `tolerances.DEPTH` of the bodies' size. Depth (N,), direction (N, 3) in
+        the ancestor's frame and `is_unique` (N,); for one q a float, (3,) and a bool.
+
+        Example:
+            >>> import pinbound as pb
+            >>> found = pb.load("minervabot_v3").boundaries["beta_4"].penetration([0.0, 0.0, 0.0])
+            >>> found.depth, found.is_unique
+            (0.0, True)
+        """
+        Q = as_configurations(q, self.robot_coordinates)
+        is_plane_first = self.point_a.shape.is_unbounded
+        found = depth.penetrations(self.path, self._radii, Q.reshape(-1, len(self.robot_coordinates)), is_plane_first)
+        if Q.ndim > 1:
+            return found
+        return Penetration(float(found.depth[0]), found.direction[0], bool(found.is_unique[0]))
+
+    @property
+    def _radii(self) -> float:
+        return self.point_a.shape.radius + self.point_b.shape.radius
+
     def _each(self, q: ArrayLike, ask: Callable[[Array], Array]) -> Any:
         Q = as_configurations(q, self.robot_coordinates)
         return ask(Q) if Q.ndim > 1 else ask(Q[None])[0]
@@ -390,27 +430,6 @@ def _around(arcs: univariate.AllowedArcs, value: float) -> tuple[float, float]:
         if found is not None:
             return min(found[0], value), max(found[1], value)
     return value, value
-
-
-def checked_window(window: Any) -> tuple[float, float]:
-    """Return a window as two numbers, the lower one first.
-
-    Raises:
-        DimensionError: If it is something else.
-
-    Example:
-        >>> checked_window([-1, 2])
-        (-1.0, 2.0)
-    """
-    try:
-        low, high = (float(end) for end in window)
-    except (TypeError, ValueError) as error:
-        raise DimensionError(f"the window {window!r} is not two numbers; give window=(lower, upper)") from error
-    if not low < high:  # also if one is NaN
-        raise DimensionError(
-            f"the window ({low}, {high}) holds nothing; give window=(lower, upper), the lower end first"
-        )
-    return low, high
 
 
 def one_configuration(q: ArrayLike, coordinates: Sequence[str]) -> Array:

@@ -12,8 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.coupling import GuardedLimit, LinearLimit
+from pinbound.exceptions import DimensionError
 
-__all__ = ["CoordinateLimits", "Smallest", "guarded_span", "guarded_spans", "linear_span", "linear_spans", "tighten"]
+__all__ = [
+    "CoordinateLimits",
+    "Smallest",
+    "checked_window",
+    "guarded_span",
+    "guarded_spans",
+    "linear_span",
+    "linear_spans",
+    "tighten",
+]
 
 Array = NDArray[np.float64]
 
@@ -144,3 +154,24 @@ def linear_span(limit: LinearLimit, index: int, q: Array) -> tuple[float, float]
     """Return the interval of coordinate `index` that one joint limit allows, the others as in q."""
     low, high = linear_spans(limit, index, q[None])[0].tolist()
     return None if math.isnan(low) else (low, high)
+
+
+def checked_window(window: Any) -> tuple[float, float]:
+    """Return a window as two numbers, the lower one first.
+
+    Raises:
+        DimensionError: If it is something else.
+
+    Example:
+        >>> checked_window([-1, 2])
+        (-1.0, 2.0)
+    """
+    try:
+        low, high = (float(end) for end in window)
+    except (TypeError, ValueError) as error:
+        raise DimensionError(f"the window {window!r} is not two numbers; give window=(lower, upper)") from error
+    if not low < high:  # also if one is NaN
+        raise DimensionError(
+            f"the window ({low}, {high}) holds nothing; give window=(lower, upper), the lower end first"
+        )
+    return low, high

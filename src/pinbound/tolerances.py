@@ -20,7 +20,9 @@ __all__ = [
     "CROSSCHECK_POINT",
     "CROSSCHECK_SOLID",
     "CROSSCHECK_STOP",
+    "DEPTH",
     "DEVIATION",
+    "EQUALLY_NEAR",
     "EVALUATION",
     "EXACT_LOOP",
     "EXTREME",
@@ -304,3 +306,11 @@ operations on lengths of a few metres, and no more."""
 NEVER_MEETS: Final = 1e-9
 """Metres. Two bodies are proven never to meet if the bound of their distance is larger than this: far above what
 folding and reducing a path can have changed (1e-12), so that rounding cannot prove anything."""
+
+DEPTH: Final = 1e-13
+"""Relative to the size of two bodies that overlap: both bounds of their depth differ by no more, which is some hundred
+roundings."""
+
+EQUALLY_NEAR: Final = 1e-10
+"""Relative to the size of two bodies that overlap: where two ways out differ by no more, neither is the only one. It is
+a thousand times `DEPTH`, far below any length that matters."""

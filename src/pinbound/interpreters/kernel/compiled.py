@@ -3,8 +3,8 @@
 Kept is object code without a symbol of Python's or Numba's: pointers and strides go in, and sines of far angles come
 from the process's own libm. So llvmlite alone loads it, in a few milliseconds, where `import numba` takes tenths of
 a second; and code just compiled takes the same way into memory as code from the cache.
-The key is a hash of all that machine code depends on: the source and `lowering.py`, the versions of pinbound, Numba
-and llvmlite, and the processor.
+The key is a hash of all that machine code depends on: the source, `lowering.py` and `functions.py`, the versions of
+pinbound, Numba and llvmlite, and the processor.
 """
 
 from __future__ import annotations
@@ -126,7 +126,8 @@ def _fresh(key: str, text: str) -> tuple[Callable[..., int], Any]:
 
 def _key(text: str) -> str:
     llvm = _llvm()
-    lowering = Path(__file__).with_name("lowering.py").read_text(encoding="utf-8")
+    here = Path(__file__)
+    lowering = [here.with_name(f"{name}.py").read_text(encoding="utf-8") for name in ("lowering", "functions")]
     versions = [_version(name) for name in ("pinbound", "numba", "llvmlite")]
     processor = [llvm.get_process_triple(), llvm.get_host_cpu_name(), _features()]
     settings = [os.environ.get(name, "") for name in _SETTINGS]

@@ -20,7 +20,17 @@ from pinbound.interpreters.kernel.vectorised import LinearProgram, VectorisedPro
 from pinbound.tolerances import LONGEST, LONGEST_SINGLE
 from pinbound.values import read_only
 
-__all__ = ["BACKENDS", "Backend", "Kernel", "buffer", "check_choices", "real", "representable"]
+__all__ = [
+    "BACKENDS",
+    "Backend",
+    "Kernel",
+    "buffer",
+    "check_choices",
+    "in_threads",
+    "notice_without_numba",
+    "real",
+    "representable",
+]
 
 Array = NDArray[Any]
 Backend = Literal["auto", "compiled", "numpy"]
@@ -201,15 +211,7 @@ class Kernel:
     ) -> None:
         is_single = dtype == np.float32
         work = self._work(Q, mode, out, index, backend, is_single)
-        count = min(threads, max(1, len(Q) // _ROWS_PER_THREAD))
-        if count == 1:
-            irregular = work(0, len(Q))
-        else:
-            from concurrent.futures import ThreadPoolExecutor
-
-            ends = [round(len(Q) * part / count) for part in range(count + 1)]
-            with ThreadPoolExecutor(count) as pool:
-                irregular = sum(pool.map(work, ends[:-1], ends[1:]))
+        irregular = in_threads(work, len(Q), min(threads, max(1, len(Q) // _ROWS_PER_THREAD)))
         slides = np.flatnonzero(self._rates[self._used])
         if len(slides) and not irregular:
             irregular = not np.all(np.abs(Q[:, self._used][:, slides]) <= self._regular(dtype)[slides])
@@ -317,6 +319,18 @@ class Kernel:
         out[bad, 0] = np.min(clearances, axis=1)
         if mode == "smallest":
             index[bad] = np.where(np.any(np.isnan(clearances), axis=1), -1, np.argmin(clearances, axis=1))
+
+
+def in_threads(work: Callable[[int, int], int], rows: int, threads: int) -> int:
+    """Split rows over threads, and return the sum of what the work on each range of them returns."""
+    count = max(1, min(threads, rows))
+    if count == 1:
+        return work(0, rows)
+    from concurrent.futures import ThreadPoolExecutor
+
+    ends = [round(rows * part / count) for part in range(count + 1)]
+    with ThreadPoolExecutor(count) as pool:
+        return sum(pool.map(work, ends[:-1], ends[1:]))
 
 
 def _no_common() -> None:

@@ -18,7 +18,7 @@ _types: Any = importlib.import_module("numba.types")
 _cgutils: Any = importlib.import_module("numba.core.cgutils")
 _intrinsic: Any = importlib.import_module("numba.extending").intrinsic
 
-__all__ = ["copy_columns", "load", "loop_body"]
+__all__ = ["copy_columns", "furthest", "load", "loop_body"]
 
 _FLAGS = ("contract",)
 """The one liberty that LLVM gets: `a * b + c` with one rounding."""
@@ -110,6 +110,75 @@ def _copy_columns(function: Any) -> None:
             value = builder.load(builder.gep(w, [add(i.index, times(c.index, tile))]))
             builder.store(value, builder.gep(out, [add(times(i.index, row), times(c.index, column))]))
     builder.ret_void()
+
+
+_WIDE = 8
+"""Vertices looked at together: two vectors of AVX2, one of AVX-512."""
+
+
+def furthest(builder: Any, args: list[Any]) -> Any:
+    """Return the place of the vertex least along (x, y, z), the first of equal ones within each of eight lanes.
+
+    Arguments are s, start, count, x, y, z. Coordinates stand one after the other: those along x at `s[start]`, along y
+    at `s[start + count]`, along z behind them; count is a multiple of eight. LLVM does not vectorise a loop that keeps
+    the place of its minimum.
+    """
+    kind = _ir.FunctionType(_ir.IntType(64), [argument.type for argument in args])
+    function = _cgutils.get_or_insert_function(builder.module, kind, "pinbound_furthest")
+    if function.is_declaration:
+        function.linkage = "internal"
+        function.attributes.add("alwaysinline")
+        _furthest(function)
+    return builder.call(function, args)
+
+
+def _furthest(function: Any) -> None:
+    """Write the body: eight minima with their places, then the least of the eight."""
+    s, start, count, *direction = function.args
+    integer = count.type
+    reals, integers = _ir.VectorType(_ir.DoubleType(), _WIDE), _ir.VectorType(integer, _WIDE)
+    entry, loop, last = (function.append_basic_block(name) for name in ("entry", "loop", "last"))
+    builder = _ir.IRBuilder(entry)
+    wide = [_splat(builder, _ir.Constant(reals, _ir.Undefined), number) for number in direction]
+    step = _splat(builder, _ir.Constant(integers, _ir.Undefined), integer(_WIDE))
+    builder.branch(loop)
+    builder.position_at_end(loop)
+    at, best, where, places = (builder.phi(kind) for kind in (integer, reals, integers, integers))
+    at.add_incoming(integer(0), entry)
+    best.add_incoming(_ir.Constant(reals, [math.inf] * _WIDE), entry)
+    where.add_incoming(_ir.Constant(integers, [0] * _WIDE), entry)
+    places.add_incoming(_ir.Constant(integers, list(range(_WIDE))), entry)
+    total: Any = None
+    for axis, number in enumerate(wide):
+        offset = builder.add(builder.add(start, at), builder.mul(count, integer(axis)))
+        pointer = builder.bitcast(builder.gep(s, [offset]), reals.as_pointer())
+        product = builder.fmul(builder.load(pointer, align=8), number, flags=_FLAGS)
+        total = product if total is None else builder.fadd(total, product, flags=_FLAGS)
+    less = builder.fcmp_ordered("<", total, best)
+    better, there = builder.select(less, total, best), builder.select(less, places, where)
+    after = builder.add(at, integer(_WIDE))
+    at.add_incoming(after, loop)
+    best.add_incoming(better, loop)
+    where.add_incoming(there, loop)
+    places.add_incoming(builder.add(places, step), loop)
+    builder.cbranch(builder.icmp_signed("<", after, count), loop, last)
+    builder.position_at_end(last)
+    width = _WIDE // 2
+    while width:
+        order = [_ir.Constant(_ir.VectorType(_ir.IntType(32), width), list(range(k, k + width))) for k in (0, width)]
+        low, high = (builder.shuffle_vector(better, better, mask) for mask in order)
+        left, right = (builder.shuffle_vector(there, there, mask) for mask in order)
+        less = builder.fcmp_ordered("<", high, low)
+        better, there = builder.select(less, high, low), builder.select(less, right, left)
+        width //= 2
+    builder.ret(builder.extract_element(there, _ir.IntType(32)(0)))
+
+
+def _splat(builder: Any, vector: Any, number: Any) -> Any:
+    """Return a vector of one number."""
+    for lane in range(_WIDE):
+        vector = builder.insert_element(vector, number, _ir.IntType(32)(lane))
+    return vector
 
 
 def _bytes(real: Any) -> int:
