@@ -843,7 +843,8 @@ def test_rounding_of_the_projection_is_counted(robot: pb.Robot) -> None:
     n = len(robot.coordinates)
     swept = swept_bundle([b.path for b in robot.boundaries if not b.path.is_plain], -np.ones(n), np.ones(n))
     box = (-np.ones(n), np.ones(n))
-    chains = chain_rounding_bound(swept.chains, None, *box).reshape(-1, swept.rows).sum(axis=1)
+    each = chain_rounding_bound(swept.chains, None, *box).reshape(-1, swept.rows)
+    chains = each[:, 0] + np.sum(swept.corners.spread * each[:, 1:], axis=1)
     assert np.all(rounding_bound(swept, None, *box) >= chains + 16 * 2.0**-53 * swept.reach)
 
 

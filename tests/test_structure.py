@@ -70,6 +70,9 @@ KNOWN = {
     ("swept_isolation", "swept_bounds"),
     ("swept_isolation", "bounds"),
     ("swept_bounds", "bounds"),
+    ("swept_bounds", "inside"),
+    ("swept_bounds", "vertices"),
+    ("inside", "vertices"),
     ("rounding", "bounds"),
     ("swept_bounds", "rounding"),
 }

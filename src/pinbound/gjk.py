@@ -22,7 +22,7 @@ from pinbound.tolerances import UNIT_ROUNDOFF
 __all__ = ["AGREE", "INSIDE", "MOST_ROUNDS", "nearest_vertices", "reach", "search", "settled"]
 
 Array = NDArray[np.float64]
-Support = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
+Support = Callable[[Array, NDArray[np.intp]], tuple[Array, Array, Array]]
 
 MOST_ROUNDS = 60
 AGREE = 8.0 * UNIT_ROUNDOFF  # relative to the furthest corner: both bounds differ by no more
@@ -54,7 +54,8 @@ def nearest_vertices(w: Array, directions: Array, corners: tuple[Array, Array]) 
     a, b = corners
     split = a.shape[1]
 
-    def support(v: Array, base: Array, ways: Array) -> tuple[Array, Array, Array]:
+    def support(v: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+        base, ways = w[rows], directions[:, rows]
         along = np.einsum("kni,ni->nk", ways, v)
         first, second = along[:, :split] @ a.T, along[:, split:] @ b.T
         corner = np.hstack((a[np.argmin(first, axis=1)], b[np.argmin(second, axis=1)]))
@@ -92,8 +93,8 @@ def search(w: Array, ways: Array, support: Support, start: Array, scale: Array) 
     Args:
         w: (N, 3).
         ways: (k, N, 3).
-        support: Takes v (n, 3), w and ways of some rows, and returns the corner furthest against v (n, 3), its product
-            with v (n,), and its t (n, k).
+        support: Takes v (n, 3) of some rows, and which rows they are (n,), and returns the corner furthest against v
+            (n, 3), its product with v (n,), and its t (n, k).
         start: (N, 3) the first direction to look against.
         scale: (N,) what rounding is relative to.
     """
@@ -107,7 +108,7 @@ def search(w: Array, ways: Array, support: Support, start: Array, scale: Array) 
     for _ in range(MOST_ROUNDS):
         if not len(rows):
             break
-        x, towards, corner = support(v[rows], w[rows], ways[:, rows])
+        x, towards, corner = support(v[rows], rows)
         length = np.sqrt(np.einsum("ni,ni->n", v[rows], v[rows]))
         below = np.divide(towards, length, out=np.zeros_like(length), where=length > 0.0)
         bound[rows] = np.maximum(bound[rows], below)

@@ -36,7 +36,7 @@ __all__ = ["StepBounds", "StepRows"]
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-_FEW = 3  # ways whose corners have a row each; of more, one row with the loss of the others
+_FEW = 8  # pairs of vertices that have a row each; of more, one row with the loss of the others
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +236,7 @@ class StepBounds:
                 boundary = self._areas[k]
                 value = along[place].copy()
                 value[0] -= boundary.rule.distance + off[place]
-                rows += _corner_rows(boundary.name, value, rates[place], bend[place], half, margin, gain)
+                rows += _corner_rows(boundary, value, rates[place], bend[place], half, margin, gain)
         return rows
 
     def _near(self, q: Array, half: Array, reserve: float) -> Indices:
@@ -300,16 +300,28 @@ def _repeated(q: Array, half: Array, count: int) -> tuple[Array, Array]:
 
 
 def _corner_rows(
-    name: str, value: Array, rates: Array, bend: Array, half: Array, margin: float, gain: float
+    boundary: Boundary, value: Array, rates: Array, bend: Array, half: Array, margin: float, gain: float
 ) -> list[_Row]:
-    """Return a row a corner, or one row with what the other corners may lose; `bend[0]` is that of any corner."""
-    if len(value) <= 1 + _FEW:
+    """Return a row for each pair of vertices, or one row with what the others may lose; `bend[0]` is that of any pair.
+
+    A separation along a direction is the least over the vertices of either body, so that each side is looked at alone.
+    """
+    first, second = boundary.path.swept.corners
+    if len(first) * len(second) <= _FEW:
         found: list[_Row] = []
-        for corner in product((0.0, 1.0), repeat=len(value) - 1):
-            chosen = np.array([1.0, *corner])
-            found.append(_Row(name, float(chosen @ value), chosen @ rates, 0.0, float(bend[0]), margin, gain))
+        for pair in product(first, second):
+            chosen = np.concatenate(([1.0], *pair))
+            found.append(_Row(boundary.name, float(chosen @ value), chosen @ rates, 0.0, float(bend[0]), margin, gain))
         return found
-    taken = np.append(1.0, (value[1:] < 0.0).astype(np.float64))
-    swing = np.abs(rates[1:]) @ half + bend[1:] - np.abs(value[1:])
-    loss = float(np.maximum(swing, 0.0).sum()) * INFLATION
-    return [_Row(name, float(taken @ value), taken @ rates, loss, float(bend[0]), margin, gain)]
+    split = 1 + first.shape[1]
+    taken, loss = [np.ones(1)], 0.0
+    for corners, ways in ((first, slice(1, split)), (second, slice(split, None))):
+        heights = corners @ value[ways]
+        least = int(np.argmin(heights))
+        away = corners - corners[least]
+        swing = np.abs(away @ rates[ways]) @ half + np.abs(away) @ bend[ways] - (heights - heights[least])
+        loss += float(np.maximum(swing, 0.0).max())
+        taken.append(corners[least])
+    chosen = np.concatenate(taken)
+    lost = loss * INFLATION
+    return [_Row(boundary.name, float(chosen @ value), chosen @ rates, lost, float(bend[0]), margin, gain)]

@@ -147,7 +147,7 @@ def _verdict(findings: Sequence[Finding]) -> Verdict:
 
 
 def _notes(robot: Robot, chosen: Sequence[Any], found: dict[str, Finding], first_q: Any) -> tuple[str, ...]:
-    names = [name for name in far_sides(robot, chosen, first_q) if found[name].verdict is Verdict.CERTIFIED]
+    names = far_sides(robot, [one for one in chosen if found[one.name].verdict is Verdict.CERTIFIED], first_q)
     if not names:
         return ()
     return (

@@ -183,7 +183,7 @@ def _slide_lengths(chains: Bundle, lower: Array, upper: Array) -> Array:
     return np.linalg.norm(chains.slides, axis=2) @ farthest
 
 
-def lever_arms(chains: Bundle, lower: Array, upper: Array, loose: Array | None = None) -> Array:
+def lever_arms(chains: Bundle, lower: Array, upper: Array, blocks: tuple[Array, Array] | None = None) -> Array:
     """Return the lever arm of every rotation while q stays in a box, (m, k) [m].
 
     From the tail, with `a_i` and `rho_i` bounds of what lies beyond rotation i along and across its axis:
@@ -193,18 +193,20 @@ def lever_arms(chains: Bundle, lower: Array, upper: Array, loose: Array | None =
         chains: The chains.
         lower: (n,) lower corner of the box; only coordinates that slide matter.
         upper: (n,) upper corner.
-        loose: (m, k + 1) [m], how far each block may be from its offset besides; None: not at all.
+        blocks: Of many vertices with these rotations, the largest `|u_i . b_i|` and `|u_i x b_i|` (m, k) [m] of the
+            blocks behind each rotation; None: those of the chains.
     """
     m, k = chains.axes.shape[:2]
     slid = _slide_lengths(chains, lower, upper)
-    if loose is not None:
-        slid = slid + loose
     arms = np.zeros((m, k))
     along_next, across_next = np.zeros(m), np.zeros(m)
     for i in reversed(range(k)):
         axis, block = chains.axes[:, i], chains.offsets[:, i + 1]
-        along = np.abs(np.einsum("mi,mi->m", axis, block)) + slid[:, i + 1]
-        across = np.linalg.norm(np.cross(axis, block), axis=1) + slid[:, i + 1]
+        if blocks is None:
+            along, across = np.abs(np.einsum("mi,mi->m", axis, block)), np.linalg.norm(np.cross(axis, block), axis=1)
+        else:
+            along, across = blocks[0][:, i], blocks[1][:, i]
+        along, across = along + slid[:, i + 1], across + slid[:, i + 1]
         if i + 1 < k:
             following = chains.axes[:, i + 1]
             sine = np.linalg.norm(np.cross(axis, following), axis=1)
@@ -250,6 +252,8 @@ class Terms:
         second: (N,) bound of |r''| over the piece, or over the box; None if it is not known.
         aside: (N,) [m], how far r in the middle may be from what it is computed to be, by what is known of q.
         wide: (N,) how much rates that cancel multiply the rounding bound.
+        most: (N, k) bounds of how fast the angles turn, over the piece, or half across the box.
+        bend: (N, k) bounds of their second derivatives; None if nothing is known of them, or over a box.
     """
 
     r: Array
@@ -258,6 +262,13 @@ class Terms:
     second: Array | None
     aside: Array
     wide: Array
+    most: Array
+    bend: Array | None
+
+    def turned(self, turns: Array) -> Array:
+        """Return a bound of `|R''|` (N,), R being all rotations that turn something: `turns` (N, k) is 1 or 0."""
+        found = _second(turns, self.most)
+        return found if self.bend is None else found + np.einsum("nk,nk->n", turns, self.bend)
 
 
 def motion_terms(chains: Bundle, arms: Array, which: Indices, piece: Expansion) -> Terms:
@@ -268,7 +279,7 @@ def motion_terms(chains: Bundle, arms: Array, which: Indices, piece: Expansion) 
     r, v = _value_and_rate(chains, which, piece.middle, piece.slope, np.einsum("nki,ni->kn", C, piece.middle), rates)
     slides = chains.slides[which] if chains.slides is not None else None
     slid = _slid(slides, piece.slopes, piece.slope_radius)
-    rho, second = arms[which], None
+    rho, second, bend = arms[which], None, None
     if piece.bends is not None:
         bend = _hull(np.einsum("nki,npi->npk", C, piece.bends)) + _spread(np.abs(C), piece.bend_radius)
         second = _second(rho, most, slid) + np.einsum("nk,nk->n", rho, bend)
@@ -282,6 +293,8 @@ def motion_terms(chains: Bundle, arms: Array, which: Indices, piece: Expansion) 
         second=second,
         aside=aside,
         wide=np.einsum("nki,ni->nk", np.abs(C), np.abs(piece.slope)).max(axis=1, initial=0.0),
+        most=most,
+        bend=bend,
     )
 
 
@@ -322,6 +335,8 @@ def box_terms(chains: Bundle, arms: Array, which: Indices, centre: Array, half: 
         second=_second(rho, wide, slid),
         aside=np.zeros(len(which)),
         wide=wide.sum(axis=1),
+        most=wide,
+        bend=None,
     )
 
 
@@ -344,12 +359,12 @@ def _slid(slides: Array | None, points: Array, radius: Array) -> Array:
     return lengths + _spread(np.linalg.norm(slides, axis=2), radius)
 
 
-def _second(rho: Array, most: Array, slid: Array) -> Array:
+def _second(rho: Array, most: Array, slid: Array | None = None) -> Array:
     """Return the bound of `|r''|` by rates alone: rotations with rotations, rotations with slides beyond them."""
     total = np.cumsum(most, axis=1)
     square = total * total
     second = np.einsum("nk,nk->n", rho, np.diff(square, axis=1, prepend=0.0))
-    if slid.shape[1] > 1:
+    if slid is not None and slid.shape[1] > 1:
         second = second + 2.0 * np.einsum("nk,nk->n", total, slid[:, 1:])
     return second
 

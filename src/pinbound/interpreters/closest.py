@@ -17,8 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.gjk import nearest_vertices
-from pinbound.interpreters.minimum_norm import nearest_corners
+from pinbound.interpreters.minimum_norm import nearest_corners, nearest_hulls
 from pinbound.tolerances import UNIT_ROUNDOFF
 
 __all__ = ["lowest", "nearest", "nearest_of_hulls", "overlap", "overlap_in_plane"]
@@ -64,7 +63,7 @@ def nearest_of_hulls(w: Array, ways: Array, corners: tuple[Array, Array]) -> Arr
     """
     if w.shape[1] == 2:
         w, ways = np.pad(w, ((0, 0), (0, 1))), np.pad(ways, ((0, 0), (0, 0), (0, 1)))
-    return nearest_vertices(w, ways, corners)[0]
+    return nearest_hulls(w, ways, corners)
 
 
 def lowest(ways: Array, corners: tuple[Array, Array]) -> Array:

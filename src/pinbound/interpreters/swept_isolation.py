@@ -33,7 +33,9 @@ Ints = NDArray[np.int64]
 _PIECES = 5  # 2^5 pieces to begin with
 _FINEST = 50  # 2^50 steps in all
 _MOST_OPEN = 1 << 15  # pieces a configuration: more are a separation that is all but the threshold along a stretch
-_STRETCH = 64  # pieces in a row, all at the threshold: so many are no end of a contact
+_STRETCH = 64  # pieces in a row, all at the threshold: so many are no end of a contact, if each was cut in two
+_CUTS = (32, 3), (256, 2)  # so few pieces are cut into 2^3, or 2^2, at once: a round costs as much for one
+_SECTIONS = 7  # places between an end and its contact that are looked at in one go
 _ROWS = 64  # configurations at a time, to bound memory
 _WIDENINGS, _WIDER, _LAST_BIT = 14, 8.0, 4e-16  # from the width of a root to any wall, and back to the last bit
 
@@ -167,6 +169,7 @@ def _free(
     size = 1 << (_FINEST - _PIECES)
     row = np.repeat(np.arange(len(Q)), 1 << _PIECES)
     start = np.tile(np.arange(1 << _PIECES, dtype=np.int64) * size, len(Q))
+    cuts = 1
     kept: list[tuple[Ints, Ints, int]] = []
     undecided: list[tuple[Ints, Ints, int]] = []
     reached = threshold if path.is_signed else max(threshold, 4.0 * error)  # a distance of zero is known to rounding
@@ -181,7 +184,7 @@ def _free(
         left, doubtful = ~free & ~hit & ~stuck, ~free & ~hit & stuck
         undecided.append((row[doubtful], start[doubtful], size))
         at_threshold = np.abs(found.value[left] - threshold) <= 4.0 * error
-        kept_open = ~_inside_stretches(row[left], start[left], size, at_threshold)
+        kept_open = ~_inside_stretches(row[left], start[left], size, at_threshold, _STRETCH << (cuts - 1))
         row, start = row[left][kept_open], start[left][kept_open]
         if len(row) and int(np.bincount(row).max()) > _MOST_OPEN:
             gap, place = float(np.median(np.abs(found.value[left] - threshold))), float(middle[left][0])
@@ -189,12 +192,14 @@ def _free(
                 f"around {place:.6g} the separation stays within {gap:.1e} m of the contact distance over a whole "
                 f"stretch of {name!r}, too near to be told from contact; change the distance to keep by more than that"
             )
-        size >>= 1
-        row, start = np.concatenate((row, row)), np.concatenate((start, start + size))
+        cuts = next((cuts for most, cuts in _CUTS if len(row) <= most and size >> cuts), 1)
+        size >>= cuts
+        steps = np.arange(1 << cuts, dtype=np.int64)[:, None] * size
+        row, start = np.tile(row, 1 << cuts), (start + steps).ravel()
     return _joined(kept, len(Q), low, high), _joined([*kept, *undecided], len(Q), low, high)
 
 
-def _inside_stretches(row: Ints, start: Ints, size: int, flat: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _inside_stretches(row: Ints, start: Ints, size: int, flat: NDArray[np.bool_], many: int) -> NDArray[np.bool_]:
     """Return which pieces lie inside a long run of neighbours that all are at the threshold, its ends left out."""
     order = np.lexsort((start, row))
     flat = flat[order]
@@ -205,7 +210,7 @@ def _inside_stretches(row: Ints, start: Ints, size: int, flat: NDArray[np.bool_]
     last = np.searchsorted(run, run, side="right") - 1
     place = np.arange(len(row))
     inside = np.zeros(len(row), dtype=np.bool_)
-    inside[order] = flat & (last - first >= _STRETCH) & (place > first + 1) & (place < last - 1)
+    inside[order] = flat & (last - first >= many) & (place > first + 1) & (place < last - 1)
     return inside
 
 
@@ -239,10 +244,12 @@ def _polished(
             step = np.where(apart, _WIDER * step, step)
         met = ~above(outside) & (inside > domain[0]) & (inside < domain[1])  # ends of the window are no contacts
         joined[:, side] = ~met & (outside == wall) & beside[:, side]
+        every, shares = np.tile(rows, _SECTIONS), np.arange(1, _SECTIONS + 1)[:, None] / (_SECTIONS + 1)
         while np.any(met & (np.abs(outside - inside) > _LAST_BIT * np.maximum(1.0, np.abs(inside)))):
-            middle = 0.5 * (inside + outside)
-            apart = above(middle)
-            inside, outside = np.where(apart, middle, inside), np.where(apart, outside, middle)
+            between = np.concatenate((inside[None], inside + shares * (outside - inside), outside[None]))
+            apart = above(between[1:-1].ravel(), Q[every]).reshape(_SECTIONS, -1)
+            first = np.argmin(np.concatenate((apart, np.zeros_like(apart[:1]))), axis=0)  # that is not apart
+            inside, outside = (between[first + beyond, np.arange(len(first))] for beyond in (0, 1))
         ends[met, side] = inside[met]
     cuts = np.cumsum([len(one) for one in free])[:-1]
     return [_united(one, flags) for one, flags in zip(np.split(ends, cuts), np.split(joined, cuts), strict=True)]

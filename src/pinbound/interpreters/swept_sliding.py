@@ -17,7 +17,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.interpreters import numeric, separation
+from pinbound import gjk
+from pinbound.interpreters import closest, numeric, separation
 from pinbound.interpreters.closest import nearest
 from pinbound.path import RelativePath
 from pinbound.tolerances import CONTOUR_ROUNDING, REDUCTION, UNIT_ROUNDOFF
@@ -46,7 +47,6 @@ def intervals(path: RelativePath, index: int, Q: Array, threshold: float) -> Arr
         Q: (N, n) finite.
         threshold: T, up to which there is contact [m].
     """
-    path.check_zonotopes("a closed form for the limits")
     rest = Q.copy()
     rest[:, index] = 0.0
     w, ways = separation.measured(path, rest)
@@ -57,7 +57,8 @@ def intervals(path: RelativePath, index: int, Q: Array, threshold: float) -> Arr
     moves = speed > REDUCTION
     found = np.full((len(Q), 2, 2), np.nan)
     if path.is_signed:
-        height, rate = w[:, 0] + np.minimum(ways[:, :, 0], 0.0).sum(axis=0), d[:, 0]
+        t = closest.lowest(ways, path.swept.corners)
+        height, rate = w[:, 0] + np.einsum("nk,kn->n", t, ways[:, :, 0]), d[:, 0]
         with np.errstate(divide="ignore", invalid="ignore"):
             end = (threshold - height) / rate
         found[moves & (rate > 0.0), 0] = np.stack((end, np.full_like(end, math.inf)), axis=1)[moves & (rate > 0.0)]
@@ -65,11 +66,11 @@ def intervals(path: RelativePath, index: int, Q: Array, threshold: float) -> Arr
         found[~moves & (height > threshold), 0] = -math.inf, math.inf
         return found
     unit = np.divide(d, speed[:, None], out=np.zeros_like(d), where=moves[:, None])
-    t = nearest(*(x - np.einsum("...i,...i->...", x, unit)[..., None] * unit for x in (w, ways)))
+    t = _nearest(path, *(x - np.einsum("...i,...i->...", x, unit)[..., None] * unit for x in (w, ways)))
     foot = w + np.einsum("nk,kni->ni", t, ways)
     along = np.einsum("ni,ni->n", foot, unit)
     smallest = numeric.norm(foot - along[:, None] * unit)
-    size = np.linalg.norm(w, axis=1) + np.linalg.norm(ways, axis=2).sum(axis=0)
+    size = gjk.reach(w, ways, path.swept.corners)
     rounding = CONTOUR_ROUNDING * (size + threshold)
     free = smallest > threshold + rounding
     found[free, 0] = -math.inf, math.inf
@@ -89,6 +90,10 @@ def intervals(path: RelativePath, index: int, Q: Array, threshold: float) -> Arr
     return found
 
 
+def _nearest(path: RelativePath, w: Array, ways: Array) -> Array:
+    return nearest(w, ways) if path.swept.is_zonotope else closest.nearest_of_hulls(w, ways, path.swept.corners)
+
+
 def _end(
     path: RelativePath,
     index: int,
@@ -104,7 +109,7 @@ def _end(
     scale = np.abs(lowest) + np.abs(reach)
     for _ in range(_MOST_STEPS):
         r = w + x[:, None] * d
-        r = r + np.einsum("nk,kni->ni", nearest(r, ways), ways)
+        r = r + np.einsum("nk,kni->ni", _nearest(path, r, ways), ways)
         f = numeric.norm(r)
         slope = np.divide(np.einsum("ni,ni->n", r, d), f, out=np.zeros_like(f), where=f > 0.0)
         step = np.divide(f - level, slope, out=np.zeros_like(f), where=(f > level) & (slope * reach > 0.0))

@@ -1,7 +1,9 @@
-"""Machine code of the search for the nearest corners: `minimum_norm.nearest_corners`, row by row, without NumPy.
+"""Machine code of the search for nearest corners: of `minimum_norm.nearest_corners`, and of hulls by their vertices.
 
-The same steps, in the same order; only sums may be rounded otherwise. It goes through the compiler and the cache of all
-other machine code (`compiled`), with the number of ways as a constant of its text.
+It does row by row what `gjk.search` does in NumPy, the same steps in the same order; only sums may be rounded
+otherwise. It goes through the compiler and the cache of all other machine code (`compiled`), with the number of ways as
+a constant of its text. The two differ in how the corner is found that is furthest against a direction: by the sign of
+each way, or as the least of a table of vertices.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 from pinbound.interpreters.kernel.compiled import MachineCode, compile_source, is_kept
 from pinbound.interpreters.kernel.source import KernelSource
 
-__all__ = ["is_ready", "search"]
+__all__ = ["is_ready", "search", "search_vertices"]
 
 Array = NDArray[np.float64]
 
@@ -39,6 +41,30 @@ def search(w: Array, ways: Array, agree: float, rounds: int, inside: float) -> t
     return out[:, :k], out[:, k]
 
 
+def search_vertices(
+    w: Array, ways: Array, start: Array, scale: Array, tables: Array, bodies: Array, limits: tuple[float, int, float]
+) -> tuple[Array, Array]:
+    """Return t (N, 6) and the bound (N,) as `gjk.search` does, for t over the product of two hulls of vertices.
+
+    Args:
+        w: (N, 3).
+        ways: (N, 6, 3): three of the first body, three of the second; zero where it has fewer.
+        start: (N, 3), the first direction to look against.
+        scale: (N,), what rounding is relative to.
+        tables: (V, 3), the vertices of all bodies as coefficients of their three ways.
+        bodies: (N, 4), first vertex and number of vertices of either body; the number 0 of a point.
+        limits: How far both bounds may differ, the most rounds, and how near to the origin is inside (see `search`).
+    """
+    rows = np.hstack((w, ways.reshape(len(w), 18), start, scale[:, None], bodies))
+    out = np.empty((len(w), 7))
+    code = _code(0, *limits)
+    scratch = np.empty(code.scratch // 8 + tables.size)
+    scratch[code.scratch // 8 :] = tables.ravel()
+    addresses = [array.__array_interface__["data"][0] for array in (rows, out, _NO_INDEX, scratch)]
+    code.function(*addresses[:2], 7, 1, *addresses[2:], len(w))
+    return out[:, :6], out[:, 6]
+
+
 _NO_INDEX: NDArray[Any] = np.empty(0, dtype=np.int64)
 
 
@@ -54,17 +80,73 @@ def _code(k: int, agree: float, rounds: int, inside: float) -> MachineCode:
 
 
 def _source(k: int, agree: float, rounds: int, inside: float) -> KernelSource:
-    scratch = 12 + 4 * k + k + 8  # points, their t, the new one's, and weights twice
-    return KernelSource(_TEXT.format(k=k, agree=agree, rounds=rounds, inside=inside), 8 * scratch)
+    """Return the source for k ways, t in [0, 1]; for none that of hulls, whose vertices stand behind the scratch."""
+    ways, width, start, support = (k, 3 * (k + 1), _FROM_WAYS, _BY_SIGN) if k else (6, 29, _FROM_ROW, _BY_TABLE)
+    scratch = 12 + 4 * ways + ways + 8  # points, their t, the new one's, and weights twice
+    text = _TEXT.format(
+        k=ways, agree=agree, rounds=rounds, inside=inside, width=width, start=start, support=support, tables=scratch
+    )
+    return KernelSource(text, 8 * scratch)
+
+
+_FROM_WAYS = """\
+        vx, vy, vz = wx, wy, wz
+        scale = math.sqrt(wx * wx + wy * wy + wz * wz)
+        for j in range(K):
+            e = base + 3 * (j + 1)
+            vx += 0.5 * Q[e]
+            vy += 0.5 * Q[e + 1]
+            vz += 0.5 * Q[e + 2]
+            scale += math.sqrt(Q[e] * Q[e] + Q[e + 1] * Q[e + 1] + Q[e + 2] * Q[e + 2])
+"""
+
+_FROM_ROW = """\
+        vx, vy, vz, scale = Q[base + 21], Q[base + 22], Q[base + 23], Q[base + 24]
+"""
+
+_BY_SIGN = """\
+            for j in range(K):
+                e = base + 3 * (j + 1)
+                s[NEW + j] = 0.0
+                if Q[e] * vx + Q[e + 1] * vy + Q[e + 2] * vz < 0.0:
+                    s[NEW + j] = 1.0
+                    x += Q[e]
+                    y += Q[e + 1]
+                    z += Q[e + 2]
+"""
+
+_BY_TABLE = """\
+            for side in range(2):
+                first, many = np.int64(Q[base + 25 + 2 * side]), np.int64(Q[base + 26 + 2 * side])
+                e, first = base + 3 + 9 * side, TABLES + 3 * first
+                along_x = Q[e] * vx + Q[e + 1] * vy + Q[e + 2] * vz
+                along_y = Q[e + 3] * vx + Q[e + 4] * vy + Q[e + 5] * vz
+                along_z = Q[e + 6] * vx + Q[e + 7] * vy + Q[e + 8] * vz
+                lowest, chosen = math.inf, first
+                for c in range(many):
+                    height = along_x * s[first] + along_y * s[first + 1] + along_z * s[first + 2]
+                    if height < lowest:
+                        lowest, chosen = height, first
+                    first += 3
+                for j in range(3):
+                    share = 0.0
+                    if many > 0:
+                        share = s[chosen + j]
+                    s[NEW + 3 * side + j] = share
+                    x += share * Q[e + 3 * j]
+                    y += share * Q[e + 3 * j + 1]
+                    z += share * Q[e + 3 * j + 2]
+"""
 
 
 _TEXT = '''"""Generated by pinbound; do not edit."""
 
 import math
 
+import numpy as np
 from numba import cfunc, types
 
-K, AGREE, ROUNDS, INSIDE = {k}, {agree!r}, {rounds}, {inside!r}
+K, AGREE, ROUNDS, INSIDE, WIDTH, TABLES = {k}, {agree!r}, {rounds}, {inside!r}, {width}, {tables}
 POINTS, CORNERS, NEW, WEIGHTS, BEST = 0, 12, 12 + 4 * K, 12 + 5 * K, 16 + 5 * K
 REALS, INTEGER, INTEGERS = types.CPointer(types.float64), types.int64, types.CPointer(types.int64)
 
@@ -76,16 +158,10 @@ REALS, INTEGER, INTEGERS = types.CPointer(types.float64), types.int64, types.CPo
 def kernel(Q, out, row, column, index, s, count):
     irregular = 0
     for i in range(count):
-        base = i * 3 * (K + 1)
+        base = i * WIDTH
         wx, wy, wz = Q[base], Q[base + 1], Q[base + 2]
-        vx, vy, vz = wx, wy, wz
-        scale = math.sqrt(wx * wx + wy * wy + wz * wz)
+{start}\
         for j in range(K):
-            e = base + 3 * (j + 1)
-            vx += 0.5 * Q[e]
-            vy += 0.5 * Q[e + 1]
-            vz += 0.5 * Q[e + 2]
-            scale += math.sqrt(Q[e] * Q[e] + Q[e + 1] * Q[e + 1] + Q[e + 2] * Q[e + 2])
             out[i * row + j * column] = 0.0
         if not scale < math.inf:
             out[i * row + K * column] = math.nan
@@ -95,14 +171,7 @@ def kernel(Q, out, row, column, index, s, count):
         while searching > 0:
             searching -= 1
             x, y, z = wx, wy, wz
-            for j in range(K):
-                e = base + 3 * (j + 1)
-                s[NEW + j] = 0.0
-                if Q[e] * vx + Q[e + 1] * vy + Q[e + 2] * vz < 0.0:
-                    s[NEW + j] = 1.0
-                    x += Q[e]
-                    y += Q[e + 1]
-                    z += Q[e + 2]
+{support}\
             length = math.sqrt(vx * vx + vy * vy + vz * vz)
             below = 0.0
             if length > 0.0:
