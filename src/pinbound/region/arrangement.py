@@ -241,7 +241,7 @@ def _arranged(plane: Plane, accuracy: float, tubes: Tubes | None, deadline: Dead
     fixed = tuple(line for line in lines if line is not None)
     if tubes is None:
         faces = _free_faces(plane, fixed, blocks, accuracy)
-        return faces and Arrangement(plane, fixed, faces, error, error, tuple(blocks))
+        return None if faces is None else Arrangement(plane, fixed, faces, error, error, tuple(blocks))
     settled = settle(tubes, lambda more, open_: _free_faces(plane, (*fixed, *more), [*blocks, *open_], accuracy))
     if settled is None:
         return None
