@@ -98,31 +98,39 @@ def test_the_smallest_clearance_over_a_part_is_bounded(planar: pb.Robot) -> None
     assert planar.boundaries[found.boundary].clearance(found.q) == pytest.approx(found.upper, abs=1e-12)
 
 
-def test_a_box_in_the_plane_of_several_angles_is_refused_and_of_one_is_strips(load_text: Load) -> None:
+def test_a_box_in_the_plane_of_several_angles_is_searched_for_and_of_one_is_strips(load_text: Load) -> None:
     box = (
         '<pinbound:sweep name="box" link="base" xyz="0.3 -0.1 0.3" ways="0.2 0 0  0 0.2 0  0 0 0.2"/>'
         '<pinbound:segment name="bar" link="b" xyz_a="0 0.1 0" xyz_b="0 -0.1 0.3" radius="0.01"/>'
         '<pinbound:segment name="arm" link="a" xyz_a="0 0 0.1" xyz_b="0 0 0.6" radius="0.02"/>'
     )
     robot = load_text(assemble(PLANAR, [box], ["box_bar"], HOME))
-    with pytest.raises(pb.UnsupportedError, match=r"edge to edge\. Take points, planes, or spheres"):
-        pb.feasible_region(robot, ("q1", "q2"))
+    region = pb.feasible_region(robot, ("q1", "q2"), width=0.05)
+    assert [edge.name for edge in region.edges].count("box_bar") == 1
+    assert region.width == 0.05
     robot = load_text(assemble(PLANAR, [box], ["box_arm"], HOME))
     region = pb.feasible_region(robot, ("q1", "q2"))
     assert [edge.name for edge in region.edges].count("box_arm") == 1
+    assert region.width == 0.0
+    assert region.area_interval == (region.area, region.area)
     (stop,) = (edge for edge in region.edges if edge.name == "box_arm")
     q = robot.home.copy()
     q[0] = stop.start[0]
     assert robot.boundaries["box_arm"].clearance(q) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_skew_segments_in_the_plane_of_several_angles_are_refused(load_text: Load) -> None:
+def test_skew_segments_in_the_plane_of_several_angles_are_searched_for(load_text: Load) -> None:
     marks = [
         '<pinbound:segment name="X" link="base" xyz_a="0.5 -0.3 0.3" xyz_b="0.6 0.3 0.3" radius="0.01"/>',
         '<pinbound:segment name="Y" link="b" xyz_a="0 0.1 0" xyz_b="0 -0.1 0.3" radius="0.01"/>',
     ]
-    with pytest.raises(pb.UnsupportedError, match="edge to edge"):
-        pb.feasible_region(load_text(assemble(PLANAR, marks, ["X_Y"], HOME)), ("q1", "q2"))
+    robot = load_text(assemble(PLANAR, marks, ["X_Y"], HOME))
+    region = pb.feasible_region(robot, ("q1", "q2"), width=0.02)
+    Q = np.random.default_rng(4).uniform(-3, 3, (5_000, 2))
+    inside = np.any([part.contains(Q) for part in region.components], axis=0)
+    differ = inside != (separation(robot, Q) > 0.0)
+    assert np.abs(separation(robot, Q)[differ]).max(initial=0.0) < 1e-4
+    assert 0 < np.sum(~inside) < len(Q)
 
 
 def test_bounds_over_boxes_of_the_plane_hold(planar: pb.Robot) -> None:

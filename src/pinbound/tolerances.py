@@ -55,6 +55,7 @@ __all__ = [
     "REDUCTION_SLIDES",
     "REGION_ACCURACY",
     "REGION_BUDGET",
+    "REGION_WIDTH",
     "ROOT",
     "SAME_BODY",
     "SAME_ROBOT",
@@ -237,6 +238,10 @@ sixth of the least step of a 16-bit encoder (9.6e-5 rad)."""
 
 REGION_BUDGET: Final = 120.0
 """Seconds. Default time after which tracing or insetting a region ends in an error that says what is left."""
+
+REGION_WIDTH: Final = 2e-3
+"""Radians or metres, or the same share of a window narrower than one. Default side of the cells that enclose a contact
+curve that is searched for: twenty steps of a 16-bit encoder, some ten thousand cells a curve."""
 
 WIDEST_WINDOW: Final = 1e6
 """Radians or metres. A limit further out than this counts as none in a region: a float64 knows an angle of 1e6 rad to

@@ -36,7 +36,7 @@ from pinbound.interpreters import symbolic
 from pinbound.region import Region, feasible_region
 from pinbound.robot import Robot
 from pinbound.rules import condition_text
-from pinbound.tolerances import REGION_BUDGET
+from pinbound.tolerances import REGION_BUDGET, REGION_WIDTH
 from pinbound.units import amount, factors, names, shown
 
 __all__ = ["derive", "info", "limits", "region"]
@@ -45,6 +45,9 @@ At = Annotated[str | None, typer.Option(help="q2=0.1,q3=-0.2: the configuration;
 Degrees = Annotated[bool, typer.Option("--deg", help="Angles of --at and --window are in degrees.")]
 InPlane = Annotated[str | None, typer.Option("--coordinates", help="The two coordinates, e.g. q2,q3.")]
 Budget = Annotated[float, typer.Option(help="Seconds after which it ends with what is left; inf: never.")]
+Width = Annotated[
+    float, typer.Option(help="Side of the cells that enclose contacts of boxes and prisms that turn by several angles.")
+]
 
 
 Pairs = Annotated[
@@ -351,6 +354,7 @@ def region(
     window: Window = None,
     deg: Degrees = False,
     budget: Budget = REGION_BUDGET,
+    width: Width = REGION_WIDTH,
     require_coverage_: RequireCoverage = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
@@ -361,7 +365,7 @@ def region(
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     plane = None if coordinates is None else tuple(name.strip() for name in coordinates.split(","))
     within = parse_window(loaded, window, deg)
-    found = feasible_region(loaded, plane, parse_configuration(loaded, at, deg), within, budget=budget)
+    found = feasible_region(loaded, plane, parse_configuration(loaded, at, deg), within, budget=budget, width=width)
     if as_json:
         emit_json(_region_record(found) | {"coverage": coverage_record(loaded.coverage.record)})
         require_coverage(loaded.coverage, require_coverage_)
@@ -381,6 +385,9 @@ def region(
     if found.accuracy:
         to = " and ".join(dict.fromkeys(amount(found.accuracy, unit) for unit in found.units))
         note += f"; curved edges to {to}, area to {found.area_error:.1e} {found.area_unit}"
+    if found.width:
+        low, high = found.area_interval
+        note += f"; proven: area from {low:.6g} to {high:.6g}, contacts enclosed in cells of {found.width:g}"
     print_table(f"Feasible region of ({x}, {y}) around home", columns, rows, note)
     if found.unresolved:
         console().print(f"{found.unresolved_text}.", markup=False, soft_wrap=True)
@@ -411,6 +418,8 @@ def _region_record(region: Region) -> dict[str, Any]:
         "accuracy": region.accuracy,
         "area": region.area,
         "area_error": region.area_error,
+        "area_interval": region.area_interval,
+        "width": region.width,
         "units": region.units,
         "area_unit": region.area_unit,
         "unresolved": [vars(place) for place in region.unresolved],

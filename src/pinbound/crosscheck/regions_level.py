@@ -227,7 +227,7 @@ def _compare(robot: Robot, region: Region, shapes: str, ignored: _Pairs, flood: 
         contour=contour,
         contour_inside=float(np.max(apart, initial=0.0)),
         contour_outside=float(np.max(-apart, initial=0.0)),
-        tolerance=_angle_tolerance(robot, shapes),
+        tolerance=_angle_tolerance(robot, shapes) + region.width,  # chords in cells cut corners by less than a cell
         stops=any(not boundary.has_size for boundary in robot.boundaries),
         complete=flood.complete,
     )

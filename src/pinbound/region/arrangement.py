@@ -24,14 +24,17 @@ import shapely
 from numpy.typing import NDArray
 
 from pinbound.exceptions import UnsupportedError
+from pinbound.region.cells import Grid, Searched
 from pinbound.region.contours import BUMP
 from pinbound.region.deadline import Deadline
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.lines import Line, segment_owners, vertex_owners
 from pinbound.region.obstacles import obstacle_sides
-from pinbound.region.outlines import outline
+from pinbound.region.outlines import check_turns, is_searched, outline
 from pinbound.region.plane import Plane, Strips
-from pinbound.tolerances import VERTEX
+from pinbound.region.settling import Settled, settle
+from pinbound.region.tubes import Tubes
+from pinbound.tolerances import REGION_WIDTH, VERTEX
 from pinbound.values import Value
 
 __all__ = ["Arrangement", "Corner", "Edge", "Unresolved", "arrange", "arranged_loops"]
@@ -125,14 +128,18 @@ class Arrangement(Value):
         faces: Free faces as `shapely.Polygon`, counter-clockwise, in the same units; the start's first, then the
             largest first.
         chord_error: No point of a contact curve is further than this from its polyline, in the same units.
+        smooth_error: The same of curves that are not searched for.
         blocks: Undecided places in the same units: a polygon and the boundary's name.
+        settled: Of contacts that are searched for: the undecided cells; None if there are none.
     """
 
     plane: Plane
     lines: tuple[Line, ...]
     faces: tuple[Any, ...]
     chord_error: float
+    smooth_error: float
     blocks: tuple[tuple[Any, str], ...]
+    settled: Settled | None = None
 
     @cached_property
     def drawn(self) -> tuple[Line, ...]:
@@ -166,23 +173,40 @@ class Arrangement(Value):
                     news += more
         return float(sum(self.faces[i].area for i in sorted(reached))) * float(np.prod(self.plane.scales))
 
+    def area_interval(self, index: int) -> tuple[float, float] | None:
+        """Return proven bounds of the area of a face's component, if contact is searched for."""
+        if self.settled is None:
+            return None
+        unit = float(np.prod(self.plane.scales))
+        lower, upper = self.settled.areas(index, self.smooth_error)
+        return lower * unit, upper * unit
 
-def arrange(plane: Plane, accuracy: float, deadline: Deadline | None = None) -> Arrangement:
+
+def arrange(
+    plane: Plane, accuracy: float, deadline: Deadline | None = None, width: float = REGION_WIDTH
+) -> Arrangement:
     """Return the free faces of a plane, contact curves traced to an accuracy, a share of `plane.scales`.
 
-    The start may be nearer to contact than the accuracy can tell; then a finer one is taken.
+    The start may be nearer to contact than the accuracy can tell; then a finer one is taken. Contacts that are searched
+    for are enclosed in cells of the width.
 
     Raises:
         UnsupportedError: If a contact curve is degenerate (`contours.trace`), the window holds too many turns, the
-            start is too near to contact even so, or time is up.
+            start is too near to contact even so, there are too many cells, or time is up.
     """
+    searched = tuple(curve for curve in plane.curves if is_searched(plane, curve))
+    tubes = None
+    if searched:
+        for curve in searched:
+            check_turns(plane, curve)
+        tubes = Tubes(Searched(plane, searched, Grid.over(_wide(plane), width)), deadline)
     finest = accuracy
     for finer in (1.0, 1e-2, 1e-4):
         finest = accuracy * finer
-        found = _arranged(plane, finest, deadline)
+        found = _arranged(plane, finest, tubes, deadline)
         if found is not None:
             return found
-        if not plane.curves:
+        if len(plane.curves) == len(searched):
             break
     raise UnsupportedError(
         f"the start point {plane.start.tolist()} is free, but nearer to contact than the accuracy of {finest:.3g} "
@@ -190,19 +214,25 @@ def arrange(plane: Plane, accuracy: float, deadline: Deadline | None = None) -> 
     )
 
 
-def _arranged(plane: Plane, accuracy: float, deadline: Deadline | None) -> Arrangement | None:
+def _wide(plane: Plane) -> Array:
+    """Return the window in which curves are traced, rows lower and upper, in units of `plane.scales`."""
+    low, high = plane.window / plane.scales
+    return np.array([low - _BEYOND * (high - low), high + _BEYOND * (high - low)])
+
+
+def _arranged(plane: Plane, accuracy: float, tubes: Tubes | None, deadline: Deadline | None) -> Arrangement | None:
     """Return the faces, or None if the start cannot be told from contact at this accuracy."""
-    scales = plane.scales
-    low, high = plane.window / scales
-    wide = np.array([low - _BEYOND * (high - low), high + _BEYOND * (high - low)])
-    sides = [_scaled(limit, scales) for limit in (*plane.box, *plane.limits)]
+    wide = _wide(plane)
+    sides = [_scaled(limit, plane.scales) for limit in (*plane.box, *plane.limits)]
     lines = [_straight(wide, side, side) for side in sides]
     lines += _strip_lines(plane, wide)
     for obstacle in plane.obstacles:
-        for side, ends in obstacle_sides(obstacle, wide, scales):
+        for side, ends in obstacle_sides(obstacle, wide, plane.scales):
             lines.append(Line(side.name, side.source, False, ends, side))
     error, blocks = 0.0, list[tuple[Any, str]]()
     for curve in plane.curves if deadline is None else deadline.each(plane.curves):
+        if tubes is not None and curve in tubes.searched.curves:
+            continue
         found = outline(plane, curve, wide, accuracy, deadline)
         error = max(error, found.chord_error)
         lines += found.lines
@@ -212,22 +242,35 @@ def _arranged(plane: Plane, accuracy: float, deadline: Deadline | None) -> Arran
                 wall = gis.get_coordinates(block.exterior)
                 lines.append(Line(curve.name, curve.name, True, wall, found.lines[0].function))
             error = max(error, float(np.hypot(*np.subtract(block.bounds[2:], block.bounds[:2]))))
-    kept = tuple(line for line in lines if line is not None)
-    faces = gis.polygonize(gis.get_parts(gis.union_all([gis.linestrings(x.points) for x in kept])))
+    fixed = tuple(line for line in lines if line is not None)
+    if tubes is None:
+        faces = _free_faces(plane, fixed, blocks, accuracy)
+        return None if faces is None else Arrangement(plane, fixed, faces, error, error, tuple(blocks))
+    settled = settle(tubes, lambda more, open_: _free_faces(plane, (*fixed, *more), [*blocks, *open_], accuracy))
+    if settled is None:
+        return None
+    kept, blocks = (*fixed, *settled.lines), [*blocks, *settled.blocks]
+    return Arrangement(plane, kept, settled.faces, max(error, settled.error), error, tuple(blocks), settled)
+
+
+def _free_faces(
+    plane: Plane, lines: Sequence[Line], blocks: Sequence[tuple[Any, str]], accuracy: float
+) -> tuple[Any, ...] | None:
+    """Return the free faces between lines, the start's first, then the largest; None if the start is in none."""
+    faces = gis.polygonize(gis.get_parts(gis.union_all([gis.linestrings(x.points) for x in lines])))
     polygons = np.asarray(gis.get_parts(faces))
     inside = gis.get_coordinates(gis.point_on_surface(polygons))
-    free = plane.free(inside * scales)
+    free = plane.free(inside * plane.scales)
     for block, _ in blocks:
         near = np.flatnonzero(free)
         free[near] &= ~gis.contains_xy(block, inside[near])
     thick = gis.area(polygons) > accuracy * gis.length(polygons) / 2.0
-    away = np.where(free, gis.distance(polygons, gis.Point(plane.start / scales)), np.inf)
+    away = np.where(free, gis.distance(polygons, gis.Point(plane.start / plane.scales)), np.inf)
     home = int(np.argmin(away))
     if away[home] > VERTEX:
         return None
     rest = [i for i in np.argsort(-gis.area(polygons)).tolist() if free[i] and thick[i] and i != home]
-    ordered = gis.orient_polygons(polygons[[home, *rest]])
-    return Arrangement(plane, kept, tuple(ordered), error, tuple(blocks))
+    return tuple(gis.orient_polygons(polygons[[home, *rest]]))
 
 
 def _scaled(half: HalfPlane, scales: Array) -> HalfPlane:

@@ -31,7 +31,7 @@ from pinbound.region.deadline import Deadline
 from pinbound.region.smooth import Smooth
 from pinbound.tolerances import CONTOUR_ROUNDING, CONTOUR_TURN, VERTEX
 
-__all__ = ["BUMP", "ContactFunction", "Contour", "HeightFunction", "Traced", "trace"]
+__all__ = ["BUMP", "STRIDE", "ContactFunction", "Contour", "HeightFunction", "Traced", "box_sides", "chain_up", "trace"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -39,7 +39,7 @@ Bools = NDArray[np.bool_]
 
 _ROOT = 4  # 2^4 root boxes a side
 _FINEST = 30  # 2^30 steps a side: 6e-9 rad in a window of one turn
-_STRIDE = 1 << (_FINEST + 1)
+STRIDE = 1 << (_FINEST + 1)
 _MOST_BOXES = 400_000
 _TURN = np.radians(20.0)  # how far the normal may turn in a regular box
 _REGULAR = float(np.sin(_TURN))
@@ -213,7 +213,7 @@ def trace(function: Smooth, window: Array, accuracy: float, deadline: Deadline |
         return Contour((), 0.0, unresolved, step)
     crossings = _project(function, crossings, reach)
     chords, owner, error = _refine(function, crossings, pairs, accuracy, deadline)
-    return Contour(_chain_up(pairs, chords, owner), error, unresolved, step)
+    return Contour(chain_up(pairs, chords, owner), error, unresolved, step)
 
 
 def _subdivide(function: Smooth, origin: Array, step: Array, deadline: Deadline | None) -> tuple[Ints, Ints, Array]:
@@ -259,6 +259,37 @@ def _classify(function: Smooth, middle: Array, half: Array) -> tuple[Bools, Bool
     return empty, regular
 
 
+def box_sides(boxes: Ints, sizes: Ints) -> tuple[Ints, Ints, Ints]:
+    """Return the pieces of the sides of boxes, cut at the corners of smaller neighbours.
+
+    Args:
+        boxes: (N, 2) lower corners in finest steps, below 2^31.
+        sizes: (N,) sides in finest steps.
+
+    Returns:
+        The corners' keys (K,), `x * 2^31 + y`, ascending; of each piece its box (S,), and its ends (S, 2) among them.
+    """
+    corners = boxes[:, None, :] + sizes[:, None, None] * _CORNERS
+    keys = [np.unique(corners[..., axis].ravel() * STRIDE + corners[..., 1 - axis].ravel()) for axis in (0, 1)]
+    nodes = keys[0]
+    cells: list[Ints] = []
+    ends: list[Ints] = []
+    for axis in (0, 1):  # sides along which coordinate `axis` is constant: x sides first
+        for offset in (0, 1):
+            fixed, low = boxes[:, axis] + offset * sizes, boxes[:, 1 - axis]
+            first = np.searchsorted(keys[axis], fixed * STRIDE + low)
+            last = np.searchsorted(keys[axis], fixed * STRIDE + low + sizes)
+            count = last - first
+            cell = np.repeat(np.arange(len(boxes)), count)
+            start = np.repeat(first, count) + np.arange(len(cell)) - np.repeat(np.cumsum(count) - count, count)
+            pair = np.stack((keys[axis][start], keys[axis][start + 1]), axis=1)
+            if axis == 1:
+                pair = (pair % STRIDE) * STRIDE + pair // STRIDE
+            cells.append(cell)
+            ends.append(np.searchsorted(nodes, pair))
+    return nodes, np.concatenate(cells), np.concatenate(ends)
+
+
 def _crossings(function: Smooth, origin: Array, step: Array, boxes: Ints, sizes: Ints) -> tuple[Array, Ints, Array]:
     """Return the points (K, 2) where curves cross box sides, and the pairs (P, 2) of them that a box connects.
 
@@ -266,27 +297,9 @@ def _crossings(function: Smooth, origin: Array, step: Array, boxes: Ints, sizes:
     """
     if not len(boxes):
         return np.empty((0, 2)), np.empty((0, 2), dtype=np.int64), np.empty(0)
-    corners = boxes[:, None, :] + sizes[:, None, None] * _CORNERS
-    keys = [np.unique(corners[..., axis].ravel() * _STRIDE + corners[..., 1 - axis].ravel()) for axis in (0, 1)]
-    nodes = keys[0]
-    place = np.stack((nodes // _STRIDE, nodes % _STRIDE), axis=1)
+    nodes, cell, end = box_sides(boxes, sizes)
+    place = np.stack((nodes // STRIDE, nodes % STRIDE), axis=1)
     inside = function.value(origin + step * place) <= 0.0
-    cells: list[Ints] = []
-    ends: list[Ints] = []
-    for axis in (0, 1):  # sides along which coordinate `axis` is constant: x sides first
-        for offset in (0, 1):
-            fixed, low = boxes[:, axis] + offset * sizes, boxes[:, 1 - axis]
-            first = np.searchsorted(keys[axis], fixed * _STRIDE + low)
-            last = np.searchsorted(keys[axis], fixed * _STRIDE + low + sizes)
-            count = last - first
-            cell = np.repeat(np.arange(len(boxes)), count)
-            start = np.repeat(first, count) + np.arange(len(cell)) - np.repeat(np.cumsum(count) - count, count)
-            pair = np.stack((keys[axis][start], keys[axis][start + 1]), axis=1)
-            if axis == 1:
-                pair = (pair % _STRIDE) * _STRIDE + pair // _STRIDE
-            cells.append(cell)
-            ends.append(np.searchsorted(nodes, pair))
-    cell, end = np.concatenate(cells), np.concatenate(ends)
     changes = inside[end[:, 0]] != inside[end[:, 1]]
     cell, end = cell[changes], end[changes]
     segments, index = np.unique(end[:, 0] * len(nodes) + end[:, 1], return_inverse=True)
@@ -395,7 +408,7 @@ def _chord_bound(function: Smooth, chords: Array) -> tuple[Array, Bools]:
     return np.asarray(np.where(proven, bound, length)), np.asarray(proven, dtype=bool)
 
 
-def _chain_up(pairs: Ints, chords: Array, owner: Ints) -> tuple[Array, ...]:
+def chain_up(pairs: Ints, chords: Array, owner: Ints) -> tuple[Array, ...]:
     """Join the refined pairs into polylines; shared end points are equal bit for bit."""
     starts = np.searchsorted(owner, np.arange(len(pairs) + 1))
     partners: dict[int, list[int]] = {}

@@ -20,7 +20,7 @@ from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.plane import plane_of
 from pinbound.region.region import Region, convex_region
 from pinbound.robot import Robot
-from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET
+from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET, REGION_WIDTH
 
 __all__ = ["feasible_region"]
 
@@ -33,6 +33,7 @@ def feasible_region(
     accuracy: float = REGION_ACCURACY,
     margin: float = 0.0,
     budget: float = REGION_BUDGET,
+    width: float = REGION_WIDTH,
 ) -> Region:
     """Return the connected component, containing home, of the joint limits less the contacts.
 
@@ -46,6 +47,9 @@ def feasible_region(
             window is narrower than 1 rad or 1 m, this share of the window. Straight edges are exact.
         margin: [m], added to every threshold.
         budget: [s], after which tracing ends in an error that says what is left; `inf`: never.
+        width: Of contacts that are searched for (boxes, prisms, segments edge to edge, where they turn by several
+            angles): the longest side of the cells that enclose their curves, in the units of `accuracy`. What cells
+            leave open, `unresolved` tells, and `area_interval`.
 
     Returns:
         The region, with a named edge for every boundary or limit that is active; `components` has the others. Limits
@@ -73,14 +77,16 @@ def feasible_region(
         raise DimensionError(
             f"the accuracy {accuracy} is not between 0 and 1 (radians, metres, or a share of the window)"
         )
+    if not 0.0 < width < 1.0:
+        raise DimensionError(f"the width {width} is not between 0 and 1 (radians, metres, or a share of the window)")
     if not 0.0 <= margin < math.inf:
         raise DimensionError(f"the margin {margin} is not a finite length of zero or more")
     start = np.array(robot.home if at is None else one_configuration(at, robot.coordinates), dtype=np.float64)
     plane = plane_of(robot, coordinates, start, dict(window or {}), margin)
     deadline = Deadline(budget, f"tracing the region of ({', '.join(plane.coordinates)})")
     if plane.curves or plane.obstacles:
-        arrangement = arrange(plane, accuracy, deadline)
-        return _of_face(arrangement, 0, accuracy, True)
+        arrangement = arrange(plane, accuracy, deadline, width)
+        return _of_face(arrangement, 0, accuracy, True, width)
     planes = [*plane.box, *plane.limits]
     for strip in plane.strips:
         lower, upper = strip.gap(plane.start)
@@ -95,12 +101,14 @@ def feasible_region(
     return convex_region(plane, tuple(planes), others)
 
 
-def _of_face(arrangement: Arrangement, index: int, accuracy: float, with_others: bool = False) -> Region:
+def _of_face(
+    arrangement: Arrangement, index: int, accuracy: float, with_others: bool = False, width: float = 0.0
+) -> Region:
     plane = arrangement.plane
     loops, corners = arranged_loops(arrangement, arrangement.faces[index], accuracy)
 
     def others() -> tuple[Region, ...]:
-        return tuple(_of_face(arrangement, other, accuracy) for other in range(1, len(arrangement.faces)))
+        return tuple(_of_face(arrangement, other, accuracy, width=width) for other in range(1, len(arrangement.faces)))
 
     return Region(
         plane,
@@ -111,4 +119,6 @@ def _of_face(arrangement: Arrangement, index: int, accuracy: float, with_others:
         _others=others if with_others else None,
         unresolved=arrangement.unresolved(index),
         _joined=arrangement.joined_area(index) if arrangement.blocks else None,
+        _interval=arrangement.area_interval(index),
+        width=width if arrangement.settled else 0.0,
     )

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from pinbound.region.cells import SeparationFunction
 from pinbound.region.contours import Traced
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.sliding import SlidingFunction
@@ -24,18 +25,20 @@ gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
 @dataclass(frozen=True, eq=False)
 class Line(Value):
-    """A straight line or a traced curve, with the function that is zero on it."""
+    """A straight line or a traced curve, with the function that is zero on it; None of a wall around what is open."""
 
     name: str
     source: str
     is_contact: bool
     points: Array
-    function: Traced | SlidingFunction | HalfPlane
+    function: Traced | SlidingFunction | SeparationFunction | HalfPlane | None
 
     def value_gradient(self, x: Array) -> tuple[float, Array]:
         """Return the function's value and gradient at one point."""
         if isinstance(self.function, HalfPlane):
             return float(self.function.normal @ x) - self.function.bound, self.function.normal
+        if self.function is None:
+            return 0.0, np.zeros(2)
         value, gradient = self.function.value_gradient(x[None])
         return float(value[0]), gradient[0]
 

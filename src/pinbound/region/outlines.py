@@ -13,6 +13,7 @@ slides and coefficients.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, cast
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from pinbound.annotations import Line as LineMark
 from pinbound.annotations import Mark, Point
 from pinbound.annotations import Plane as PlaneMark
+from pinbound.boundary import Boundary
 from pinbound.chain import Chain
 from pinbound.exceptions import UnsupportedError
 from pinbound.interpreters import separation
@@ -36,10 +38,11 @@ from pinbound.region.plane import Curve, Plane
 from pinbound.region.sliding import SlidingFunction, only_slides, sliding_curves
 from pinbound.tolerances import CONTOUR_ROUNDING, REDUCTION
 
-__all__ = ["Outline", "outline"]
+__all__ = ["Outline", "check_turns", "is_searched", "outline"]
 
 Array = NDArray[np.float64]
 _INSET = 0.015  # of the window's side: more than a bump that tracing may miss (BUMP), less than the rim around the box
+_FEW = 16  # vertices above a plane that are traced one by one
 _MOST_TURNS = 100  # periods of the angles in the window: beyond, tracing would only run out of its budget of boxes
 
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
@@ -66,15 +69,14 @@ def outline(plane: Plane, curve: Curve, window: Array, accuracy: float, deadline
     """Return where contact of a curve begins, in a window (2, 2), to an accuracy, all in units of `plane.scales`.
 
     Raises:
-        UnsupportedError: If a curve is degenerate (`contours.trace`), the boundary's pieces are not known, the window
-            holds too many turns, or time is up.
+        UnsupportedError: If a curve is degenerate (`contours.trace`), the window holds too many turns, or time is up.
     """
     if only_slides(curve.path):
         sliding = SlidingFunction(curve.path, curve.threshold, plane.scales)
         drawn, error = sliding_curves(sliding, window, accuracy, deadline)
         pieces = tuple(Line(curve.name, curve.name, True, points, sliding) for points in drawn)
         return Outline(pieces, error, np.empty((0, 2)), np.zeros(2))
-    _check_turns(plane, curve)
+    check_turns(plane, curve)
     functions = _functions(plane, curve, window)
     contours = [trace(function, window, accuracy, deadline) for function in functions]
     lines = tuple(
@@ -88,6 +90,26 @@ def outline(plane: Plane, curve: Curve, window: Array, accuracy: float, deadline
         lines = _between(plane, curve, lines, window) if lines else ()
         unresolved = _near_contact(plane, curve, unresolved, contours[0].step)
     return Outline(lines, error, unresolved, contours[0].step)
+
+
+def is_searched(plane: Plane, curve: Curve) -> bool:
+    """Return whether no smooth functions are known whose zeros hold the contact curves: bodies may meet edge to edge.
+
+    So it is of boxes, prisms and skew segments that turn by several angles; they are left to `cells`.
+    """
+    path = curve.path
+    if not path.swept.directions or only_slides(path):
+        return False
+    if path.is_signed:
+        return math.prod(len(corners) for corners in path.swept.corners) > _FEW
+    segments = _segments(plane.robot.boundaries[curve.name])
+    known = len(segments) == len(path.swept.directions) and path.across is None
+    return not known or (len(segments) > 1 and not _is_flat(path))
+
+
+def _segments(boundary: Boundary) -> list[Mark]:
+    """Return those of a boundary's two marks that are segments."""
+    return [mark for mark in (boundary.point_a, boundary.point_b) if mark.shape.is_segment]
 
 
 def _near_contact(plane: Plane, curve: Curve, centres: Array, step: Array) -> Array:
@@ -107,7 +129,7 @@ def _near_contact(plane: Plane, curve: Curve, centres: Array, step: Array) -> Ar
     return centres[np.abs(values - curve.threshold) <= reach]
 
 
-def _check_turns(plane: Plane, curve: Curve) -> None:
+def check_turns(plane: Plane, curve: Curve) -> None:
     """Raise if a window holds so many turns that the contacts, which repeat every turn, cannot all be drawn."""
     most: Array = np.asarray(np.max(np.abs(curve.path.minimal.coefficients), axis=0, initial=0.0), dtype=np.float64)
     turns: Array = (plane.window[1] - plane.window[0]) * most / (2.0 * np.pi)
@@ -130,20 +152,12 @@ def _scaled(plane: Plane, chain: Chain) -> Chain:
 def _functions(plane: Plane, curve: Curve, window: Array) -> list[Traced]:
     """Return the smooth functions whose zeros hold all contact curves, and all places where one takes over."""
     path, T = curve.path, curve.threshold
-    path.check_zonotopes("a contact curve")
     if path.is_signed:
         return [_height(path, _scaled(plane, corner), T, window) for corner in path.swept.vertex_chains]
     if not path.swept.directions:
         return [ContactFunction.over(_scaled(plane, path.minimal), T, window, path.across)]
     boundary = plane.robot.boundaries[curve.name]
-    segments = [mark for mark in (boundary.point_a, boundary.point_b) if mark.shape.is_segment]
-    known = len(segments) == len(path.swept.directions) and path.across is None
-    if not known or (len(segments) > 1 and not _is_flat(path)):
-        raise UnsupportedError(
-            f"the contact curve of {curve.name!r} in this plane is not traced: it turns by several angles there, and "
-            "its segments or boxes may meet edge to edge. Take points, planes, or spheres (pinbound mark --by "
-            "spheres), or ask limits and certify_box"
-        )
+    segments = _segments(boundary)
     found: list[Traced] = [
         ContactFunction.over(_scaled(plane, corner), T, window) for corner in path.swept.vertex_chains
     ]

@@ -26,7 +26,7 @@ from pinbound.region.deadline import Deadline
 from pinbound.region.halfplanes import HalfPlane, intersect
 from pinbound.region.plane import Plane
 from pinbound.region.shape import PlanarShape
-from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET
+from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET, REGION_WIDTH
 
 __all__ = ["Corner", "Edge", "Region", "convex_region"]
 
@@ -123,7 +123,13 @@ class Region(PlanarShape):
 
         accuracy = self.accuracy or REGION_ACCURACY
         return feasible_region(
-            self.plane.robot, self.coordinates, self.at, window, accuracy, self.plane.margin + margin
+            self.plane.robot,
+            self.coordinates,
+            self.at,
+            window,
+            accuracy=accuracy,
+            margin=self.plane.margin + margin,
+            width=self.width or REGION_WIDTH,
         )
 
     def clearance(self, gap: float = 1e-6) -> margins.SmallestClearance:

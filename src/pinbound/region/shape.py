@@ -47,6 +47,8 @@ class PlanarShape:
         unresolved: Places on its contour, each with its two coordinates, that are too small to be resolved: there a
             contact curve may cross itself, and it is undecided whether parts meet. The region is the reading in
             which they do not; `joined_area` is the area if they do.
+        width: [rad or m]; contact curves that are searched for are enclosed in cells of this side; zero if there are
+            none.
     """
 
     plane: Plane
@@ -58,6 +60,8 @@ class PlanarShape:
     _others: Callable[[], tuple[Region, ...]] | None = field(default=None, repr=False, compare=False)
     unresolved: tuple[Unresolved, ...] = ()
     _joined: float | None = field(default=None, repr=False, compare=False)
+    _interval: tuple[float, float] | None = field(default=None, repr=False, compare=False)
+    width: float = 0.0
 
     def __repr__(self) -> str:
         """Return the plane and the edges."""
@@ -161,12 +165,27 @@ class PlanarShape:
     def area_error(self) -> float:
         """[`area_unit`], a bound of what the accuracy leaves open: accuracy times the length of the curved edges.
 
-        Both are taken in units of `Plane.scales`, which is one of rad and m or less.
+        Both are taken in units of `Plane.scales`, which is one of rad and m or less. Where contact is searched for it
+        is how far `area_interval` reaches from `area`.
         """
+        if self._interval is not None:
+            lower, upper = self.area_interval
+            return max(self.area - lower, upper - self.area)
         scales = self.plane.scales
         curved = [edge.points / scales for edge in self.edges if len(edge.points) > _PLANE]
         length = float(sum(np.sum(np.linalg.norm(np.diff(p, axis=0), axis=1)) for p in curved))
         return self.accuracy / float(np.max(scales)) * length * float(np.prod(scales))
+
+    @property
+    def area_interval(self) -> tuple[float, float]:
+        """Bounds of the area [`area_unit`] of the true region: proven of contacts that are searched for.
+
+        Of those, from the part that is proven free and connected with the start to all that undecided cells may add;
+        else `area` less and plus `area_error`.
+        """
+        if self._interval is not None:
+            return min(self._interval[0], self.area), max(self._interval[1], self.area)
+        return max(self.area - self.area_error, 0.0), max(self.area + self.area_error, self.joined_area)
 
     def perimeter(self, weights: Mapping[str, float] | None = None) -> float:
         """Return the length of the contour, holes included [rad or m, or the unit of the weights].

@@ -9,14 +9,12 @@ height over the chord bounds the distance of the two: rays are added until it is
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.interpreters import separation
-from pinbound.interpreters.closest import nearest
+from pinbound.interpreters.closest import nearest, nearest_of_hulls
 from pinbound.path import RelativePath
+from pinbound.region.cells import SeparationFunction
 from pinbound.region.deadline import Deadline
 from pinbound.tolerances import CONTOUR_ROUNDING
 
@@ -39,32 +37,12 @@ def only_slides(path: RelativePath) -> bool:
     return not path.minimal.rotations and bool(path.swept.directions) and not path.is_signed
 
 
-@dataclass(frozen=True, eq=False)
-class SlidingFunction:
-    """`f(x) - T` over the plane in units of its scales: convex.
-
-    Attributes:
-        path: Over the two coordinates.
-        threshold: T [m].
-        scales: (2,) units of the plane.
-    """
-
-    path: RelativePath
-    threshold: float
-    scales: Array
-
-    def value(self, X: Array) -> Array:
-        """Return `f - T` (N,) [m]."""
-        return separation.separations(self.path, X * self.scales) - self.threshold
-
-    def value_gradient(self, X: Array) -> tuple[Array, Array]:
-        """Return `f - T` (N,) and its gradient (N, 2)."""
-        return self.value(X), separation.gradients(self.path, X * self.scales) * self.scales
+class SlidingFunction(SeparationFunction):
+    """`f(x) - T` of bodies that only slide, over the plane in units of its scales: convex."""
 
     def lowest(self, window: Array) -> Array:
         """Return the point (2,) of a window at which f is least: a nearest-point problem with two more edge vectors."""
         chain, path = self.path.minimal, self.path
-        path.check_zonotopes("a contact curve")
         low, width = window[0] * self.scales, (window[1] - window[0]) * self.scales
         start = chain.offsets[0] + chain.slides[0] @ low
         ways = [chain.slides[0][:, axis] * width[axis] for axis in (0, 1)]
@@ -72,7 +50,13 @@ class SlidingFunction:
         measured = np.array([start, *ways])
         if path.across is not None:
             measured = measured @ path.across.T
-        t = nearest(measured[:1], measured[1:, None, :])[0]
+        if path.swept.is_zonotope:
+            t = nearest(measured[:1], measured[1:, None, :])[0]
+        else:  # the window is a square, and so a part of the one body
+            mine, others = path.swept.corners
+            square = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+            both = np.hstack((np.repeat(square, len(mine), axis=0), np.tile(mine, (4, 1))))
+            t = nearest_of_hulls(measured[:1], measured[1:, None, :], (both, others))[0]
         return window[0] + t[:2] * (window[1] - window[0])
 
 

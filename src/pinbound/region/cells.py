@@ -1,0 +1,263 @@
+"""The plane cut into cells, each proven free or in contact; what cannot be told is halved to a stated width.
+
+Where contact is searched for (boxes, prisms, segments edge to edge) there is no smooth function whose zeros could be
+traced. But over a box of the plane the separation has proven bounds (`interpreters/swept_bounds`), so with the contact
+distances T_b a cell is
+
+    free:       lower_b > T_b for every boundary b;
+    in contact: upper_b <= T_b for one of them;
+    undecided:  neither; it is cut into four, until no side is longer than the width.
+
+Then all contours lie in undecided cells, and nothing hides elsewhere. `docs/regions-cells.md` has the proofs.
+
+Coordinates here are those of the plane in units of `Plane.scales`. Corners of cells are whole numbers of the finest
+step, so that neighbours agree to the last bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.exceptions import UnsupportedError
+from pinbound.interpreters import separation
+from pinbound.interpreters.swept_bounds import SweptBundle, over_box, rounding_bound, swept_bundle
+from pinbound.path import RelativePath
+from pinbound.region.deadline import Deadline
+from pinbound.region.plane import Curve, Plane
+from pinbound.tolerances import CONTOUR_ROUNDING
+from pinbound.values import Value
+
+__all__ = ["Cells", "Grid", "Searched", "SeparationFunction", "decided", "pave"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+FINEST = 20  # halvings of a root cell at most: 1e-6 of it
+_ROOTS = 6  # root cells along the shorter side of the window, about
+_MOST_ROOTS = 64
+_ROWS = 2**13  # of a boundary on a cell, bounded in one go
+_MOST_CELLS = 400_000
+_SETTLED = 3  # halvings of root cells, some 0.1 rad: from there on undecided cells line up along curves
+_FOUR: Ints = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
+_TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class SeparationFunction:
+    """`f(x) - T`, separation less contact distance, over the plane in units of its scales.
+
+    Attributes:
+        path: Over the two coordinates.
+        threshold: T [m].
+        scales: (2,) units of the plane.
+    """
+
+    path: RelativePath
+    threshold: float
+    scales: Array
+
+    def value(self, X: Array) -> Array:
+        """Return `f - T` (N,) [m]."""
+        return separation.separations(self.path, X * self.scales) - self.threshold
+
+    def value_gradient(self, X: Array) -> tuple[Array, Array]:
+        """Return `f - T` (N,) and its gradient (N, 2); NaN where bodies overlap, for there is no direction."""
+        return self.value(X), separation.gradients(self.path, X * self.scales) * self.scales
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Where cells may lie: `origin + step * k`, k whole.
+
+    Attributes:
+        origin: (2,) lower corner of the window.
+        step: (2,) the finest step.
+        roots: (2,) root cells along each side; each is `2**FINEST` steps wide.
+        level: How often a root cell is halved until no side is longer than the width.
+    """
+
+    origin: Array
+    step: Array
+    roots: tuple[int, int]
+    level: int
+
+    @classmethod
+    def over(cls, window: Array, width: float) -> Grid:
+        """Return the grid of a window (2, 2), rows lower and upper, whose cells are nearly square."""
+        sides = window[1] - window[0]
+        level = int(np.clip(np.floor(np.log2(sides.min() / (_ROOTS * width))), 0, FINEST))
+        root = max(width * 2.0**level, sides.max() / _MOST_ROOTS)
+        level = int(np.clip(np.ceil(np.log2(root / width)), 0, FINEST))
+        roots = np.ceil(sides / root).astype(int)
+        return cls(window[0], sides / roots / 2.0**FINEST, (int(roots[0]), int(roots[1])), level)
+
+    @property
+    def size(self) -> int:
+        """The side of a cell of the stated width, in finest steps."""
+        return 1 << (FINEST - self.level)
+
+    def places(self, corners: Ints) -> Array:
+        """Return points (..., 2) of whole numbers of steps."""
+        return self.origin + self.step * corners
+
+    def boxes(self, cells: Cells) -> tuple[Array, Array]:
+        """Return the lower and the upper corners (N, 2)."""
+        return self.places(cells.corners), self.places(cells.corners + cells.sizes[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Cells(Value):
+    """Cells, and for each the boundaries that may begin contact in it.
+
+    Attributes:
+        corners: (N, 2) lower corners in finest steps.
+        sizes: (N,) sides in finest steps.
+        cell: (P,) a cell, ascending.
+        which: (P,) a boundary that is undecided on it.
+    """
+
+    corners: Ints
+    sizes: Ints
+    cell: Ints
+    which: Ints
+
+    def __len__(self) -> int:
+        """Return the number of cells."""
+        return len(self.corners)
+
+    def take(self, kept: Bools) -> Cells:
+        """Return some of the cells, with their boundaries."""
+        number = np.cumsum(kept) - 1
+        rows = kept[self.cell]
+        return Cells(self.corners[kept], self.sizes[kept], number[self.cell[rows]], self.which[rows])
+
+    def quarters(self) -> Cells:
+        """Return every cell cut into four."""
+        half = self.sizes // 2
+        corners = (self.corners[:, None, :] + half[:, None, None] * _FOUR).reshape(-1, 2)
+        cell = (4 * self.cell[:, None] + np.arange(4)).ravel()
+        order = np.argsort(cell, kind="stable")
+        return Cells(corners, np.repeat(half, 4), cell[order], np.repeat(self.which, 4)[order])
+
+    def with_more(self, other: Cells) -> Cells:
+        """Return both together."""
+        return Cells(
+            np.concatenate((self.corners, other.corners)),
+            np.concatenate((self.sizes, other.sizes)),
+            np.concatenate((self.cell, other.cell + len(self))),
+            np.concatenate((self.which, other.which)),
+        )
+
+
+class Searched:
+    """The boundaries of a plane whose contact is searched for, with proven bounds over cells."""
+
+    def __init__(self, plane: Plane, curves: tuple[Curve, ...], grid: Grid) -> None:
+        """Put paths of as many edge vectors side by side."""
+        self.plane, self.curves, self.grid = plane, curves, grid
+        self.functions = tuple(SeparationFunction(one.path, one.threshold, plane.scales) for one in curves)
+        far = grid.places(np.array([[0, 0], np.array(grid.roots) << FINEST])) * plane.scales
+        lower, upper = far
+        counts = np.array([len(curve.path.swept.directions) for curve in curves])
+        self._group = np.zeros(len(curves), dtype=np.int64)
+        self._place = np.zeros(len(curves), dtype=np.intp)
+        self._bundles: list[tuple[SweptBundle, Array, Array]] = []
+        for number, count in enumerate(np.unique(counts).tolist()):
+            rows = np.flatnonzero(counts == count)
+            self._group[rows], self._place[rows] = number, np.arange(len(rows))
+            swept = swept_bundle([curves[int(row)].path for row in rows], lower, upper)
+            error = rounding_bound(swept, None, lower, upper) + CONTOUR_ROUNDING * swept.reach
+            threshold = np.array([curves[int(row)].threshold for row in rows])
+            self._bundles.append((swept, error, threshold))
+
+    def bounds(self, which: Ints, low: Array, high: Array, deadline: Deadline | None = None) -> tuple[Array, Array]:
+        """Return proven bounds (P,) of `f - T` of boundaries `which` over boxes with corners (P, 2)."""
+        scales = self.plane.scales
+        middle, half = 0.5 * (low + high) * scales, 0.5 * (high - low) * scales * (1.0 + 1e-9)
+        lower, upper = np.empty(len(which)), np.empty(len(which))
+        for number, (swept, error, threshold) in enumerate(self._bundles):
+            for rows in _chunks(np.flatnonzero(self._group[which] == number)):
+                if deadline is not None:
+                    deadline.check()
+                place = self._place[which[rows]]
+                found = over_box(swept, place, middle[rows], half[rows], error[place])
+                lower[rows], upper[rows] = found.lower - threshold[place], found.upper - threshold[place]
+        return lower, upper
+
+
+def _chunks(rows: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    return [rows[start : start + _ROWS] for start in range(0, len(rows), _ROWS)]
+
+
+def pave(searched: Searched, deadline: Deadline | None = None) -> Cells:
+    """Return the cells of the stated width that are undecided; all else is proven free, in contact or out of limits.
+
+    Raises:
+        UnsupportedError: If there are too many cells, or time is up.
+    """
+    grid, count = searched.grid, len(searched.curves)
+    across, up = (np.arange(number, dtype=np.int64) << FINEST for number in grid.roots)
+    corners = np.stack(np.meshgrid(across, up, indexing="ij"), axis=-1).reshape(-1, 2)
+    number = len(corners)
+    cells = Cells(
+        corners,
+        np.full(number, 1 << FINEST, dtype=np.int64),
+        np.repeat(np.arange(number), count),
+        np.tile(np.arange(count), number),
+    )
+    cells = decided(searched, cells, deadline)
+    for level in range(grid.level):
+        cells = decided(searched, cells.quarters(), deadline)
+        if level >= _SETTLED:  # along curves the number doubles from here on
+            _refuse_more_than(searched, len(cells) << (grid.level - 1 - level))
+    return cells
+
+
+def _refuse_more_than(searched: Searched, count: int) -> None:
+    if count > _MOST_CELLS:
+        x, y = searched.plane.coordinates
+        raise UnsupportedError(
+            f"the contact curves in the plane of {x!r} and {y!r} need some {count:.1g} cells of the width asked for, "
+            f"and {_MOST_CELLS} are the most; give a larger width= (on the command line --width), or a smaller window "
+            "(window=, --window)"
+        )
+
+
+def decided(searched: Searched, cells: Cells, deadline: Deadline | None = None) -> Cells:
+    """Return those of some cells that are undecided, each with the boundaries that are so.
+
+    Raises:
+        UnsupportedError: If there are too many cells, or time is up.
+    """
+    _refuse_more_than(searched, len(cells) // 4)
+    low, high = searched.grid.boxes(cells)
+    cells = cells.take(~_needless(searched.plane, low, high))
+    low, high = searched.grid.boxes(cells)
+    lower, upper = searched.bounds(cells.which, low[cells.cell], high[cells.cell], deadline)
+    contact = np.zeros(len(cells), dtype=bool)
+    contact[cells.cell[upper <= 0.0]] = True
+    open_ = ~(lower > 0.0) & ~contact[cells.cell]
+    kept = np.zeros(len(cells), dtype=bool)
+    kept[cells.cell[open_]] = True
+    number = np.cumsum(kept) - 1
+    return Cells(cells.corners[kept], cells.sizes[kept], number[cells.cell[open_]], cells.which[open_])
+
+
+def _needless(plane: Plane, low: Array, high: Array) -> Bools:
+    """Return which cells (N,) lie as a whole, and well, beyond a limit or in the contact of one effective angle."""
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    found = np.zeros(len(low), dtype=bool)
+    for side in (*plane.box, *plane.limits):
+        normal = side.normal * plane.scales
+        reach = half @ np.abs(normal)
+        spare = 1e-2 * float(np.abs(side.normal) @ (plane.window[1] - plane.window[0]))
+        found |= middle @ normal - reach > side.bound + spare
+    for strip in plane.strips:
+        normal = strip.normal * plane.scales
+        away = np.abs(np.remainder(middle @ normal - strip.angle + np.pi, _TURN) - np.pi)
+        found |= away + 2.0 * (half @ np.abs(normal)) < strip.half_width
+    return found
