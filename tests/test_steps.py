@@ -186,3 +186,18 @@ def test_what_is_no_step_is_refused(changed: dict, said: str, minerva: pb.Robot)
     given = {"q": minerva.home, "step": 0.1} | changed
     with pytest.raises(pb.DimensionError, match=said):
         pb.StepBounds(minerva).rows(**given)
+
+
+def test_the_other_vertices_of_a_face_are_paid_for() -> None:
+    """A cylinder stands 10 mm above a floor: whichever way it tilts, another vertex of its rim comes down first."""
+    rim = pb.Cylinder("rim", "m1", (0.0, 0.0, -0.14), (0.0, 0.0, 0.2), 0.3)
+    marks = [pb.Plane("floor", "base", (0.0, 0.0, 0.05), (0.0, 0.0, 1.0)), rim]
+    notes = pb.Annotations.of(marks, [pb.BoundaryMark("b", "floor", "rim")])
+    robot = pb.load(robot_xml(JOINTS, {}, [])).with_annotations(notes)
+    q = np.zeros(len(robot.coordinates))
+    rows = pb.StepBounds(robot).rows(q, 0.04, limits=False, gain=1.0, margin=0.0, reserve=0.0)
+    assert len(rows.A)
+    D = np.random.default_rng(5).uniform(-1.0, 1.0, (400, len(q))) * rows.step
+    found = robot.boundaries.signed_clearances(q + D)[:, 0]
+    assert found.min() < 0.002 < found.max()
+    assert np.all(found >= (rows.b - D @ rows.A.T).min(axis=1))

@@ -200,7 +200,7 @@ class Robot(Value):
 
         found = self.boundaries[boundary]
         place_a, place_b = (
-            absolute_chain(self.tree, self.coupling, mark.link, mark.xyz, reduced=False)
+            absolute_chain(self.tree, self.coupling, mark.link, mark.shape.origin.tolist(), reduced=False)
             for mark in (found.point_a, found.point_b)
         )
         unreduced = symbolic.unreduced_vector(place_a, place_b, self.coordinates)

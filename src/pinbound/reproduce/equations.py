@@ -87,7 +87,7 @@ def relative_frame(robot: Robot, above: str, link: str, Q: Array) -> Frame:
 def _from_base(robot: Robot, boundary: Boundary, Q: Array) -> Array:
     """Eqs. (5)-(7): `r_0,n - r_0,m`."""
     a, b = boundary.point_a, boundary.point_b
-    return robot.positions(a.link, Q, a.xyz) - robot.positions(b.link, Q, b.xyz)
+    return robot.positions(a.link, Q, a.shape.origin.tolist()) - robot.positions(b.link, Q, b.shape.origin.tolist())
 
 
 def _consecutive(robot: Robot, boundary: Boundary, Q: Array) -> Array:
@@ -96,7 +96,7 @@ def _consecutive(robot: Robot, boundary: Boundary, Q: Array) -> Array:
     if boundary.ancestor != upper.link:
         upper, lower = lower, upper
     r, R = relative_frame(robot, upper.link, lower.link, Q)
-    return np.array(upper.xyz) - r - np.einsum("nij,j->ni", R, np.array(lower.xyz))
+    return upper.shape.origin - r - np.einsum("nij,j->ni", R, lower.shape.origin)
 
 
 def _branched(robot: Robot, boundary: Boundary, Q: Array) -> Array:
@@ -104,7 +104,7 @@ def _branched(robot: Robot, boundary: Boundary, Q: Array) -> Array:
     ends = list[Array]()
     for point in (boundary.point_a, boundary.point_b):
         r, R = relative_frame(robot, boundary.ancestor, point.link, Q)
-        ends.append(r + np.einsum("nij,j->ni", R, np.array(point.xyz)))
+        ends.append(r + np.einsum("nij,j->ni", R, point.shape.origin))
     return ends[0] - ends[1]
 
 
@@ -113,5 +113,5 @@ def _coincident(robot: Robot, boundary: Boundary, Q: Array) -> Array:
     ends = list[Array]()
     for point in (boundary.point_a, boundary.point_b):
         _, R = relative_frame(robot, boundary.ancestor, point.link, Q)
-        ends.append(np.einsum("nij,j->ni", R, np.array(point.xyz)))
+        ends.append(np.einsum("nij,j->ni", R, point.shape.origin))
     return ends[0] - ends[1]

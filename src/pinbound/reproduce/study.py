@@ -114,7 +114,7 @@ class Study:
             boundary = self.robot.boundaries[one.name]
             for mark, (frame, number) in zip((boundary.point_a, boundary.point_b), one.points, strict=True):
                 printed = [self.constants.get(f"{axis}_{frame},{number}") for axis in "xz"]
-                x, _, z = (1e3 * value for value in mark.xyz)
+                x, _, z = (1e3 * value for value in mark.shape.origin.tolist())
                 if any(p is not None and abs(p - v) > AS_PRINTED for p, v in zip(printed, (x, z), strict=True)):
                     text = f"{mark.name} at ({x:.6g}, {z:.6g}) mm, printed ({printed[0]:.6g}, {printed[1]:.6g})"
                     found[mark.name] = text

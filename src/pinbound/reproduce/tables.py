@@ -110,9 +110,10 @@ def _boundary_table(study: Study, printed: PrintedBoundary) -> Table:
     rows, points_agree = list[tuple[str, ...]](), True
     for (frame, point), mark in zip(printed.points, (boundary.point_a, boundary.point_b), strict=True):
         x, z = (CONSTANTS[f"{axis}_{frame},{point}"] for axis in "xz")
-        points_agree &= abs(1e-3 * x - mark.xyz[0]) <= SOLVES and abs(1e-3 * z - mark.xyz[2]) <= SOLVES
+        place: list[float] = mark.shape.origin.tolist()
+        points_agree &= abs(1e-3 * x - place[0]) <= SOLVES and abs(1e-3 * z - place[2]) <= SOLVES
         points_agree &= mark.link == f"link_{frame}"
-        urdf = f"({1e3 * mark.xyz[0]:g}, {1e3 * mark.xyz[2]:g}) in {mark.link}"
+        urdf = f"({1e3 * place[0]:g}, {1e3 * place[2]:g}) in {mark.link}"
         rows.append((f"o_{point} (x, z) [mm]", f"({x:g}, {z:g}) in frame {frame}", urdf))
     kind_agrees = boundary.kind.value == printed.kind
     rows.append(("kind", printed.kind, f"{boundary.kind.value}, from {boundary.ancestor}"))
