@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from pinbound import presets
 from pinbound.cli import app
 
 HERE = Path(__file__).resolve().parents[1]
@@ -61,13 +62,25 @@ CASES: list[tuple[str, int, str]] = [
     ("crosscheck", 2, "crosscheck BARE --samples 5"),
     ("export", 0, "export ARM c --out HERE/arm.c"),
     ("export", 2, "export ARM fortran --out HERE/arm.f"),
+    ("robots", 0, "robots"),
+    ("new", 0, "new palletizer --out HERE/start"),
+    ("new", 2, "new crane --out HERE/start"),
     ("report", 0, "report ARM --out HERE/page"),
     ("report", 1, "report ARM --out HERE/page --require-coverage"),
     ("report", 2, "report HERE/none.urdf --out HERE/page"),
     ("reproduce", 2, "reproduce --robot HERE/none.urdf --out HERE/page"),
 ]
 ELSEWHERE = {("reproduce", 0): "tests/test_reproduce.py draws the paper"}
-NEVER = {("info", 1), ("derive", 1), ("limits", 1), ("export", 1), ("reproduce", 1)}
+NEVER = {
+    ("info", 1),
+    ("derive", 1),
+    ("limits", 1),
+    ("export", 1),
+    ("reproduce", 1),
+    ("robots", 1),
+    ("robots", 2),
+    ("new", 1),
+}
 COMMANDS = sorted({command for command, _, _ in CASES})
 
 
@@ -99,13 +112,15 @@ def test_a_disk_that_fails_is_no_fault_of_the_input(
 ) -> None:
     words = {"reproduce": "reproduce --robot ARM --out HERE/page", "batch": "batch ARM --random 5 --out HERE/o"}
     words |= {"check": "check ARM HERE/clear.csv", "report": "report ARM --out HERE/page"}
-    words |= {"export": "export ARM json --out HERE/arm.json"}
+    words |= {"export": "export ARM json --out HERE/arm.json", "robots": "robots", "new": "new palletizer --out HERE/n"}
     run("info ARM", tmp_path)  # its imports read files, too
+    presets.models.cache_clear()
     line = words.get(command, f"{command} ARM").replace("ARM", str(tmp_path / "arm.urdf"))
-    monkeypatch.setattr(Path, "read_bytes", out_of("read"))
+    for reads in ("read_bytes", "read_text", "write_text") if command in ("robots", "new") else ("read_bytes",):
+        monkeypatch.setattr(Path, reads, out_of("read"))
     result = CliRunner().invoke(app, line.replace("HERE", str(tmp_path)).split())
     assert result.exit_code == 3, result.output
-    assert "reading failed: Input/output error" in result.output
+    assert ("reading failed: " if command not in ("robots", "new") else "") + "Input/output error" in result.output
 
 
 @pytest.mark.parametrize(

@@ -52,6 +52,7 @@ CRANE = """<?xml version="1.0"?>
   </pinbound:annotations>
 </robot>
 """
+ASSUMED = "<pinbound:assumption>"
 HOMELESS = CRANE.replace('<pinbound:home lift="0.1"/>', "")
 SIDECAR = """contact_tolerance: 2.0e-5
 home: {lift: 0.1}
@@ -73,6 +74,8 @@ FOUR_BAR = """<robot name="loop" xmlns:pinbound="urn:pinbound:1"><link name="g"/
   <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
 <pinbound:annotations><pinbound:closure name="loop" link_a="b" xyz_a="2 0 0" link_b="c" xyz_b="0 1 0" passive="j2 j3"/>
 </pinbound:annotations></robot>"""
+
+LOOSE, END = FOUR_BAR[: FOUR_BAR.index("<pinbound:closure")], "</pinbound:annotations></robot>"
 
 Do = Callable[[Path], object]
 
@@ -113,6 +116,11 @@ def urdf(remedy: str, old: str, bad: str, good: str | None = None, base: str = C
     """Return an entry in which `bad` in place of `old` is the fault, and `good` (else `old`) what the remedy says."""
     assert base.count(old) >= 1, old
     return Entry(remedy, load(base.replace(old, bad, 1)), load(base.replace(old, old if good is None else good, 1)))
+
+
+def element(remedy: str, bad: str, good: str) -> Entry:
+    """Return an entry in which `bad` is the fault as one more element of the annotations, and `good` what is right."""
+    return urdf(remedy, ASSUMED, bad + ASSUMED, good + ASSUMED)
 
 
 def yaml(remedy: str, old: str, bad: str, good: str | None = None) -> Entry:
@@ -454,7 +462,16 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield urdf("Give three numbers a way, up to {} ways", 'ways="0.1 0 0 0 0.1 0"', 'ways="0.1 0"')
     yield urdf("Leave it out", 'ways="0.1 0 0 0 0.1 0"', 'ways="0.1 0 0 0 0 0"', 'ways="0.1 0 0"')
     yield urdf("Take marks of two links", 'name="s" link="hook"', 'name="s" link="base"')
-    yield urdf("Give one side a point or a segment", 'a="p" b="s"', 'a="floor" b="wire"', 'a="floor" b="s"')
+    yield urdf("Give one side a point, a segment or a body", 'a="p" b="s"', 'a="floor" b="wire"', 'a="floor" b="s"')
+    hull = '<pinbound:hull name="h" link="hook" vertices="{}"/>'.format
+    corners = "0 0 0 0.1 0 0 0 0.1 0"
+    yield element("Give three numbers a vertex, up to {} vertices", hull("0 0 0 1"), hull(corners))
+    yield element("Give metres; lengths up to {} m can be measured", hull("0 0 0 1e80 0 0"), hull(corners))
+    box = '<pinbound:box name="h" link="hook" xyz="0 0 0" rpy="0 0 0" size="{}"/>'.format
+    yield element("Give lengths in metres, zero or more", box("0.1 -0.1 0.1"), box("0.1 0.1 0.1"))
+    tube = '<pinbound:cylinder name="h" link="hook" xyz_a="0 0 0" xyz_b="{}" radius="0.1"/>'.format
+    yield element("Give metres", tube("0 0 1e80"), tube("0 0 0.1"))
+    yield element("Give its two ends", tube("0 0 0"), tube("0 0 0.1"))
     yield urdf("Write true or false", 'a="p" b="s"', 'a="p" b="s" stop="yes"', 'a="p" b="s" stop="false"')
     yield urdf(
         "A stop is two points without radius and min_distance, where two arms align. Give it such points, or "
@@ -469,6 +486,51 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     start, end = spaced.index("<pinbound:closure"), spaced.index("</pinbound:annotations>")
     listed = spaced[:start] + spaced[end:]
     yield Entry("Name the joints in a list, in a YAML sidecar", load(spaced), load(listed, closure))
+    rule = '<pinbound:rule name="{}" coefficients="{}" upper="{}">{}</pinbound:rule>'.format
+    yield element(
+        "Give it a name of its own, e.g. 'coupling'", rule("lift", "lift: 1", 1, ""), rule("r", "lift: 1", 1, "")
+    )
+    yield element("Rename one of them", rule("b", "lift: 1", 1, ""), rule("r", "lift: 1", 1, ""))
+    cancels = "lift: 1, lift_rod: 1"  # the rod turns back by what the boom turns
+    yield element("Mend its coefficients, or remove it", rule("r", cancels, 1, ""), rule("r", "lift: 1", 1, ""))
+    never, sometimes = (f'<pinbound:where coefficients="{c}" lower="1"/>' for c in (cancels, "lift: 1"))
+    yield element(
+        "Mend the condition, or remove the rule",
+        rule("r", "reach: 1", 0.2, never),
+        rule("r", "reach: 1", 0.2, sometimes),
+    )
+    whole = CRANE.replace('home lift="0.1"', 'home lift="0.1" reach="0"')
+    held = rule("r", "lift: 1", 0.05, '<pinbound:where coefficients="reach: 1" upper="0.1"/>') + ASSUMED
+    yield urdf(
+        "Choose a home that keeps the rule; angles are in radians",
+        'home lift="0.1"',
+        'home lift="0.1"',
+        'home lift="0.01"',
+        base=whole.replace(ASSUMED, held),
+    )
+    one = "rules: [{name: r, coefficients: {lift: 1}, upper: 1, where: WHERE}]"
+    yield Entry(
+        "Write [{...}]",
+        load(CRANE, one.replace("WHERE", "{coefficients: {reach: 1}, upper: 0.1}")),
+        load(CRANE, one.replace("WHERE", "[{coefficients: {reach: 1}, upper: 0.1}]")),
+    )
+    axis = '<pinbound:axis name="{}" instead_of="{}" coefficients="{}"/>'.format
+    yield element("Give it a name of its own", axis("lift", "lift", "lift: 1"), axis("up", "lift", "lift: 1"))
+    yield element("Add angles only", axis("up", "lift", "lift: 1, reach: 1"), axis("up", "lift", "lift: 1"))
+    yield element(
+        "Let each stand instead of another joint",
+        axis("up", "lift", "lift: 1") + axis("down", "lift", "lift: -1"),
+        axis("up", "lift", "lift: 1") + axis("out", "reach", "reach: -1"),
+    )
+    yield Entry(
+        "Let each depend on the joint instead of which it stands",
+        load(LOOSE + axis("x", "j1", "j1: 1, j2: 1") + axis("y", "j2", "j1: 1, j2: 1") + END),
+        load(LOOSE + axis("x", "j1", "j1: 1, j2: 1") + axis("y", "j2", "j2: 1") + END),
+    )
+    homes = 'home lift="0.1"'
+    up = axis("up", "lift", "lift: 2")
+    both = CRANE.replace(ASSUMED, up + ASSUMED)
+    yield urdf("Leave {} or {} out", homes, 'home lift="0.1" up="0.3"', 'home up="0.3"', base=both)
     yield yaml("Swap them", "lower: 0, upper: 0.3", "lower: 0.3, upper: 0", "lower: 0, upper: 0.3")
     yield yaml("Name two links", "{a: base, b: boom", "{a: base, b: base")
     # loading
@@ -642,6 +704,9 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
         "info minervabot_v3 --xacro-arg bridge",
         "info minervabot_v3 --xacro-arg bridge=as_printed",
     )
+    table = "export minervabot_v3 table --format csv --out HERE/t.csv"
+    joints = table + " --target q2 --dependent q3"
+    yield commands("Give --target and --dependent, of {}", table, joints)
     box = "Give its box, e.g. --within {}=-3.14:3.14"
     endless = CRANE.replace('name="lift" type="revolute"', 'name="lift" type="continuous"')
 
@@ -710,7 +775,8 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
 def answered(folder: Path) -> object:
     """Give the address whole, of a scheduler that is there."""
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as made:
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False}
+    with distributed.LocalCluster(**options, dashboard_address=":0") as made:  # any port: others may run beside
         return job(folder, scheduler=made.scheduler_address)
 
 
