@@ -174,7 +174,8 @@ def _npz(rng: random.Random) -> bytes:
             plain = io.BytesIO()
             np.save(plain, array)
             data = _npy(array, rng) if rng.random() < 0.15 else plain.getvalue()
-            archive.writestr(f"{name}{rng.choice(['.npy'] * 20 + ['', '.txt', '.npy/', '.NPY'])}", data)
+            entry = f"{name}{rng.choice(['.npy'] * 20 + ['', '.txt', '.npy/', '.NPY'])}"
+            archive.writestr(entry or "/", data)  # zipfile writes no empty name
         if rng.random() < 0.03:
             archive.comment = rng.randbytes(40)
     data = bytearray(stream.getvalue())

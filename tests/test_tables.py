@@ -215,3 +215,14 @@ def test_the_suffix_decides(tmp_path: Path) -> None:
             open_table(tmp_path / name)
     with pytest.raises(FileNotFoundError):
         open_table(tmp_path / "q.csv")
+
+
+def test_an_archive_behind_something_else_is_none(tmp_path: Path) -> None:
+    """Zip files are read from their end, so that one may stand behind other bytes; NumPy refuses that."""
+    path = tmp_path / "q.npz"
+    np.savez(path, q1=np.zeros(3))
+    path.write_bytes(b"more" + path.read_bytes())
+    with pytest.raises(pb.InputError, match=r"no NPZ file .* does not begin as one"):
+        open_table(path)
+    np.savez(path, q1=np.zeros(3))
+    assert open_table(path).count(("q1",)) == 3

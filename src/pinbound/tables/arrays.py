@@ -25,6 +25,9 @@ __all__ = ["NpyTable", "NpzTable"]
 
 Array = NDArray[np.float64]
 
+_ZIPPED = (b"PK\x03\x04", b"PK\x05\x06")
+"""What NumPy looks for where an archive begins, with entries or without."""
+
 _DAMAGE = (
     ValueError,
     EOFError,
@@ -175,9 +178,13 @@ class NpzTable:
         """
         faults: list[Problem] = []
         lengths: dict[str, int] = {}
+        remedy = "Write it with numpy.savez(file, time=t, q1=..., ...)"
         with path.open("rb") as stream:
-            if stream.read(len(npy.MAGIC_PREFIX)) == npy.MAGIC_PREFIX:
-                raise bad(path, "it holds one array, not named ones", "Call it .npy, or write it with numpy.savez")
+            begin = stream.read(len(npy.MAGIC_PREFIX))
+        if begin == npy.MAGIC_PREFIX:
+            raise bad(path, "it holds one array, not named ones", "Call it .npy, or write it with numpy.savez")
+        if not begin.startswith(_ZIPPED):  # an archive behind something else: NumPy reads none
+            raise bad(path, "it is no NPZ file of numbers (it does not begin as one)", remedy)
         try:
             with zipfile.ZipFile(path) as archive:
                 names = tuple(_named(info) for info in archive.infolist())
@@ -197,7 +204,6 @@ class NpzTable:
             raise
         except (*_DAMAGE, OSError) as error:
             pass_on(error)
-            remedy = "Write it with numpy.savez(file, time=t, q1=..., ...)"
             raise bad(path, f"it is no NPZ file of numbers ({error})", remedy) from error
         if len(set(lengths.values())) > 1:
             sizes = ", ".join(f"{name}: {length}" for name, length in lengths.items())
