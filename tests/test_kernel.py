@@ -113,7 +113,7 @@ def test_local_and_common_programs_give_the_same_norms(name: str, robots: dict[s
     robot = robots[name]
     kernel, n = robot.boundaries.kernel, len(robot.coordinates)
     Q = configurations(robot, 50, seed=8)
-    common = robot.boundaries._common()
+    common = robot.boundaries.common()
     for program in (
         compile_program(kernel.pairs, n),
         engine.Kernel(kernel.pairs, n, kernel.reference, lambda: common).program,
@@ -353,7 +353,7 @@ def test_normals_and_directions_are_turned_and_not_subtracted(tmp_path: Path) ->
     Q = np.random.default_rng(5).uniform(-200.0, 200.0, (200, 2))
     expected = np.column_stack([boundary.norm(Q) for boundary in robot.boundaries])
     length = max(boundary.path.minimal.scale for boundary in robot.boundaries)
-    for program in (kernel.program, _common_program(kernel.pairs, 2, robot.boundaries._common())):
+    for program in (kernel.program, _common_program(kernel.pairs, 2, robot.boundaries.common())):
         kernel.__dict__ |= {"program": program, "_scalar": {}, "_compiled": {}}
         for name in ("_linear", "_values"):
             kernel.__dict__.pop(name, None)
