@@ -26,7 +26,8 @@ from pinbound.path import RelativePath
 from robots import random_q
 from segments import ROBOTS, exact_clearance, oracle_clearances, place
 
-COAL = 1e-5  # metres: ten times the tolerance of coal's search
+COAL = 1e-5  # metres: ten times the tolerance of coal's search, which few rows need
+INFLATED = 1e-9  # metres: coal's boxes are 1e-10 of their size larger on rows that rounding decides, be it all of them
 Load = Callable[..., pb.Robot]
 
 
@@ -48,8 +49,8 @@ def test_clearances_equal_coal_on_capsules_boxes_and_half_spaces(robot: pb.Robot
         floor = -boundary.threshold if boundary.path.is_solid else -np.inf  # coal goes on to measure the depth
         difference = np.abs(found[:, column] - np.maximum(expected[:, column], floor))
         assert difference.max() < COAL, boundary
+        assert np.count_nonzero(difference > INFLATED) <= 0.02 * len(Q), boundary
         rough = np.flatnonzero(difference > 2e-13)  # coal's or ours: a third that is exact decides
-        assert len(rough) <= 0.02 * len(Q), boundary
         exact = np.array([exact_clearance(robot, boundary, Q[row]) for row in rough])
         assert np.all(np.abs(found[rough, column] - exact) < 2e-13), boundary
         assert (expected[:, column] > 0).any(), boundary
