@@ -104,8 +104,9 @@ class StopKernel:
             found = self._kernel.rows(Q, "gradients", out, threads, backend, dtype)
         else:
             found = self._kernel.rows(Q, "norms", out, threads, backend, dtype)
-        narrow, sure = self._is_narrow, self._sure(Q, found.dtype)
-        for k, (rule, far) in enumerate(zip(self.rules, self._far(Q), strict=True)):
+        extent = _extent(Q)
+        narrow, sure = self._is_narrow, self._sure(extent, found.dtype)
+        for k, (rule, far) in enumerate(zip(self.rules, self._far(Q, extent), strict=True)):
             rows = np.arange(len(Q)) if narrow[k] else far
             if not narrow[k] and not is_slope:
                 rows = np.union1d(rows, np.flatnonzero(~(np.abs(found[:, k]) > sure[k])))
@@ -118,8 +119,9 @@ class StopKernel:
     ) -> tuple[Array, NDArray[np.int64]]:
         """Return each row's smallest signed clearance (N,) and which stop has it; NaN and -1 if one is NaN."""
         least, index = self._kernel.smallest(Q, with_index, out, threads, backend, dtype)
-        doubtful = ~(np.abs(least) > self._sure(Q, least.dtype).max(initial=0.0))
-        for far in self._far(Q):
+        extent = _extent(Q)
+        doubtful = ~(np.abs(least) > self._sure(extent, least.dtype).max(initial=0.0))
+        for far in self._far(Q, extent):
             doubtful[far] = True
         rows = np.arange(len(Q)) if np.any(self._is_narrow) else np.flatnonzero(doubtful)
         if len(rows):
@@ -129,35 +131,34 @@ class StopKernel:
                 index[rows] = np.where(np.any(np.isnan(signed), axis=1), -1, np.argmin(signed, axis=1))
         return least, index
 
-    def _sure(self, Q: NDArray[np.float64], kind: np.dtype[Any]) -> NDArray[np.float64]:
+    def _sure(self, extent: NDArray[np.float64], kind: np.dtype[Any]) -> NDArray[np.float64]:
         """Return above which size (k,) the sign of a computed clearance is sure while it is finite [m]."""
-        epsilon = float(np.finfo(kind).eps)
-        largest = _largest(Q)
-        reach = np.array([np.abs(stop.coefficients).sum() for stop in self._stops]) * (
-            largest if np.isfinite(largest) else 0.0
-        )
+        largest = np.where(np.isfinite(extent), np.abs(extent), 0.0).max(axis=0)
+        reach = np.array([np.abs(stop.coefficients) @ largest for stop in self._stops])
         size = np.array([stop.amplitude for stop in self._stops])
-        return _SURE * epsilon * size * (1.0 + reach)
+        return _SURE * float(np.finfo(kind).eps) * size * (1.0 + reach)
 
-    def _far(self, Q: NDArray[np.float64]) -> list[NDArray[np.intp]]:
+    def _far(self, Q: NDArray[np.float64], extent: NDArray[np.float64]) -> list[NDArray[np.intp]]:
         """Return the rows at which each stop's angle is more than a turn beyond home's gap."""
-        none, largest = np.empty(0, dtype=np.intp), _largest(Q)
         found: list[NDArray[np.intp]] = []
-        for stop in self._stops:
-            low, high = stop.gap[0] - _TURN, stop.gap[1] + _TURN
-            reach = float(np.abs(stop.coefficients).sum()) * largest
-            if reach < min(-low, high):
-                found.append(none)
-                continue
-            with np.errstate(invalid="ignore", over="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):
+            for stop in self._stops:
+                low, high = stop.gap[0] - _TURN, stop.gap[1] + _TURN
+                used = np.flatnonzero(stop.coefficients)
+                ends = stop.coefficients[used] * extent[:, used]
+                if ends.min(axis=0).sum() > low and ends.max(axis=0).sum() < high:
+                    found.append(np.empty(0, dtype=np.intp))
+                    continue
                 phi = combination(stop.coefficients, Q)
                 found.append(np.flatnonzero(~((phi > low) & (phi < high))))
         return found
 
 
-def _largest(Q: NDArray[np.float64]) -> float:
-    """Return the largest |q_j| of all rows; NaN if one is NaN, zero of no rows."""
-    return float(max(np.max(Q), -np.min(Q))) if Q.size else 0.0
+def _extent(Q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the least and the largest value of each coordinate (2, n); NaN if one is, zero of no rows."""
+    if not len(Q):
+        return np.zeros((2, Q.shape[1]))
+    return np.array([[column.min(), column.max()] for column in Q.T]).reshape(-1, 2).T
 
 
 def _kept_free(values: NDArray[np.float64], kind: np.dtype[Any]) -> NDArray[np.float64]:
