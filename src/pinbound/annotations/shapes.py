@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pinbound import gjk
 from pinbound.tolerances import EXTREME
-from pinbound.values import Value
+from pinbound.values import Value, read_only
 
 __all__ = ["Measure", "Shape", "cube_corners", "extreme_vertices", "hull", "unbounded", "zonotope"]
 
@@ -84,12 +84,12 @@ class Shape(Value):
     @cached_property
     def vertices(self) -> Array:
         """Its vertices (k, 3) [m] in the frame of the link; of a line or plane the point on it."""
-        return self.origin + self.corners @ self.directions
+        return read_only(self.origin + self.corners @ self.directions)
 
     @property
     def middle(self) -> Array:
         """The middle of its vertices (3,) [m]: the point itself of a point, of a line or plane the point on it."""
-        return 0.5 * (self.vertices.min(axis=0) + self.vertices.max(axis=0))
+        return read_only(0.5 * (self.vertices.min(axis=0) + self.vertices.max(axis=0)))
 
     @cached_property
     def around(self) -> float:
@@ -104,7 +104,9 @@ class Shape(Value):
     @property
     def anchors(self) -> Array:
         """Its origin, and the ends of its directions from there (1 + m, 3) [m]; of a line or plane of its normal."""
-        return self.origin + np.vstack((np.zeros(3), self.directions if self.normal is None else self.normal))
+        return read_only(
+            self.origin + np.vstack((np.zeros(3), self.directions if self.normal is None else self.normal))
+        )
 
     @property
     def reach(self) -> float:
