@@ -417,3 +417,21 @@ def test_behind_a_loop_whose_sides_differ_nothing_is_proven_to_stay_apart(load_t
         text = text.replace(f'<link name="{link}"/>', f'<link name="{link}">{body_of("sphere", "0.055")}</link>')
     (pair,) = load_text(text).coverage.pairs  # the coupler's pivot stays 120 mm from the base's, if the loop is exact
     assert pair.basis is (None if off else Basis.PROOF)
+
+
+def test_lines_and_planes_watch_in_part_about_a_single_joint() -> None:
+    """Nothing holds them in a ball, so that no proof of staying apart is tried on them."""
+    body = '<collision><geometry><sphere radius="0.05"/></geometry></collision>'
+    marks = [
+        Plane("floor", "base", (0.0, 0.0, -0.5), (0.0, 0.0, 1.0)),
+        Line("pole", "base", (0.6, 0.5, 0.0), (0.0, 0.0, 1.0), 0.01),
+        Point("hand", "arm", (0.0, 0.0, 0.0), 0.06),
+    ]
+    bounds = [pb.BoundaryMark("above", "floor", "hand"), pb.BoundaryMark("beside", "pole", "hand")]
+    arm = joint("j", "revolute", "base", "arm", xyz="0 0 1").replace(
+        '<link name="arm"/>', f'<link name="arm">{body}</link>'
+    )
+    text = f'{HEAD}<link name="base">{body}</link>{arm}</robot>'
+    (pair,) = pb.load(text).with_annotations(pb.Annotations.of(marks, bounds)).coverage.pairs
+    assert pair.status is Status.IN_PART
+    assert set(pair.boundaries) == {"above", "beside"}

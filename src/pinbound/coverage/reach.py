@@ -136,7 +136,7 @@ def _over_a_turn(axis: Array, p: Array, s: Array) -> Array:
 def _balls(mark: Mark) -> tuple[Array, Array]:
     """Return balls (m, 3), (m,) that hold a mark together: one a cell, the cells about as long as they are wide."""
     shape = mark.shape
-    if shape.is_point or not shape.is_zonotope:
+    if not len(shape.directions) or not shape.is_zonotope:
         return shape.middle[None], np.array([shape.radius + shape.around])
     ways = shape.directions
     counts, lengths = np.ones(len(ways), dtype=int), np.linalg.norm(ways, axis=1)
