@@ -350,6 +350,9 @@ def test_answers_that_know_no_conditions_refuse_them(tmp_path: Path) -> None:
         pb.StepBounds(robot)
     with pytest.raises(pb.UnsupportedError, match="Leave the condition out"):
         pb.limit_table(robot, "J2", "J3")
+    with pytest.raises(pb.UnsupportedError, match="rule 'front' holds only where"):
+        robot.export("json", tmp_path / "chains.json")
     everywhere = load(tmp_path, arm(rule("front", "J2: 1", lower=-19)))
     assert pb.StepBounds(everywhere).rows(everywhere.home, 0.1) is not None
     assert pb.limit_table(everywhere, "J2", "J3") is not None
+    assert '"front"' in everywhere.export("json", tmp_path / "chains.json")[0].read_text()

@@ -109,15 +109,6 @@ class RelativePath(Value):
         """Whether it lies between two points."""
         return not self.swept.directions and self.across is None
 
-    def check_zonotopes(self, what: str) -> None:
-        """Refuse hulls, for an interpreter that takes every t to run over [0, 1].
-
-        Raises:
-            UnsupportedError: If a mark is a hull of other vertices.
-        """
-        if not self.swept.is_zonotope:
-            raise UnsupportedError(f"{what} of a hull or cylinder is not known; mark a box, a sweep or a capsule")
-
     @property
     def is_solid(self) -> bool:
         """Whether the marks span bodies that may overlap, so that their distance stays zero: boxes, prisms, hulls.

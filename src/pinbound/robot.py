@@ -249,7 +249,8 @@ class Robot(Value):
 
         Raises:
             UnknownNameError: If there is no such kind, or no boundary of a name.
-            UnsupportedError: If C is asked for of boxes or prisms, whose nearest points are searched for.
+            UnsupportedError: If C is asked for of boxes, prisms or hulls, whose nearest points are searched for, or
+                JSON of hulls and cylinders, or JSON of a robot with rules that have conditions.
         """
         from pinbound.export import c_files, chains_record, is_closed, signed_nodes
 
@@ -258,6 +259,7 @@ class Robot(Value):
         rules, marks = [b.rule for b in chosen], [(b.point_a.name, b.point_b.name) for b in chosen]
         units = [(name, "rad" if self.turns(name) else "m") for name in self.coordinates]
         if kind == "json":
+            refuse_conditions(self, "A list of limits")
             record = chains_record(
                 self.name, units, self.home.tolist(), self.linear_limits, list(zip(names, marks, rules, strict=True))
             )

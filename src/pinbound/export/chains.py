@@ -8,6 +8,7 @@ from typing import Any
 from pinbound.chain import Chain
 from pinbound.contact import ContactRule
 from pinbound.coupling import LinearLimit
+from pinbound.exceptions import UnsupportedError
 
 __all__ = ["chains_record"]
 
@@ -62,7 +63,9 @@ def _finite(value: float) -> float | None:
 
 def _boundary(name: str, marks: tuple[str, str], rule: ContactRule) -> dict[str, Any]:
     path, stop = rule.path, rule.stop
-    path.check_zonotopes("an export as chains, whose readers take each t from [0, 1],")
+    if not path.swept.is_zonotope:
+        said = f"boundary {name!r} has a hull or a cylinder, and readers of these chains take every t from [0, 1]"
+        raise UnsupportedError(f"{said}; name the other boundaries, or mark a box, a sweep or a capsule instead")
     return {
         "name": name,
         "marks": list(marks),
