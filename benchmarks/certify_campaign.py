@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import pinbound as pb
-from pinbound.boundary_set import BoundarySet
+from pinbound.boundaries.boundary_set import BoundarySet
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from mechanisms import random_robot

@@ -25,7 +25,7 @@ import numpy as np
 import pinocchio
 
 import pinbound as pb
-from pinbound.boundary_set import BoundarySet
+from pinbound.boundaries.boundary_set import BoundarySet
 
 STEP = 1e-3
 REPEATS = 9

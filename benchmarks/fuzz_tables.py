@@ -28,7 +28,7 @@ from numpy.lib import format as npy
 import pinbound as pb
 from pinbound.batch import Evaluation, evaluation_of, open_source, run
 from pinbound.cli import app
-from pinbound.motion import read_motion
+from pinbound.motion.history import read_motion
 from pinbound.tables import text
 
 __all__ = ["TABLES", "invoke", "table_case", "write_table"]

@@ -16,9 +16,9 @@ import pinocchio as pin
 
 import pinbound as pb
 from benchmarks.segments_speed import SHARE
-from pinbound.interpreters import separation
-from pinbound.interpreters.kernel import MixedKernel, Pair, Reference, kernel_of
-from pinbound.path import relative_path
+from pinbound.evaluate import separation
+from pinbound.kernel import MixedKernel, Pair, Reference, kernel_of
+from pinbound.path.relative import relative_path
 
 URDF = SHARE / "example-robot-data/robots/panda_description/urdf/panda.urdf"
 

@@ -30,9 +30,9 @@ from scipy.optimize import nnls
 from scipy.spatial import ConvexHull, QhullError
 
 import pinbound as pb
-from pinbound.boundary import Boundary
-from pinbound.boundary_set import BoundarySet
-from pinbound.path import relative_path
+from pinbound.boundaries.boundary import Boundary
+from pinbound.boundaries.boundary_set import BoundarySet
+from pinbound.path.relative import relative_path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from mechanisms import mechanism, write

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 import pinbound as pb
-from pinbound.presets import Model, models
+from pinbound.robot.presets import Model, models
 
 
 def row(model: Model) -> str:

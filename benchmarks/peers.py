@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from benchmarks.robots import geometry_of
-from pinbound.interpreters.kernel.program import _basis
+from pinbound.kernel.program import _basis
 
 Call = Callable[[], object]
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 import pinbound as pb
-from pinbound.chain import Chain
+from pinbound.path.chain import Chain
 from pinbound.region.contours import ContactFunction, trace
 
 

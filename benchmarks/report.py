@@ -238,7 +238,7 @@ class _first:
     """The first boundaries of a robot, spread over its pairs."""
 
     def __init__(self, robot: Any, size: int) -> None:
-        from pinbound.boundary_set import BoundarySet
+        from pinbound.boundaries.boundary_set import BoundarySet
 
         order = np.random.default_rng(1).permutation(len(robot.boundaries))[:size]
         chosen = [robot.boundaries[int(k)] for k in sorted(order)]

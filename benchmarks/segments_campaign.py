@@ -28,7 +28,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import lsq_linear
 
 import pinbound as pb
-from pinbound.boundary_set import BoundarySet
+from pinbound.boundaries.boundary_set import BoundarySet
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from mechanisms import AXES, mechanism, write

@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 
 import pinbound as pb
-from pinbound.boundary_set import BoundarySet
+from pinbound.boundaries.boundary_set import BoundarySet
 
 mpmath.mp.dps = 50
 

@@ -27,7 +27,7 @@ from pinbound.batch import (
     run,
 )
 from pinbound.cli import app
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 
 pyarrow = pytest.importorskip("pyarrow")
 for _module in ("pyarrow.csv", "pyarrow.parquet"):

@@ -13,8 +13,8 @@ import pytest
 from lxml import etree
 
 import pinbound as pb
-from pinbound.bodies import Body, collision_bodies, read_bodies
-from pinbound.covers import cover
+from pinbound.coverage.bodies import Body, collision_bodies, read_bodies
+from pinbound.coverage.covers import cover
 from pinbound.exceptions import Problems
 
 Load = Callable[..., pb.Robot]

@@ -7,7 +7,7 @@ import pytest
 
 import pinbound as pb
 from mechanisms import sidecar, write
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 
 ARM = """<robot name="arm"><link name="base"/><link name="upper"/><link name="fore"/>
 <joint name="a" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/></joint>

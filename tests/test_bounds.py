@@ -7,10 +7,11 @@ import pinocchio
 import pytest
 
 from mechanisms import random_robot
+from pinbound.bounds import bounds, rounding
 from pinbound.certificates.constraints import families
 from pinbound.certificates.trajectory import as_trajectory
-from pinbound.chain import Chain, rotation_matrix
-from pinbound.interpreters import bounds, numeric, rounding
+from pinbound.evaluate import numeric
+from pinbound.path.chain import Chain, rotation_matrix
 
 
 def robots(folder: Path, seed: int, count: int):

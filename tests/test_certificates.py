@@ -10,7 +10,7 @@ from scipy import interpolate, optimize
 import pinbound as pb
 from mechanisms import random_robot, sidecar, write
 from pinbound.certificates import Reason
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 
 ARM = """<robot name="arm"><link name="base"/><link name="upper"/><link name="fore"/>
 <joint name="a" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>

@@ -5,11 +5,11 @@ import pytest
 import shapely
 
 import pinbound as pb
-from pinbound.chain import Chain
-from pinbound.interpreters import numeric
-from pinbound.interpreters.derivative_bounds import lever_arms, line_bounds
-from pinbound.interpreters.planar import arrows
-from pinbound.interpreters.restriction import restrict
+from pinbound.bounds.derivative_bounds import lever_arms, line_bounds
+from pinbound.evaluate import numeric
+from pinbound.evaluate.planar import arrows
+from pinbound.path.chain import Chain
+from pinbound.path.restriction import restrict
 from pinbound.region.contours import ContactFunction, trace
 
 WINDOW = np.array([[-3.1, -3.0], [3.2, 3.1]])

@@ -10,14 +10,14 @@ import pytest
 
 import pinbound as pb
 from pinbound.annotations import Line, Mark, Plane, Point, Segment, Sweep
-from pinbound.bodies import Body
 from pinbound.coverage import Basis, Status
+from pinbound.coverage.bodies import Body
+from pinbound.coverage.covers import cover
 from pinbound.coverage.holding import holders, holds
 from pinbound.coverage.reach import Reach
-from pinbound.covers import cover
-from pinbound.interpreters import separation
-from pinbound.interpreters.closest import nearest
-from pinbound.path import relative_path
+from pinbound.evaluate import separation
+from pinbound.evaluate.closest import nearest
+from pinbound.path.relative import relative_path
 from robots import joint
 from test_loop_errors import crank_loop
 

@@ -15,13 +15,13 @@ from lxml import etree
 from typer.testing import CliRunner
 
 import pinbound as pb
-from pinbound.bodies import collision_bodies
-from pinbound.boundary_set import BoundarySet
+from pinbound.boundaries.boundary_set import BoundarySet
 from pinbound.cli import app
-from pinbound.coupling import Coupling
+from pinbound.coverage.bodies import collision_bodies
 from pinbound.crosscheck.engine import Engine, body_shapes, sample, within_limits
 from pinbound.crosscheck.sweep import approach_speed
-from pinbound.path import relative_path
+from pinbound.model.coupling import Coupling
+from pinbound.path.relative import relative_path
 from pinbound.tolerances import CROSSCHECK_ANGLE, CROSSCHECK_BODY, CROSSCHECK_POINT
 from robots import ZOO, random_q
 

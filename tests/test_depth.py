@@ -36,7 +36,7 @@ def load(folder: Path, a: Any, b: Any, min_distance: float = 0.0, /, **home: flo
 
 def sums(boundary: pb.Boundary, q: np.ndarray) -> np.ndarray:
     """All x_a - x_b of vertices, in the ancestor's frame."""
-    from pinbound.interpreters import depth
+    from pinbound.evaluate import depth
 
     placed, corners = depth._placed(boundary.path, q[None]), boundary.path.swept.corners
     split = corners[0].shape[1]
@@ -106,12 +106,12 @@ def test_coal_says_the_same_depth(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", BODIES)
 def test_moving_out_by_the_depth_makes_them_touch(name: str, tmp_path: Path) -> None:
     boundary = load(tmp_path, *BODIES[name])
-    from pinbound.interpreters.closest import nearest_of_hulls
+    from pinbound.evaluate.closest import nearest_of_hulls
 
     path, Q = boundary.path, configurations(20)
     found = boundary.penetration(Q)
     radii = sum(mark.shape.radius for mark in BODIES[name])
-    from pinbound.interpreters import depth
+    from pinbound.evaluate import depth
 
     placed = depth._placed(path, Q)
 
@@ -181,7 +181,7 @@ def test_lines_and_planes_have_a_side_or_none(tmp_path: Path) -> None:
     line = load(tmp_path, rock, pb.Line("B", "base", (0, 0, 0.1), (0.2, 1.0, 0.3), 0.02))
     Q = configurations(30)
     found, signed = line.penetration(Q), line.signed_distance(Q)
-    from pinbound.interpreters import depth
+    from pinbound.evaluate import depth
 
     placed = depth._placed(line.path, Q)
     deep = 0

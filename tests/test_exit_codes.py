@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from pinbound import presets
 from pinbound.cli import app
+from pinbound.robot.robot import presets
 
 HERE = Path(__file__).resolve().parents[1]
 ARM = """<robot name="arm" xmlns:pinbound="urn:pinbound:1">

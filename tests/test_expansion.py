@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 import pinbound as pb
 from pinbound.cli.app import app
-from pinbound.expansion import expand_xacro
-from pinbound.xacro_child import find_package
+from pinbound.model.expansion import expand_xacro
+from pinbound.model.xacro_child import find_package
 
 XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 ARM = """<link name="b"/><link name="a"/><joint name="q" type="revolute"><parent link="b"/><child link="a"/>
@@ -131,7 +131,7 @@ def test_the_environment_and_the_folder_are_those_of_the_call(tmp_path: Path, mo
 
 
 def test_a_child_that_dies_is_started_again(tmp_path: Path) -> None:
-    from pinbound import expansion
+    from pinbound.model import expansion
 
     path = arm(tmp_path / "r.xacro")
     assert expand_xacro(path, {}).text

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pinbound import gjk
 from pinbound.annotations.shapes import Shape, hull
-from pinbound.exact_nearest import nearest_exactly
+from pinbound.geometry import gjk
+from pinbound.geometry.exact_nearest import nearest_exactly
 
 KINDS = ["ball", "box", "flat", "sliver", "needle", "prism", "segment", "point"]
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import pinbound as pb
-from pinbound.coupling import LinearLimit
-from pinbound.home import coordinate_ends, feasible_start
+from pinbound.model.coupling import LinearLimit
+from pinbound.robot.home import coordinate_ends, feasible_start
 from robots import joint, robot_xml
 
 Load = Callable[..., pb.Robot]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from pinbound.interpreters.inside import ball, disc
-from pinbound.interpreters.vertices import Corners, corners_of
+from pinbound.bounds.inside import ball, disc
+from pinbound.bounds.vertices import Corners, corners_of
 
 CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 

@@ -7,10 +7,10 @@ import pinocchio as pin
 import pytest
 
 import pinbound as pb
-from pinbound.chain import Chain
-from pinbound.interpreters import numeric
-from pinbound.inverse_kinematics import Ending, _Solver, solve_ik
-from pinbound.path import absolute_chain
+from pinbound.evaluate import numeric
+from pinbound.motion.inverse_kinematics import Ending, _Solver, solve_ik
+from pinbound.path.chain import Chain
+from pinbound.path.relative import absolute_chain
 from robots import joint, random_q, robot_xml
 
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import pinbound as pb
-from pinbound.interpreters.kernel import engine
-from pinbound.interpreters.kernel.program import _common_program, compile_program
-from pinbound.robot import Robot
+from pinbound.kernel import engine
+from pinbound.kernel.program import _common_program, compile_program
+from pinbound.robot.robot import Robot
 
 BACKENDS = [
     "numpy",

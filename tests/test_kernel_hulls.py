@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import pinbound as pb
-from pinbound.chain import Chain, Swept
-from pinbound.interpreters.kernel import Pair, hulls
+from pinbound.kernel import Pair, hulls
+from pinbound.path.chain import Chain, Swept
 
 ROBOT = """<robot name="arm" xmlns:pinbound="https://pinbound.dev/1">
   <link name="base"/><link name="upper"/><link name="fore"/><link name="slide"/><link name="other"/>

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 import pinbound as pb
-from pinbound.interpreters.kernel import compiled, object_cache
-from pinbound.interpreters.kernel.source import KernelSource, kernel_source
+from pinbound.kernel import compiled, object_cache
+from pinbound.kernel.source import kernel_source
+from pinbound.machine.compiled import KernelSource
 
 pytest.importorskip("numba")
 

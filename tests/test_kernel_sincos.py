@@ -7,7 +7,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from pinbound.interpreters.kernel import sincos, vectorised
+from pinbound.kernel import sincos, vectorised
 
 numba = pytest.importorskip("numba")
 
@@ -20,7 +20,7 @@ FOUND = 1.25
 
 def compiled(text: str, dtype: Any) -> Any:
     """The loop body as a function of an array, lowered as in the kernel."""
-    from pinbound.interpreters.kernel.lowering import loop_body
+    from pinbound.machine.lowering import loop_body
 
     statements = text.format(x="w[0, i]") + "w[1, i] = sine\nw[2, i] = cosine\n"
     tile = 1024

@@ -8,7 +8,7 @@ import pytest
 
 import pinbound as pb
 from loops import Joint, Loop, judge, marked, random_loop
-from pinbound.boundary_set import BoundarySet
+from pinbound.boundaries.boundary_set import BoundarySet
 from robots import joint, robot_xml
 
 Load = Callable[..., pb.Robot]

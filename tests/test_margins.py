@@ -7,8 +7,8 @@ import pytest
 import shapely
 
 import pinbound as pb
-from pinbound.chain import Chain
-from pinbound.interpreters import numeric
+from pinbound.evaluate import numeric
+from pinbound.path.chain import Chain
 from pinbound.region import convex, margins
 
 ARM = """<robot name="arm" xmlns:pinbound="urn:pinbound:1">

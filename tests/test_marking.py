@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import pinbound as pb
-from pinbound.bodies import Body, collision_bodies
-from pinbound.candidates import draw, within_limits
-from pinbound.coupling import LinearLimit
-from pinbound.covers import cover, covers
-from pinbound.interpreters.closest import nearest
+from pinbound.coverage.bodies import Body, collision_bodies
+from pinbound.coverage.covers import cover, covers
+from pinbound.evaluate.closest import nearest
+from pinbound.marking.candidates import draw, within_limits
+from pinbound.model.coupling import LinearLimit
 from robots import ARM, joint, robot_xml
 
 Load = Callable[..., pb.Robot]

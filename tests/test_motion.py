@@ -131,7 +131,7 @@ def test_place_on_the_contour(robot: pb.Robot) -> None:
 
 
 def test_figure_shows_every_boundary(robot: pb.Robot, tmp_path: Path) -> None:
-    from pinbound.motion_figure import draw_motion
+    from pinbound.figures.motion_figure import draw_motion
 
     waypoints = np.radians([[0, 0, 0], [0, 0, 60]])
     seen = pb.history(robot, waypoints, region=pb.feasible_region(robot))

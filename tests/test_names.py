@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 import pinbound as pb
 from pinbound.cli.app import app
 from pinbound.exceptions import Problem, printable
-from pinbound.motion_figure import draw_motion
-from pinbound.plots import draw_region, draw_robot
+from pinbound.figures.motion_figure import draw_motion
+from pinbound.figures.plots import draw_region, draw_robot
 from robots import joint, robot_xml
 
 Load = Callable[..., pb.Robot]
@@ -77,7 +77,7 @@ def test_tables_print_names_as_they_are(tmp_path: Path, name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_the_report_holds_no_element_and_no_formula_of_a_name(tmp_path: Path, name: str) -> None:
     robot = pb.load(planar(name, name + ".2", tmp_path))
-    from pinbound.interpreters import symbolic
+    from pinbound.evaluate import symbolic
 
     for component in symbolic.mathml(robot.boundaries[0].expression()):
         page = etree.fromstring(component.encode())
@@ -131,7 +131,7 @@ def test_figures_of_robot_and_region_take_names_letter_by_letter(tmp_path: Path,
 
 def test_motion_figures_take_names_letter_by_letter(tmp_path: Path) -> None:
     robot = pb.load(planar("$x", r"$\frac{1}", tmp_path))
-    from pinbound.motion import history
+    from pinbound.motion.history import history
 
     region = pb.feasible_region(robot)
     Q = [[0.0, 0.0], [0.2, 0.1], [0.3, 0.4]]

@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import pinbound as pb
-from pinbound.normalise import quarter_turns, unit_vector
+from pinbound.model.normalise import quarter_turns, unit_vector
 from robots import joint, robot_xml
 
 Load = Callable[..., pb.Robot]

@@ -10,9 +10,9 @@ import pytest
 
 import pinbound as pb
 from pinbound.exceptions import Problems
-from pinbound.kinematics import Joint
-from pinbound.pinocchio_model import compare_with_pinocchio
-from pinbound.tree import Tree
+from pinbound.model.kinematics import Joint
+from pinbound.model.pinocchio_model import compare_with_pinocchio
+from pinbound.model.tree import Tree
 from robots import joint, robot_xml
 
 Load = Callable[..., pb.Robot]
@@ -82,10 +82,10 @@ def test_another_mimic_differs(load_text: Load, multiplier: float, offset: float
 
 
 def test_load_raises_what_the_comparison_finds(load_text: Load, monkeypatch: pytest.MonkeyPatch) -> None:
-    import pinbound.normalise
-    import pinbound.urdf
+    import pinbound.model.normalise
+    import pinbound.model.urdf
 
-    monkeypatch.setattr(pinbound.urdf, "unit_vector", lambda axis: -pinbound.normalise.unit_vector(axis))
+    monkeypatch.setattr(pinbound.model.urdf, "unit_vector", lambda axis: -pinbound.model.normalise.unit_vector(axis))
     with pytest.raises(pb.InputError, match="Pinocchio places link 'l1' elsewhere"):
         load_text(TEXT)
 

@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from pinbound.planar_loops import deviations
+from pinbound.loops.planar_loops import deviations
 
 mpmath.mp.dps = 50
 

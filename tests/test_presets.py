@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import pinbound as pb
 from pinbound.cli.app import app
-from pinbound.presets import models
+from pinbound.robot.presets import models
 
 PRESETS = {model.name: model for model in models() if model.name is not None}
 LOOPS = {"drive": "0.41", "level_x": "-0.3", "level_z": "0.17", "forward_x": "0.21", "forward_z": "0.3"}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pinbound as pb
-from pinbound.chain import Chain
+from pinbound.path.chain import Chain
 from pinbound.region.arrangement import _BEYOND  # pyright: ignore[reportPrivateUsage]
 from pinbound.region.contours import BUMP, ContactFunction, trace
 from pinbound.region.outlines import _INSET  # pyright: ignore[reportPrivateUsage]

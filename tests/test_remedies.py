@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 import pinbound as pb
 from pinbound.batch import RandomSource, evaluation_of, open_source, run
 from pinbound.cli import app
-from pinbound.motion import read_motion
+from pinbound.motion.history import read_motion
 
 SOURCE = Path(pb.__file__).parent
 

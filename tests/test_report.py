@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import pinbound as pb
 from pinbound.cli import app
-from pinbound.report import boundary_rows, write_report
+from pinbound.figures.report import boundary_rows, write_report
 from robots import joint, robot_xml
 
 Load = Callable[..., pb.Robot]

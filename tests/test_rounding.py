@@ -9,8 +9,8 @@ import pytest
 
 import pinbound as pb
 from oracles import DIGITS, JointData, Machine, random_machine
-from pinbound.interpreters.bounds import bundle
-from pinbound.interpreters.rounding import rounding_bound, walks
+from pinbound.bounds.bounds import bundle
+from pinbound.bounds.rounding import rounding_bound, walks
 
 
 def marked(rng: np.random.Generator, machine: Machine, pairs: int) -> Machine:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import pinbound as pb
-from pinbound.coupling import Coupling, GuardedLimit, LinearLimit
+from pinbound.boundaries.spans import guarded_spans
 from pinbound.exceptions import Problems
-from pinbound.rules import rule_limits
-from pinbound.spans import guarded_spans
+from pinbound.model.coupling import Coupling, GuardedLimit, LinearLimit
+from pinbound.robot.rules import rule_limits
 from robots import joint
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "robots"

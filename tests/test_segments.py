@@ -14,15 +14,15 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import pinbound as pb
+from pinbound.bounds.bounds import Expansion
+from pinbound.bounds.rounding import rounding_bound as chain_rounding_bound
+from pinbound.bounds.swept_bounds import over_box
 from pinbound.certificates.constraints import families
 from pinbound.certificates.trajectory import as_trajectory
-from pinbound.interpreters.bounds import Expansion
-from pinbound.interpreters.closest import nearest
-from pinbound.interpreters.minimum_norm import nearest_corners
-from pinbound.interpreters.rounding import rounding_bound as chain_rounding_bound
-from pinbound.interpreters.swept_bounds import over_box
-from pinbound.interpreters.swept_isolation import arcs as searched_arcs
-from pinbound.path import RelativePath
+from pinbound.evaluate.closest import nearest
+from pinbound.evaluate.minimum_norm import nearest_corners
+from pinbound.limits.swept_isolation import arcs as searched_arcs
+from pinbound.path.relative import RelativePath
 from robots import random_q
 from segments import ROBOTS, exact_clearance, oracle_clearances, place
 
@@ -524,9 +524,9 @@ def test_an_end_of_the_window_is_no_contact(tmp_path: Path) -> None:
 @pytest.mark.parametrize("k", [3, 6, 18])
 def test_the_compiled_search_equals_the_one_in_numpy(k: int) -> None:
     pytest.importorskip("numba")
-    from pinbound import gjk
-    from pinbound.interpreters import minimum_norm
-    from pinbound.interpreters.kernel.searched import search
+    from pinbound.evaluate import minimum_norm
+    from pinbound.geometry import gjk
+    from pinbound.machine.searched import search
 
     rng = np.random.default_rng(17)
     w, ways = 2 * rng.normal(size=(3000, 3)), rng.normal(size=(k, 3000, 3)) * rng.choice([0.1, 1.0], (k, 1, 1))
@@ -557,7 +557,7 @@ def test_the_origin_in_the_plane_of_a_flat_body_is_inside_or_as_far_as_its_polyg
     """Rectangles in one plane, hexagons, and bodies nearly as thin as rounding: no four corners span anything."""
     import shapely
 
-    from pinbound.interpreters import minimum_norm
+    from pinbound.evaluate import minimum_norm
 
     if compiled:
         pytest.importorskip("numba")
@@ -578,7 +578,7 @@ def test_the_origin_in_the_plane_of_a_flat_body_is_inside_or_as_far_as_its_polyg
 def test_bounds_do_not_trust_the_search_for_the_nearest_points(
     robot: pb.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pinbound.interpreters import swept_bounds
+    from pinbound.bounds import swept_bounds
 
     monkeypatch.setattr(swept_bounds, "nearest", lambda w, ways: np.full((len(w), len(ways)), 0.3))
     rng = np.random.default_rng(17)
@@ -820,7 +820,7 @@ def test_a_slide_along_the_axis_moves_what_crosses_in_the_plane_apart(load_text:
 
 def test_what_no_pose_can_be_nearer_than_is_a_lower_bound(robot: pb.Robot, load_text: Load) -> None:
     from pinbound.coverage.reach import least_separation
-    from pinbound.interpreters.univariate import one_angle_smallest
+    from pinbound.limits.univariate import one_angle_smallest
     from segments import PLANAR, assemble
 
     far = ['<pinbound:segment name="A" link="base" xyz_a="3 0 0" xyz_b="5 0 0"/>']
@@ -839,7 +839,7 @@ def test_what_no_pose_can_be_nearer_than_is_a_lower_bound(robot: pb.Robot, load_
 
 
 def test_rounding_of_the_projection_is_counted(robot: pb.Robot) -> None:
-    from pinbound.interpreters.swept_bounds import rounding_bound, swept_bundle
+    from pinbound.bounds.swept_bounds import rounding_bound, swept_bundle
 
     n = len(robot.coordinates)
     swept = swept_bundle([b.path for b in robot.boundaries if not b.path.is_plain], -np.ones(n), np.ones(n))

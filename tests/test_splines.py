@@ -12,7 +12,7 @@ from scipy import interpolate
 import pinbound as pb
 from mechanisms import sidecar, write
 from pinbound.certificates.trajectory import as_trajectory
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 
 HINGE = """<robot name="hinge"><link name="base"/><link name="arm"/><link name="far"/>
 <joint name="a" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>

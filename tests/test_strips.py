@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pinbound.interpreters.univariate import AllowedArcs, strip
+from pinbound.limits.univariate import AllowedArcs, strip
 
 Y = np.array([0.0, 1.0, 0.0])
 

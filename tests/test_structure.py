@@ -12,72 +12,30 @@ import pinbound
 PACKAGE = Path(pinbound.__file__).parent
 FLOORS = [
     ("exceptions", "tolerances", "units", "values"),
-    ("tables", "exact_nearest"),
-    ("gjk",),
-    ("xml_text", "xacro_child"),
-    ("expansion",),
-    ("document", "kinematics"),
-    ("kinematics_checks", "normalise", "vocabulary"),
-    ("urdf", "annotations"),
-    ("tree", "coupling"),
-    ("pinocchio_model",),
-    ("chain",),
-    ("path", "bodies"),
-    ("interpreters",),
-    ("axes", "contact", "home", "presets", "rules", "spans"),
-    ("closures",),
-    ("planar_loops",),
-    ("parallelograms",),
-    ("loop_errors",),
-    ("boundary", "export"),
-    ("named_boundaries",),
-    ("boundary_set",),
-    ("model_view",),
-    ("covers",),
+    ("geometry", "machine", "tables"),
+    ("model",),
+    ("annotations",),
+    ("path",),
+    ("evaluate",),
+    ("bounds", "kernel"),
+    ("limits",),
+    ("contact",),
+    ("export", "loops"),
+    ("boundaries",),
     ("coverage",),
     ("robot",),
-    ("loading",),
-    ("certificates", "limit_tables", "steps"),
-    ("candidates",),
-    ("marking",),
-    ("region",),
-    ("batch", "motion", "inverse_kinematics", "adapters"),
-    ("plots",),
-    ("motion_figure", "crosscheck"),
-    ("report", "reproduce"),
+    ("certificates",),
+    ("marking", "region"),
+    ("adapters", "batch", "motion"),
+    ("figures",),
+    ("crosscheck",),
+    ("reproduce",),
     ("cli",),
     ("__init__", "__main__"),
 ]
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
-SAME_FLOOR = {("tree", "coupling")}
-SHARED = {
-    "numeric",
-    "closest",
-    "minimum_norm",
-    "separation",
-    "restriction",
-    "derivative_bounds",
-}  # what a path is worth, held, bounded
-KNOWN = {
-    ("minimum_norm", "kernel"),  # where there is no closed form, and what a swept path's bounds are made of
-    ("univariate", "isolation"),
-    ("outwards", "univariate"),  # the nearest contacts: closed forms where there are any, else isolated ones
-    ("outwards", "isolation"),
-    ("outwards", "swept_isolation"),
-    ("univariate", "swept_isolation"),
-    ("univariate", "swept_sliding"),
-    ("swept_isolation", "isolation"),
-    ("swept_isolation", "swept_bounds"),
-    ("swept_isolation", "bounds"),
-    ("swept_bounds", "bounds"),
-    ("swept_bounds", "inside"),
-    ("swept_bounds", "vertices"),
-    ("inside", "vertices"),
-    ("rounding", "bounds"),
-    ("swept_bounds", "rounding"),
-}
 ONLY = {
-    "pinocchio": {"pinocchio_model", "model_view", "robot", "crosscheck"},
+    "pinocchio": {"model", "robot", "crosscheck"},
     "coal": {"crosscheck"},
 }
 FILES = sorted(PACKAGE.rglob("*.py"))
@@ -106,26 +64,7 @@ def test_a_room_imports_only_from_floors_below(path: Path) -> None:
         if not name.startswith("pinbound.") or name.split(".")[1] not in LEVEL:
             continue
         there = name.split(".")[1]
-        if there == here == "interpreters":
-            asked = name.removeprefix("pinbound.interpreters").strip(".").split(".")[0]
-            asker = path.relative_to(PACKAGE / here).parts[0].removesuffix(".py")
-            assert asked in ("", asker) or asked in SHARED or (asker, asked) in KNOWN, f"{asker} knows {asked}"
-            continue
-        inside = there == here and here in (
-            "adapters",
-            "export",
-            "annotations",
-            "batch",
-            "certificates",
-            "cli",
-            "coverage",
-            "contact",
-            "crosscheck",
-            "region",
-            "reproduce",
-            "tables",
-        )
-        assert inside or LEVEL[there] < LEVEL[here] or (here, there) in SAME_FLOOR, f"{here} imports {there}"
+        assert there == here or LEVEL[there] < LEVEL[here], f"{here} imports {there}"
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))

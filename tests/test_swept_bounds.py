@@ -8,10 +8,10 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import pinbound as pb
+from pinbound.bounds import swept_bounds
+from pinbound.bounds.bounds import Expansion
+from pinbound.bounds.swept_bounds import along_motion, over_box
 from pinbound.certificates.constraints import families
-from pinbound.interpreters import swept_bounds
-from pinbound.interpreters.bounds import Expansion
-from pinbound.interpreters.swept_bounds import along_motion, over_box
 from robots import ARM, HEAD, joint
 
 Load = Callable[..., pb.Robot]

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import pinbound as pb
-from pinbound.chain import Chain, Swept
-from pinbound.interpreters import numeric
-from pinbound.interpreters.isolation import common_period
-from pinbound.interpreters.univariate import AllowedArcs, allowed_arcs_table
-from pinbound.path import Kind, RelativePath
+from pinbound.evaluate import numeric
+from pinbound.limits.isolation import common_period
+from pinbound.limits.univariate import AllowedArcs, allowed_arcs_table
+from pinbound.path.chain import Chain, Swept
+from pinbound.path.relative import Kind, RelativePath
 
 ROBOTS = Path(str(importlib.metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share")))
 ARMS = {

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pinbound.interpreters.vertices import Corners, corners_of
+from pinbound.bounds.vertices import Corners, corners_of
 
 SEGMENT = np.array([[0.0], [1.0]])
 SQUARE = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])

@@ -8,7 +8,7 @@ from lxml import etree
 
 import pinbound as pb
 from pinbound.exceptions import Problems
-from pinbound.vocabulary import WORDS, check_vocabulary, near_miss
+from pinbound.model.vocabulary import WORDS, check_vocabulary, near_miss
 
 Load = Callable[..., pb.Robot]
 

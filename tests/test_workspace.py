@@ -13,8 +13,8 @@ import shapely
 import trimesh
 
 import pinbound as pb
-from pinbound.interpreters import numeric
-from pinbound.path import absolute_chain
+from pinbound.evaluate import numeric
+from pinbound.path.relative import absolute_chain
 from pinbound.region.folds import find_folds
 from pinbound.region.planar_image import restrict
 from pinbound.region.swept import swept_body

@@ -24,10 +24,9 @@ from pinbound.annotations import (
     Shape,
     Sweep,
 )
-from pinbound.boundary import Boundary, ContactAngle, Penetration
-from pinbound.boundary_set import BoundarySet, CoordinateLimits, Smallest
+from pinbound.boundaries.boundary import Boundary, ContactAngle, Penetration
+from pinbound.boundaries.boundary_set import BoundarySet, CoordinateLimits, Smallest
 from pinbound.coverage import Coverage, CoverageRecord
-from pinbound.document import packaged_robots
 from pinbound.exceptions import (
     DimensionError,
     InputError,
@@ -37,12 +36,14 @@ from pinbound.exceptions import (
     UnknownNameError,
     UnsupportedError,
 )
-from pinbound.interpreters.univariate import AllowedArcs, AllowedArcsTable
-from pinbound.loading import load
-from pinbound.path import Kind
-from pinbound.robot import Robot
+from pinbound.limits.univariate import AllowedArcs, AllowedArcsTable
+from pinbound.model.document import packaged_robots
+from pinbound.path.relative import Kind
+from pinbound.robot.loading import load
+from pinbound.robot.robot import Robot
 
 if TYPE_CHECKING:
+    from pinbound.adapters.steps import StepBounds, StepRows
     from pinbound.certificates import (
         BoundedMotion,
         BoxCertificate,
@@ -55,10 +56,9 @@ if TYPE_CHECKING:
         signed_clearances,
     )
     from pinbound.crosscheck import CrossCheck, cross_check
-    from pinbound.inverse_kinematics import InverseKinematics, solve_ik
-    from pinbound.limit_tables import LimitTable, limit_table
-    from pinbound.marking import Proposal, propose_marks
-    from pinbound.motion import Motion, MotionHistory, history, read_motion
+    from pinbound.marking.propose import Proposal, propose_marks
+    from pinbound.motion.history import Motion, MotionHistory, history, read_motion
+    from pinbound.motion.inverse_kinematics import InverseKinematics, solve_ik
     from pinbound.region import (
         Corner,
         Edge,
@@ -74,7 +74,7 @@ if TYPE_CHECKING:
         swept_body,
         workspace_section,
     )
-    from pinbound.steps import StepBounds, StepRows
+    from pinbound.robot.limit_tables import LimitTable, limit_table
 
 __version__ = "0.1.0"
 
@@ -159,10 +159,10 @@ __all__ = [
 
 _LATER = {
     "CrossCheck": "pinbound.crosscheck",
-    "LimitTable": "pinbound.limit_tables",
-    "limit_table": "pinbound.limit_tables",
-    "StepBounds": "pinbound.steps",
-    "StepRows": "pinbound.steps",
+    "LimitTable": "pinbound.robot.limit_tables",
+    "limit_table": "pinbound.robot.limit_tables",
+    "StepBounds": "pinbound.adapters.steps",
+    "StepRows": "pinbound.adapters.steps",
     "cross_check": "pinbound.crosscheck",
     "BoundedMotion": "pinbound.certificates",
     "BoxCertificate": "pinbound.certificates",
@@ -173,14 +173,14 @@ _LATER = {
     "certify": "pinbound.certificates",
     "certify_box": "pinbound.certificates",
     "signed_clearances": "pinbound.certificates",
-    "InverseKinematics": "pinbound.inverse_kinematics",
-    "solve_ik": "pinbound.inverse_kinematics",
-    "Proposal": "pinbound.marking",
-    "propose_marks": "pinbound.marking",
-    "Motion": "pinbound.motion",
-    "MotionHistory": "pinbound.motion",
-    "history": "pinbound.motion",
-    "read_motion": "pinbound.motion",
+    "InverseKinematics": "pinbound.motion.inverse_kinematics",
+    "solve_ik": "pinbound.motion.inverse_kinematics",
+    "Proposal": "pinbound.marking.propose",
+    "propose_marks": "pinbound.marking.propose",
+    "Motion": "pinbound.motion.history",
+    "MotionHistory": "pinbound.motion.history",
+    "history": "pinbound.motion.history",
+    "read_motion": "pinbound.motion.history",
     "Corner": "pinbound.region",
     "Edge": "pinbound.region",
     "Membership": "pinbound.region",

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pinbound.adapters.shared import Polytope, SafeSteps, optional
 from pinbound.exceptions import DimensionError, name_hint
-from pinbound.model_view import ModelJoints, ModelView
-from pinbound.pinocchio_model import placements
-from pinbound.robot import Robot
+from pinbound.model.pinocchio_model import placements
+from pinbound.robot.model_view import ModelJoints, ModelView
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import SAME_ROBOT
 
 __all__ = ["PolytopeLimit", "StepLimit", "view_of"]

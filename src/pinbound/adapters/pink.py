@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pinbound.adapters.shared import Polytope, SafeSteps, optional
 from pinbound.exceptions import DimensionError, UnsupportedError
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 
 __all__ = ["BoundaryBarrier", "PolytopeLimit", "StepLimit"]
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.coupling import real_array
+from pinbound.adapters.steps import StepBounds, StepRows
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
-from pinbound.model_view import ModelView
+from pinbound.model.coupling import real_array
 from pinbound.region import Region
-from pinbound.robot import Robot
-from pinbound.steps import StepBounds, StepRows
+from pinbound.robot.model_view import ModelView
+from pinbound.robot.robot import Robot
 
 __all__ = ["Polytope", "SafeSteps", "optional"]
 

@@ -8,9 +8,9 @@ from typing import Any, cast
 from lxml import etree
 
 from pinbound.annotations.records import FIELDS, NAMESPACE, RawItem
-from pinbound.document import local_name
 from pinbound.exceptions import Problems, UnsupportedError, name_hint
-from pinbound.vocabulary import looks_like_ours
+from pinbound.model.document import local_name
+from pinbound.model.vocabulary import looks_like_ours
 
 __all__ = ["inline_text", "read_inline"]
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
 from pinbound.annotations.records import Axis, Condition, RawItem, Rule
-from pinbound.document import parse_floats
 from pinbound.exceptions import name_hint, printable
+from pinbound.model.document import parse_floats
 
 __all__ = ["read_axis", "read_rule"]
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound import gjk
+from pinbound.geometry import gjk
 from pinbound.tolerances import EXTREME
 from pinbound.values import Value, read_only
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from lxml import etree
 
 from pinbound.annotations.records import RawItem
-from pinbound.document import parse_file, parse_floats
 from pinbound.exceptions import Problems
+from pinbound.model.document import parse_file, parse_floats
 from pinbound.values import Value
 
 __all__ = ["RIGID", "Srdf", "read_srdf"]

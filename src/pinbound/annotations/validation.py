@@ -19,8 +19,8 @@ from pinbound.annotations.records import (
     Rule,
 )
 from pinbound.annotations.rules import read_axis, read_rule
-from pinbound.document import parse_floats
 from pinbound.exceptions import Problems, name_hint, printable
+from pinbound.model.document import parse_floats
 from pinbound.tolerances import CLOSURE, CONTACT, LONGEST
 
 __all__ = ["validate"]

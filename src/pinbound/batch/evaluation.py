@@ -11,13 +11,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.boundary_set import BoundarySet
+from pinbound.boundaries.boundary_set import BoundarySet
 from pinbound.contact import SignedKernel
-from pinbound.coupling import Intervals
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
+from pinbound.model.coupling import Intervals
 from pinbound.region import Region, feasible_region
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tables.columnar import load_arrow
 from pinbound.tolerances import LIMIT
 

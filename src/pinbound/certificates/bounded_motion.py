@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.coupling import real_array
+from pinbound.bounds.bounds import Expansion
 from pinbound.exceptions import DimensionError
-from pinbound.interpreters.bounds import Expansion
+from pinbound.model.coupling import real_array
 from pinbound.tolerances import SAMPLE_ROUNDOFFS, UNIT_ROUNDOFF
 
 __all__ = ["BoundedMotion", "BoundedTrajectory"]

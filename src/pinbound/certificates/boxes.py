@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.boundary import Boundary, one_configuration
+from pinbound.boundaries.boundary import Boundary, one_configuration
 from pinbound.certificates.constraints import families, needs_limits, unplaced
 from pinbound.certificates.degrees import look_like_degrees
 from pinbound.certificates.enclosures import Family
@@ -17,7 +17,7 @@ from pinbound.certificates.scope import covered, scope, settled
 from pinbound.certificates.search import Meter
 from pinbound.certificates.trajectory import refuse_far
 from pinbound.exceptions import DimensionError
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import FARTHEST
 
 __all__ = ["certified_box", "certify_box"]

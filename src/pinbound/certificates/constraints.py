@@ -15,14 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.boundary import Boundary
-from pinbound.certificates.enclosures import Enclosure
-from pinbound.certificates.guarded import GuardedLimits, pieces
-from pinbound.certificates.swept import SweptBoundaries, swept_boundaries
-from pinbound.contact import Stop, signed_share
-from pinbound.exceptions import UnknownNameError, UnsupportedError
-from pinbound.interpreters import numeric
-from pinbound.interpreters.bounds import (
+from pinbound.boundaries.boundary import Boundary
+from pinbound.bounds.bounds import (
     Bundle,
     Expansion,
     OneAngle,
@@ -32,8 +26,14 @@ from pinbound.interpreters.bounds import (
     one_angle,
     over_box,
 )
-from pinbound.interpreters.rounding import Walks, rounding_bound, walks
-from pinbound.robot import Robot
+from pinbound.bounds.rounding import Walks, rounding_bound, walks
+from pinbound.certificates.enclosures import Enclosure
+from pinbound.certificates.guarded import GuardedLimits, pieces
+from pinbound.certificates.swept import SweptBoundaries, swept_boundaries
+from pinbound.contact import Stop, signed_share
+from pinbound.evaluate import numeric
+from pinbound.exceptions import UnknownNameError, UnsupportedError
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import LIMIT, UNIT_ROUNDOFF
 
 __all__ = ["families", "far_sides", "needs_limits", "select", "signed_clearances", "unplaced"]

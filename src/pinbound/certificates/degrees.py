@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 
 __all__ = ["look_like_degrees"]
 

@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.interpreters.bounds import Expansion
+from pinbound.bounds.bounds import Expansion
 
 __all__ = ["Enclosure", "Family", "OneAngleFamily"]
 

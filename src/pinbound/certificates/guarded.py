@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.bounds.bounds import Expansion
 from pinbound.certificates.enclosures import Enclosure, Family
-from pinbound.coupling import GuardedLimit, LinearLimit
-from pinbound.interpreters.bounds import Expansion
+from pinbound.model.coupling import GuardedLimit, LinearLimit
 from pinbound.tolerances import LIMIT
 
 __all__ = ["GuardedLimits", "pieces"]

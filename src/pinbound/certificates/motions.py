@@ -16,7 +16,7 @@ from pinbound.certificates.scope import ONLY_LIMITS, covered, scope, settled
 from pinbound.certificates.search import Meter, Search
 from pinbound.certificates.trajectory import Trajectory, as_trajectory
 from pinbound.exceptions import DimensionError
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import PRECISION
 
 __all__ = ["certify"]

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.interpreters.bounds import Expansion
+from pinbound.bounds.bounds import Expansion
 from pinbound.tolerances import UNIT_ROUNDOFF
 
 __all__ = ["Polynomials", "Trajectory"]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pinbound.boundary import Boundary
+from pinbound.boundaries.boundary import Boundary
 from pinbound.certificates.constraints import select
 from pinbound.certificates.records import Verdict
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 
 __all__ = ["ONLY_LIMITS", "covered", "scope", "settled"]
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.bounds.bounds import Expansion
 from pinbound.certificates.enclosures import Enclosure, Family, OneAngleFamily
 from pinbound.certificates.polynomials import Polynomials, Trajectory
 from pinbound.certificates.records import Budget, Contact, Finding, OpenPart, Reason, Verdict
-from pinbound.interpreters.bounds import Expansion
 from pinbound.tolerances import FIRST_CONTACT
 
 __all__ = ["Meter", "Search"]

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.certificates.polynomials import Polynomials
-from pinbound.coupling import real_array
 from pinbound.exceptions import DimensionError, UnsupportedError
+from pinbound.model.coupling import real_array
 from pinbound.tolerances import CONVERSION, UNIT_ROUNDOFF
 
 __all__ = ["from_spline"]

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.boundary import Boundary
-from pinbound.certificates.enclosures import Enclosure
-from pinbound.interpreters import separation
-from pinbound.interpreters.bounds import Expansion
-from pinbound.interpreters.rounding import Walks
-from pinbound.interpreters.swept_bounds import (
+from pinbound.boundaries.boundary import Boundary
+from pinbound.bounds.bounds import Expansion
+from pinbound.bounds.rounding import Walks
+from pinbound.bounds.swept_bounds import (
     Bounds,
     SweptBundle,
     along_motion,
@@ -21,6 +19,8 @@ from pinbound.interpreters.swept_bounds import (
     rounding_bound,
     swept_bundle,
 )
+from pinbound.certificates.enclosures import Enclosure
+from pinbound.evaluate import separation
 
 __all__ = ["SweptBoundaries", "swept_boundaries"]
 

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from pinbound.certificates.bounded_motion import BoundedMotion, BoundedTrajectory
 from pinbound.certificates.polynomials import Polynomials, Trajectory
 from pinbound.certificates.splines import from_spline
-from pinbound.coupling import as_configurations, real_array
 from pinbound.exceptions import DimensionError, UnsupportedError
+from pinbound.model.coupling import as_configurations, real_array
 from pinbound.tolerances import FARTHEST
 
 __all__ = ["BoundedMotion", "Polynomials", "Trajectory", "as_trajectory", "refuse_far"]

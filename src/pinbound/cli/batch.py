@@ -45,7 +45,7 @@ from pinbound.cli.shared import (
     print_table,
 )
 from pinbound.exceptions import InputError, Problem, name_hint
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 
 __all__ = ["batch"]
 

@@ -31,9 +31,9 @@ from pinbound.cli.shared import (
     print_table,
 )
 from pinbound.exceptions import PinboundError
-from pinbound.motion import Motion, history, read_motion
+from pinbound.motion.history import Motion, history, read_motion
 from pinbound.region import Region, feasible_region
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 
 __all__ = ["check"]
 
@@ -92,7 +92,7 @@ def check(
 
 
 def _draw(robot: Robot, motion: Motion, found: Certificate, path: Path) -> None:
-    from pinbound.motion_figure import draw_motion
+    from pinbound.figures.motion_figure import draw_motion
 
     seen = history(robot, motion.waypoints, motion.times, _plane(robot))
     figure = draw_motion(seen, found, "waypoint" if motion.times is None else "time")

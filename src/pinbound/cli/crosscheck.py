@@ -34,7 +34,7 @@ from pinbound.crosscheck import (
     cross_check,
 )
 from pinbound.exceptions import InputError, Problem
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import REGION_ACCURACY
 
 __all__ = ["crosscheck"]
@@ -185,7 +185,7 @@ def _print_region(robot: Robot, level: RegionLevel) -> None:
 
 
 def _draw(robot: Robot, found: CrossCheck, out: Path) -> None:
-    from pinbound.plots import draw_verdicts, save
+    from pinbound.figures.plots import draw_verdicts, save
 
     level = found.region
     if level is None:

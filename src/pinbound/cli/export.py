@@ -9,8 +9,8 @@ import typer
 
 from pinbound.cli.shared import Annotations, AsJson, PackageDirs, RobotName, XacroArgs, console, emit_json, load_robot
 from pinbound.exceptions import InputError, Problem, UnknownNameError
-from pinbound.limit_tables import FORMATS, limit_table
-from pinbound.robot import Robot
+from pinbound.robot.limit_tables import FORMATS, limit_table
+from pinbound.robot.robot import Robot
 
 __all__ = ["export"]
 

@@ -10,8 +10,8 @@ import typer
 from rich.text import Text
 
 from pinbound.annotations import FIELDS, Mark, kind_of
-from pinbound.boundary import Boundary, ContactAngle
-from pinbound.boundary_set import CoordinateLimits
+from pinbound.boundaries.boundary import Boundary, ContactAngle
+from pinbound.boundaries.boundary_set import CoordinateLimits
 from pinbound.cli.coverage import RequireCoverage, coverage_record, print_coverage, require_coverage, say_coverage
 from pinbound.cli.shared import (
     Annotations,
@@ -29,13 +29,13 @@ from pinbound.cli.shared import (
     parse_window,
     print_table,
 )
-from pinbound.closures import Closure
-from pinbound.coupling import linear_text
 from pinbound.coverage import Coverage
-from pinbound.interpreters import symbolic
+from pinbound.evaluate import symbolic
+from pinbound.loops.closures import Closure
+from pinbound.model.coupling import linear_text
 from pinbound.region import Region, feasible_region
-from pinbound.robot import Robot
-from pinbound.rules import condition_text
+from pinbound.robot.robot import Robot
+from pinbound.robot.rules import condition_text
 from pinbound.tolerances import REGION_BUDGET, REGION_WIDTH
 from pinbound.units import amount, factors, names, shown
 

@@ -22,10 +22,10 @@ from pinbound.cli.shared import (
     millimetres,
     print_table,
 )
-from pinbound.covers import By, Cover
+from pinbound.coverage.covers import By, Cover
 from pinbound.exceptions import InputError, Problem
-from pinbound.marking import SHAPES, Proposal, propose_marks
-from pinbound.robot import Robot
+from pinbound.marking.propose import SHAPES, Proposal, propose_marks
+from pinbound.robot.robot import Robot
 
 __all__ = ["mark"]
 

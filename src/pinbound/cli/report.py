@@ -17,7 +17,7 @@ from pinbound.cli.shared import (
     load_robot,
     print_table,
 )
-from pinbound.report import write_report
+from pinbound.figures.report import write_report
 
 __all__ = ["report"]
 

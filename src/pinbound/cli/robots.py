@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from pinbound.cli.shared import AsJson, console, emit_json, print_table
-from pinbound.document import packaged_robots
 from pinbound.exceptions import PinboundError, UnknownNameError
-from pinbound.presets import FAMILY, models
+from pinbound.model.document import packaged_robots
+from pinbound.robot.presets import FAMILY, models
 
 __all__ = ["new", "robots"]
 

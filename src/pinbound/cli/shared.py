@@ -17,10 +17,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from pinbound.document import TRUST
 from pinbound.exceptions import InputError, MachineError, PinboundError, Problem, blames_the_path
-from pinbound.loading import load
-from pinbound.robot import Robot
+from pinbound.model.document import TRUST
+from pinbound.robot.loading import load
+from pinbound.robot.robot import Robot
 
 __all__ = [
     "Annotations",

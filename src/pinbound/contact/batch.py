@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from pinbound.contact.rule import ContactRule
 from pinbound.contact.stops import StopKernel
-from pinbound.coupling import GuardedLimit, Intervals, LinearLimit
-from pinbound.interpreters import separation
+from pinbound.evaluate import separation
+from pinbound.model.coupling import GuardedLimit, Intervals, LinearLimit
 from pinbound.values import read_only
 
 if TYPE_CHECKING:
-    from pinbound.interpreters.kernel import Backend, CommonMark, Kernel, MixedKernel, Pair
+    from pinbound.kernel import Backend, CommonMark, Kernel, MixedKernel, Pair
 
 __all__ = ["SignedKernel"]
 
@@ -47,7 +47,7 @@ class SignedKernel:
         guarded: Sequence[GuardedLimit] = (),
     ) -> None:
         """Hold rules of one robot of n coordinates, with the names of their marks; `common` as for `Kernel`."""
-        from pinbound.interpreters.kernel import Reference, kernel_of
+        from pinbound.kernel import Reference, kernel_of
 
         self.rules, self.marks, self.n, self.limits = tuple(rules), tuple(marks), n, tuple(limits)
         self.guarded = tuple(guarded)
@@ -64,7 +64,7 @@ class SignedKernel:
     @cached_property
     def pairs(self) -> tuple[Pair, ...]:
         """Every boundary with what its separation must exceed."""
-        from pinbound.interpreters.kernel import Pair
+        from pinbound.kernel import Pair
 
         return tuple(Pair(rule.path, rule.distance, names) for rule, names in zip(self.rules, self.marks, strict=True))
 
@@ -92,7 +92,7 @@ class SignedKernel:
 
     def free(self, Q: NDArray[np.float64], limits: bool, threads: int = 1, backend: Backend = "auto") -> Array:
         """Return which rows (N,) have positive signed clearances alone, and are within all joint limits."""
-        from pinbound.interpreters.kernel import check_choices
+        from pinbound.kernel import check_choices
 
         check_choices(threads, backend)
         found = (self._within if limits else self._open).hold(Q)
@@ -129,7 +129,7 @@ class SignedKernel:
         dtype: Any = np.float64,
     ) -> Array:
         """Return the signed clearances (N, m), or with the mode ``"gradients"`` their gradients (N, m, n)."""
-        from pinbound.interpreters.kernel.engine import buffer, check_choices, real
+        from pinbound.kernel.engine import buffer, check_choices, real
 
         check_choices(threads, backend)
         m, is_slope, kind = len(self.rules), mode == "gradients", real(dtype)

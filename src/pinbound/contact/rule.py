@@ -28,11 +28,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.chain import Swept
-from pinbound.coupling import combination
-from pinbound.interpreters import separation, univariate
-from pinbound.interpreters.univariate import AllowedArcsTable, Strip
-from pinbound.path import RelativePath
+from pinbound.evaluate import separation
+from pinbound.limits import univariate
+from pinbound.limits.univariate import AllowedArcsTable, Strip
+from pinbound.model.coupling import combination
+from pinbound.path.chain import Swept
+from pinbound.path.relative import RelativePath
 from pinbound.tolerances import REDUCTION, STOP_MISS
 from pinbound.values import Value
 

@@ -21,13 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.contact.rule import ContactRule
-from pinbound.coupling import combination
-from pinbound.path import RelativePath
+from pinbound.model.coupling import combination
+from pinbound.path.relative import RelativePath
 from pinbound.values import read_only
 
 if TYPE_CHECKING:
-    from pinbound.interpreters.kernel import Backend, Kernel
-    from pinbound.interpreters.kernel.program import Program
+    from pinbound.kernel import Backend, Kernel
+    from pinbound.kernel.program import Program
 
 __all__ = ["StopKernel"]
 
@@ -72,15 +72,15 @@ class StopKernel:
     @cached_property
     def _kernel(self) -> Kernel:
         """The kernel of all stops; those whose gap is narrowed are overwritten."""
-        from pinbound.interpreters.kernel import Kernel, Pair, Reference
+        from pinbound.kernel import Kernel, Pair, Reference
 
         reference = _Rules(self.rules)
         pairs = [Pair(rule.path, 0.0, ("", "")) for rule in self.rules]
         return Kernel(pairs, self.n, Reference(reference.signed, reference.gradients), _no_common, self._program())
 
     def _program(self) -> Program:
-        from pinbound.interpreters.kernel.program import Program
-        from pinbound.interpreters.kernel.scalars import Graph
+        from pinbound.kernel.program import Program
+        from pinbound.kernel.scalars import Graph
 
         graph = Graph()
         zero, values = graph.constant(0.0), list[int]()

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.annotations import Mark, Shape
-from pinbound.bodies import Body
+from pinbound.coverage.bodies import Body
 from pinbound.coverage.unions import spheres_over
-from pinbound.interpreters.closest import nearest, nearest_of_hulls
+from pinbound.evaluate.closest import nearest, nearest_of_hulls
 from pinbound.tolerances import HELD
 
 __all__ = ["holders", "holds", "holds_points", "is_known"]

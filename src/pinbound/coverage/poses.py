@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.annotations import Mark
-from pinbound.chain import rotation_matrix
-from pinbound.coupling import Coupling
-from pinbound.tree import Tree
+from pinbound.model.coupling import Coupling
+from pinbound.model.tree import Tree
+from pinbound.path.chain import rotation_matrix
 
 __all__ = ["Poses"]
 

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.annotations import Mark, Sweep
-from pinbound.chain import Swept
-from pinbound.coupling import Coupling
-from pinbound.interpreters import univariate
-from pinbound.path import RelativePath, minimal_chain
+from pinbound.limits import univariate
+from pinbound.model.coupling import Coupling
+from pinbound.model.tree import Tree
+from pinbound.path.chain import Swept
+from pinbound.path.relative import RelativePath, minimal_chain
 from pinbound.tolerances import NEVER_MEETS
-from pinbound.tree import Tree
 
 __all__ = ["MOST_PATHS", "Reach", "least_separation"]
 

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.annotations import Annotations, LeftOutMark, Mark
-from pinbound.bodies import Body
-from pinbound.boundary import Boundary
-from pinbound.closures import Closure, joint_errors
-from pinbound.coupling import Coupling
+from pinbound.boundaries.boundary import Boundary
+from pinbound.coverage.bodies import Body
+from pinbound.coverage.covers import covers
 from pinbound.coverage.holding import holders, is_known
 from pinbound.coverage.poses import Poses
 from pinbound.coverage.reach import MOST_PATHS, Reach
@@ -26,10 +25,11 @@ from pinbound.coverage.records import (
     Status,
     record_of,
 )
-from pinbound.covers import covers
 from pinbound.exceptions import UnknownNameError
+from pinbound.loops.closures import Closure, joint_errors
+from pinbound.model.coupling import Coupling
+from pinbound.model.tree import Tree
 from pinbound.tolerances import SAME_BODY
-from pinbound.tree import Tree
 from pinbound.values import FrozenDict
 
 __all__ = ["Coverage"]

@@ -16,11 +16,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.bodies import SHAPES, Body, collision_bodies
-from pinbound.boundary import Boundary
+from pinbound.boundaries.boundary import Boundary
+from pinbound.coverage.bodies import SHAPES, Body, collision_bodies
 from pinbound.crosscheck.engine import Engine, blocks, body_shapes, sample
 from pinbound.crosscheck.sweep import sweep
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import CROSSCHECK_BODY, CROSSCHECK_STOP
 from pinbound.values import Value
 

@@ -15,7 +15,7 @@ from pinbound.crosscheck.points import PointLevel, check_points
 from pinbound.crosscheck.regions_level import RegionLevel, check_region
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.region import Region
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import REGION_ACCURACY
 from pinbound.values import Value
 

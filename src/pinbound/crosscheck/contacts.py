@@ -15,10 +15,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.boundary import Boundary, ContactAngle
+from pinbound.boundaries.boundary import Boundary, ContactAngle
 from pinbound.crosscheck.engine import Engine, is_iterated, pair_engine, sample, tolerances_of
-from pinbound.interpreters.univariate import AllowedArcs
-from pinbound.robot import Robot
+from pinbound.limits.univariate import AllowedArcs
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import CROSSCHECK_ANGLE, CROSSCHECK_GRAZING, CROSSCHECK_POINT, CROSSCHECK_SOLID
 from pinbound.values import Value
 

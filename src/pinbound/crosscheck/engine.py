@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from pinbound.annotations import Mark, Measure
 from pinbound.annotations import Shape as MarkShape
-from pinbound.bodies import Body
-from pinbound.boundary import Boundary
+from pinbound.boundaries.boundary import Boundary
+from pinbound.coverage.bodies import Body
 from pinbound.exceptions import UnsupportedError
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import CROSSCHECK_INFLATION, CROSSCHECK_POINT, CROSSCHECK_SOLID, REDUCTION
 from pinbound.values import Value
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.crosscheck.engine import blocks, is_iterated, point_engine, sample, tolerances_of
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import CLOSURE, CROSSCHECK_POINT, CROSSCHECK_SOLID
 from pinbound.values import Value
 

@@ -15,11 +15,11 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.bodies import collision_bodies
+from pinbound.coverage.bodies import collision_bodies
 from pinbound.crosscheck.engine import Engine, body_shapes, point_engine, within_limits
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.region import Region, feasible_region
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import CROSSCHECK_BODY, CROSSCHECK_STOP, REGION_ACCURACY
 from pinbound.values import Value
 

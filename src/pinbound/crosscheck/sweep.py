@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.bodies import Body
+from pinbound.coverage.bodies import Body
 from pinbound.crosscheck.engine import Engine
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import CROSSCHECK_STOP
 
 __all__ = ["approach_speed", "sweep"]

@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 
 from pinbound.export.nodes import SignedNodes
-from pinbound.interpreters.kernel.scalars import Graph, Node
+from pinbound.kernel.scalars import Graph, Node
 
 __all__ = ["c_files"]
 

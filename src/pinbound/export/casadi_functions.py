@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pinbound.contact import ContactRule
 from pinbound.exceptions import UnsupportedError
 from pinbound.export.nodes import SignedNodes, is_closed, signed_nodes
-from pinbound.interpreters.kernel import CommonMark
+from pinbound.kernel import CommonMark
 
 __all__ = ["casadi_function"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from pinbound.chain import Chain
 from pinbound.contact import ContactRule
-from pinbound.coupling import LinearLimit
 from pinbound.exceptions import UnsupportedError
+from pinbound.model.coupling import LinearLimit
+from pinbound.path.chain import Chain
 
 __all__ = ["chains_record"]
 

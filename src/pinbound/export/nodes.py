@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinbound.contact import ContactRule, Stop
-from pinbound.interpreters.kernel import CommonMark, Pair
-from pinbound.interpreters.kernel.outputs import MOST_WAYS, separation_nodes
-from pinbound.interpreters.kernel.scalars import Graph
+from pinbound.kernel import CommonMark, Pair
+from pinbound.kernel.outputs import MOST_WAYS, separation_nodes
+from pinbound.kernel.scalars import Graph
 
 __all__ = ["SignedNodes", "is_closed", "signed_nodes"]
 

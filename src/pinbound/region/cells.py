@@ -21,10 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.bounds.swept_bounds import SweptBundle, over_box, rounding_bound, swept_bundle
+from pinbound.evaluate import separation
 from pinbound.exceptions import UnsupportedError
-from pinbound.interpreters import separation
-from pinbound.interpreters.swept_bounds import SweptBundle, over_box, rounding_bound, swept_bundle
-from pinbound.path import RelativePath
+from pinbound.path.relative import RelativePath
 from pinbound.region.deadline import Deadline
 from pinbound.region.plane import Curve, Plane
 from pinbound.tolerances import CONTOUR_ROUNDING

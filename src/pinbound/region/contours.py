@@ -22,11 +22,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.chain import Chain
+from pinbound.bounds.derivative_bounds import LeverArms, lever_arms
+from pinbound.evaluate import numeric
+from pinbound.evaluate.planar import Arrows, arrows
 from pinbound.exceptions import UnsupportedError
-from pinbound.interpreters import numeric
-from pinbound.interpreters.derivative_bounds import LeverArms, lever_arms
-from pinbound.interpreters.planar import Arrows, arrows
+from pinbound.path.chain import Chain
 from pinbound.region.deadline import Deadline
 from pinbound.region.smooth import Smooth
 from pinbound.tolerances import CONTOUR_ROUNDING, CONTOUR_TURN, VERTEX

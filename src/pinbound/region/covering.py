@@ -17,9 +17,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from pinbound.bounds.derivative_bounds import LeverArms
+from pinbound.evaluate import numeric
 from pinbound.exceptions import UnsupportedError
-from pinbound.interpreters import numeric
-from pinbound.interpreters.derivative_bounds import LeverArms
 from pinbound.region.contours import trace
 from pinbound.region.planar_image import PlanarImage
 from pinbound.tolerances import REDUCTION

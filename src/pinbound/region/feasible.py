@@ -12,14 +12,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pinbound.boundary import one_configuration
+from pinbound.boundaries.boundary import one_configuration
 from pinbound.exceptions import DimensionError
 from pinbound.region.arrangement import Arrangement, arrange, arranged_loops
 from pinbound.region.deadline import Deadline
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.plane import plane_of
 from pinbound.region.region import Region, convex_region
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET, REGION_WIDTH
 
 __all__ = ["feasible_region"]

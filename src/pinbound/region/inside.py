@@ -20,8 +20,8 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely import affinity
 
-from pinbound.coupling import as_configurations
 from pinbound.exceptions import DimensionError, UnknownNameError
+from pinbound.model.coupling import as_configurations
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.plane import Plane
 from pinbound.tolerances import ON_CONTOUR

@@ -11,14 +11,14 @@ import shapely
 from numpy.typing import NDArray
 from shapely import affinity
 
-from pinbound.chain import Chain
+from pinbound.bounds.derivative_bounds import lever_arms
+from pinbound.bounds.swept_bounds import over_box, rounding_bound, swept_bundle
+from pinbound.evaluate import numeric, separation
 from pinbound.exceptions import DimensionError, LeavesRegionError
-from pinbound.interpreters import numeric, separation
-from pinbound.interpreters.derivative_bounds import lever_arms
-from pinbound.interpreters.restriction import restrict_path
-from pinbound.interpreters.swept_bounds import over_box, rounding_bound, swept_bundle
-from pinbound.interpreters.univariate import Strip, one_angle_strip
-from pinbound.path import RelativePath
+from pinbound.limits.univariate import Strip, one_angle_strip
+from pinbound.path.chain import Chain
+from pinbound.path.relative import RelativePath
+from pinbound.path.restriction import restrict_path
 from pinbound.region.arrangement import Corner, Edge
 from pinbound.region.deadline import Deadline
 from pinbound.region.plane import Plane

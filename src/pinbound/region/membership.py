@@ -19,10 +19,10 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.coupling import as_configurations
 from pinbound.exceptions import DimensionError
+from pinbound.model.coupling import as_configurations
 from pinbound.region.region import Region
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import ON_CONTOUR
 from pinbound.values import Value
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.coupling import GuardedLimit, LinearLimit
 from pinbound.exceptions import UnsupportedError
+from pinbound.model.coupling import GuardedLimit, LinearLimit
 from pinbound.region.halfplanes import HalfPlane, intersect
-from pinbound.rules import condition_text
+from pinbound.robot.rules import condition_text
 from pinbound.tolerances import VERTEX
 from pinbound.values import Value
 

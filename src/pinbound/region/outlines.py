@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 from pinbound.annotations import Line as LineMark
 from pinbound.annotations import Mark, Point
 from pinbound.annotations import Plane as PlaneMark
-from pinbound.boundary import Boundary
-from pinbound.chain import Chain
+from pinbound.boundaries.boundary import Boundary
+from pinbound.evaluate import separation
 from pinbound.exceptions import UnsupportedError
-from pinbound.interpreters import separation
-from pinbound.interpreters.restriction import restrict_path
-from pinbound.path import RelativePath, relative_path
+from pinbound.path.chain import Chain
+from pinbound.path.relative import RelativePath, relative_path
+from pinbound.path.restriction import restrict_path
 from pinbound.region.contours import ContactFunction, HeightFunction, Traced, trace
 from pinbound.region.deadline import Deadline
 from pinbound.region.lines import Line, segment_owners, vertex_owners

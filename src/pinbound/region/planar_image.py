@@ -23,9 +23,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.chain import Chain, are_parallel, rotation_matrix
+from pinbound.evaluate import numeric
 from pinbound.exceptions import UnsupportedError
-from pinbound.interpreters import numeric
+from pinbound.path.chain import Chain, are_parallel, rotation_matrix
 from pinbound.tolerances import REDUCTION
 
 __all__ = ["PlanarImage", "planar_image", "restrict"]

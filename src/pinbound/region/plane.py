@@ -24,17 +24,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.boundary import Boundary
-from pinbound.coupling import Intervals
+from pinbound.boundaries.boundary import Boundary
+from pinbound.evaluate import separation
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
-from pinbound.interpreters import separation
-from pinbound.interpreters.restriction import restrict_path
-from pinbound.interpreters.univariate import gap_around, one_angle_strips
-from pinbound.path import RelativePath
+from pinbound.limits.univariate import gap_around, one_angle_strips
+from pinbound.model.coupling import Intervals
+from pinbound.path.relative import RelativePath
+from pinbound.path.restriction import restrict_path
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.obstacles import Obstacle, obstacle_of
 from pinbound.region.window import box_of, slab
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.values import Value
 
 __all__ = ["Curve", "Plane", "Strips", "plane_of"]

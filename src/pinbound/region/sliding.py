@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.interpreters.closest import nearest, nearest_of_hulls
-from pinbound.path import RelativePath
+from pinbound.evaluate.closest import nearest, nearest_of_hulls
+from pinbound.path.relative import RelativePath
 from pinbound.region.cells import SeparationFunction
 from pinbound.region.deadline import Deadline
 from pinbound.tolerances import CONTOUR_ROUNDING

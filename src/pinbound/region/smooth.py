@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.interpreters.derivative_bounds import LeverArms
+from pinbound.bounds.derivative_bounds import LeverArms
 
 __all__ = ["Smooth"]
 

@@ -21,11 +21,11 @@ import shapely
 import shapely.affinity
 from numpy.typing import NDArray
 
-from pinbound.chain import rotation_matrix
 from pinbound.exceptions import DimensionError, UnsupportedError
+from pinbound.path.chain import rotation_matrix
 from pinbound.region.folds import triangulate
 from pinbound.region.workspace import Measure, Section
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import CHORD, MESH_CHORD, REDUCTION
 
 __all__ = ["SweptBody", "swept_body"]

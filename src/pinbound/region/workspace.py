@@ -23,14 +23,14 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pinbound.chain import Chain, are_parallel
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
-from pinbound.path import absolute_chain
+from pinbound.path.chain import Chain, are_parallel
+from pinbound.path.relative import absolute_chain
 from pinbound.region.covering import Parts, covered, cut_along_folds, subdivided
 from pinbound.region.folds import Folds, find_folds
 from pinbound.region.planar_image import PlanarImage, planar_image, restrict
 from pinbound.region.region import Region
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import CHORD, QUADRATURE, REDUCTION
 from pinbound.values import Value
 

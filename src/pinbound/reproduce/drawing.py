@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pinbound.plots import PALETTE
-from pinbound.robot import Robot
+from pinbound.figures.plots import PALETTE
+from pinbound.robot.robot import Robot
 
 __all__ = [
     "FILL",

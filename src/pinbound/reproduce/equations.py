@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.boundary import Boundary
-from pinbound.path import Kind
+from pinbound.boundaries.boundary import Boundary
+from pinbound.path.relative import Kind
 from pinbound.reproduce.findings import Equation
 from pinbound.reproduce.printed import BOUNDARIES
 from pinbound.reproduce.study import SEED, Study
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import SOLVES
 
 __all__ = ["check_equations", "frame", "relative_frame"]

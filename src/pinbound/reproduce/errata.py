@@ -10,12 +10,12 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pinbound.loading import load
 from pinbound.region import feasible_region
 from pinbound.region.membership import Place, axis_membership, region_membership
 from pinbound.reproduce.findings import Erratum
 from pinbound.reproduce.judged import JudgedLimit
 from pinbound.reproduce.study import PLANE, Study
+from pinbound.robot.loading import load
 
 __all__ = ["find_errata"]
 

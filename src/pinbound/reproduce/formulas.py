@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import sympy
 
-from pinbound.boundary import Boundary
+from pinbound.boundaries.boundary import Boundary
 
 __all__ = ["limit_formula", "membership_formulas", "typeset"]
 

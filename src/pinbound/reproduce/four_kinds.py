@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pinbound.loading import load
-from pinbound.robot import Robot
+from pinbound.robot.loading import load
+from pinbound.robot.robot import Robot
 
 __all__ = ["FOUR_KINDS", "write_four_kinds"]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.boundary import Boundary
+from pinbound.boundaries.boundary import Boundary
 from pinbound.reproduce.printed import BOUNDARIES, LIMITS, Constants, PrintedLimit
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import SOLVES
 
 __all__ = ["JudgedLimit", "derived_limit", "judge_limits"]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pinbound import plots
+from pinbound.figures import plots
 from pinbound.region.membership import Place
 from pinbound.reproduce import path_figures, region_figures, tables
 from pinbound.reproduce.equations import check_equations
@@ -20,7 +20,7 @@ from pinbound.reproduce.formulas import limit_formula, membership_formulas, type
 from pinbound.reproduce.four_kinds import write_four_kinds
 from pinbound.reproduce.judged import judge_limits
 from pinbound.reproduce.study import FACTOR, SAMPLES, SEED, Study
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 
 __all__ = ["FIGURES", "Reproduction", "reproduce_paper"]
 

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pinbound.plots import PALETTE
+from pinbound.figures.plots import PALETTE
 from pinbound.reproduce.drawing import (
     FILL,
     GREY,

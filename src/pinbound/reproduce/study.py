@@ -10,15 +10,15 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.boundary import ContactAngle
+from pinbound.boundaries.boundary import ContactAngle
 from pinbound.exceptions import UnsupportedError
-from pinbound.inverse_kinematics import InverseKinematics, solve_ik
+from pinbound.motion.inverse_kinematics import InverseKinematics, solve_ik
 from pinbound.region import Region, feasible_region
 from pinbound.region.membership import Membership, classify, region_membership
 from pinbound.region.swept import SweptBody, swept_body
 from pinbound.region.workspace import Section, workspace_section
 from pinbound.reproduce.printed import BOUNDARIES, RECURSION, Constants, constants
-from pinbound.robot import Robot
+from pinbound.robot.robot import Robot
 from pinbound.tolerances import AS_PRINTED
 from pinbound.values import Value
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.interpreters import symbolic
+from pinbound.evaluate import symbolic
 from pinbound.reproduce.equations import relative_frame
 from pinbound.reproduce.findings import Table
 from pinbound.reproduce.judged import JudgedLimit

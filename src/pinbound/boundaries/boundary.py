@@ -1,0 +1,447 @@
+"""A boundary: what users ask of two marks, answered by interpreters of their relative path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinbound.annotations import Mark
+from pinbound.boundaries.spans import checked_window
+from pinbound.contact import ContactRule
+from pinbound.evaluate import depth, separation
+from pinbound.evaluate.depth import Penetration
+from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
+from pinbound.limits import outwards, univariate
+from pinbound.model.coupling import as_configurations, linear_text
+from pinbound.path.relative import Kind, RelativePath
+from pinbound.tolerances import ROOT
+from pinbound.values import Value
+
+__all__ = ["Boundary", "ContactAngle", "Penetration", "checked_window", "one_configuration"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactAngle(Value):
+    """Where a boundary of one effective angle `phi = coefficients @ q` is in contact.
+
+    Attributes:
+        coefficients: (n,), over the active coordinates.
+        text: The effective angle for people, e.g. ``"q3 - q2"``.
+        angle: phi* [rad], in (-pi, pi]; contacts repeat every turn.
+        half_width: w [rad]; contact is `phi* +- w`. 0: the arms align (a stop). None: never in contact.
+        smallest: [m], the smallest norm over a turn: by how much the arms of a stop miss each other at contact.
+        is_stop: Whether it is a stop, declared or by its equal arms.
+    """
+
+    coefficients: Array
+    text: str
+    angle: float
+    half_width: float | None
+    smallest: float
+    is_stop: bool = False
+
+    def gap(self, phi: float) -> tuple[float, float]:
+        """Return the open interval without contact that holds `phi` [rad]; NaN if phi is in contact.
+
+        Example:
+            >>> ContactAngle(np.array([1.0]), "q1", 1.0, 0.25, 0.0).gap(0.0)
+            (-5.03..., 0.75)
+        """
+        if self.half_width is None:
+            return -math.inf, math.inf
+        return univariate.gap_around(self.angle, self.half_width, phi)
+
+
+@dataclass(frozen=True, eq=False)
+class Boundary(Value):
+    """Two marks that must keep a distance: `signed_clearance(q) > 0`.
+
+    The norm is the distance of two points, of a point and a segment, or of two segments; the distance of a point or
+    segment across a line; or its signed height above a plane.
+
+    Attributes:
+        name: Its name in the annotations.
+        point_a: First mark: a point, segment, line or plane.
+        point_b: Second mark.
+        min_distance: [m], surface to surface.
+        path: The reduced relative path between the marks.
+        robot_coordinates: All active coordinates of the robot, in q's order.
+        contact_tolerance: [m]; a smaller separation counts as contact.
+        place_error: [m], by how much the true linkage's norm can differ from the coupling's, within all joint limits,
+            because the sides of loops on its path differ (`docs/closures.md`); 0 where they are equal.
+        home: (n,) the robot's home, which says on which side of a stop it is; None: zero.
+        stop: Whether it is declared as a stop: contact where the two arms align.
+    """
+
+    name: str
+    point_a: Mark
+    point_b: Mark
+    min_distance: float
+    path: RelativePath
+    robot_coordinates: tuple[str, ...]
+    contact_tolerance: float
+    place_error: float = 0.0
+    home: Array | None = None
+    stop: bool = False
+
+    def __repr__(self) -> str:
+        """Return name, kind, points and coordinates."""
+        points = f"{self.point_a.name} on {self.point_a.link}, {self.point_b.name} on {self.point_b.link}"
+        return f"<Boundary {self.name}: {self.kind.value}, {points}; depends on {', '.join(self.coordinates)}>"
+
+    @property
+    def kind(self) -> Kind:
+        """How the two links lie to each other, helper links aside."""
+        return self.path.kind
+
+    @property
+    def ancestor(self) -> str:
+        """The lowest common ancestor link, helper links aside."""
+        return self.path.ancestor
+
+    @cached_property
+    def coordinates(self) -> tuple[str, ...]:
+        """The active coordinates that the norm depends on."""
+        return tuple(self.robot_coordinates[index] for index in self.path.minimal.coordinates)
+
+    @property
+    def threshold(self) -> float:
+        """`radius_a + radius_b + min_distance` [m]."""
+        return self.point_a.shape.radius + self.point_b.shape.radius + self.min_distance
+
+    @cached_property
+    def rule(self) -> ContactRule:
+        """What contact is for this boundary: the rule that everything that is asked of it follows."""
+        home = np.zeros(len(self.robot_coordinates)) if self.home is None else self.home
+        return ContactRule(self.path, self.threshold, self.contact_tolerance, home, self.stop, self.place_error)
+
+    @property
+    def contact_distance(self) -> float:
+        """Up to which separation there is contact [m]: the threshold, of distances at least the contact tolerance.
+
+        `place_error` is added. Of a stop it is the separation at contact, by which its arms miss each other.
+        """
+        return self.rule.distance
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether contact is the angle at which two arms align: declared as a stop, or by their equal lengths."""
+        return self.rule.is_stop
+
+    @property
+    def has_size(self) -> bool:
+        """Whether it keeps two bodies apart, not two mere points of zero threshold."""
+        return self.threshold > 0.0 or not self.path.is_plain
+
+    @cached_property
+    def contacts(self) -> tuple[ContactAngle, ...] | None:
+        """All contact strips of a boundary of one effective angle; None if it has several, or slides.
+
+        Two points have one strip, or one without contact (`half_width` None); segments may have several.
+        """
+        found = self.rule.strips()
+        if found is None:
+            return None
+        coefficients, strips = found
+        text = linear_text(coefficients, self.robot_coordinates)
+        return tuple(ContactAngle(coefficients, text, s.angle, s.half_width, s.smallest, self.is_stop) for s in strips)
+
+    @property
+    def contact(self) -> ContactAngle | None:
+        """The contact angle, if the boundary has one effective angle; None if it has several, or slides.
+
+        Of segments, None also if they have several strips a turn: `contacts` has them.
+
+        Example:
+            >>> import pinbound as pb
+            >>> contact = pb.load("minervabot_v3").boundaries["beta_4"].contact
+            >>> contact.text, round(float(np.degrees(contact.angle)), 9)
+            ('q3 - q2', 32.429119975)
+        """
+        return self.contacts[0] if self.contacts is not None and len(self.contacts) == 1 else None
+
+    def vector(self, q: ArrayLike) -> Array:
+        """Return `r = x_a - x_b` in the frame of the ancestor link: (3,) or (N, 3) [m]; Eqs. (8)-(16).
+
+        Of segments, between their nearest points; of a line or plane, from its foot.
+        """
+        return self._each(q, lambda Q: separation.vectors(self.path, Q))
+
+    def norm(self, q: ArrayLike) -> Any:
+        """Return `beta = |r|` [m]: a float, or (N,); above a plane `n . r`, negative behind it."""
+        return self._each(q, lambda Q: separation.separations(self.path, Q))
+
+    def nearest(self, q: ArrayLike) -> Array:
+        """Return where on its segments the boundary is nearest: (k,) or (N, k) in [0, 1], one a segment, a's first.
+
+        `x = xyz_a + t (xyz_b - xyz_a)`; where several t are equally near (parallel segments) it is one of them.
+
+        Raises:
+            UnsupportedError: If a mark is a hull or cylinder, which has no such t: `nearest_points` has the points.
+        """
+        if not self.path.swept.is_zonotope:
+            raise UnsupportedError(
+                f"{self.name!r} has a hull or cylinder, whose nearest point is no t in [0, 1]; ask nearest_points(q)"
+            )
+        return self._each(q, lambda Q: separation.parameters(self.path, Q))
+
+    def nearest_points(self, q: ArrayLike) -> Array:
+        """Return the nearest points of both marks, (2, 3) or (N, 2, 3) [m] in the frame of the ancestor link.
+
+        Radii are left out: these are points of the marks' cores. Of a line or plane it is the foot of the other mark's
+        point. Where several pairs are equally near (parallel edges, faces against faces) it is one of them.
+
+        Example:
+            >>> import pinbound as pb
+            >>> beta = pb.load("minervabot_v3").boundaries["beta_4"]
+            >>> a, b = beta.nearest_points([0.0, 0.1, 0.2])
+            >>> bool(np.allclose(a - b, beta.vector([0.0, 0.1, 0.2])))
+            True
+        """
+        return self._each(q, lambda Q: separation.nearest_points(self.path, Q))
+
+    def clearance(self, q: ArrayLike) -> Any:
+        """Return `norm - threshold` [m]: the unsigned distance less the threshold.
+
+        It is positive beyond a stop too, and it knows no contact tolerance: `signed_clearance` does.
+        """
+        return self.norm(q) - self.threshold
+
+    def signed_clearance(self, q: ArrayLike) -> Any:
+        """Return how free q is: a float, or (N,) [m]; positive is free, zero or less is contact.
+
+        `norm - max(threshold, contact_tolerance)` of a distance, `norm - threshold` of a height above a plane. Of a
+        stop `+-sqrt(norm^2 - m^2)`, m being the smallest norm: positive on home's side of the contact angle, negative
+        beyond it, smooth through it. Region, certificate and `free` all speak of this number.
+
+        Example:
+            >>> import pinbound as pb
+            >>> beta = pb.load("minervabot_v3").boundaries["beta_4"]
+            >>> Q = np.radians([[0.0, 0.0, 30.0], [0.0, 0.0, 35.0]])
+            >>> (1e3 * beta.signed_clearance(Q)).round(3).tolist(), (1e3 * beta.norm(Q)).round(3).tolist()
+            ([1.417, -1.5], [1.417, 1.5])
+        """
+        return self._each(q, self.rule.signed)
+
+    def signed_gradient(self, q: ArrayLike) -> Array:
+        """Return the gradient of the signed clearance, (n,) or (N, n) [m/rad, or 1 for a prismatic joint].
+
+        Of a stop it is defined at contact, too; elsewhere it is NaN where a distance is zero (a kink).
+        """
+        return self._each(q, self.rule.gradients)
+
+    def gradient(self, q: ArrayLike) -> Array:
+        """Return the gradient of the norm, (n,) or (N, n) [m/rad]; NaN where the norm is zero (a kink)."""
+        return self._each(q, lambda Q: separation.gradients(self.path, Q))
+
+    def hessian(self, q: ArrayLike) -> Array:
+        """Return the Hessian of the norm, (n, n) or (N, n, n); NaN where the norm is zero (a kink)."""
+        return self._each(q, lambda Q: separation.hessians(self.path, Q))
+
+    def signed_distance(self, q: ArrayLike) -> Any:
+        """Return the distance of the two bodies, their radii taken off, or minus their depth: a float, or (N,) [m].
+
+        Where hulls overlap, and `norm` is zero, it goes on: down to minus the least way that would make them touch.
+        `min_distance` is no part of the bodies. Certificates and contact go by `signed_clearance`.
+        """
+        return self._each(q, lambda Q: depth.signed_distances(self.path, self._radii, Q))
+
+    def signed_distance_gradient(self, q: ArrayLike) -> Array:
+        """Return the gradient of the signed distance, (n,) or (N, n) [m/rad, or 1 for a prismatic joint].
+
+        It is NaN where the way out is not unique, and where a distance without depth is zero (a kink).
+        """
+        return self._each(q, lambda Q: depth.signed_gradients(self.path, Q))
+
+    def penetration(self, q: ArrayLike) -> Penetration:
+        """Return how deep the bodies are in each other, which way leads out, and whether it is the only one.
+
+        The depth is proven from both sides to `tolerances.DEPTH` of the bodies' size. Depth (N,), direction (N, 3) in
+        the ancestor's frame and `is_unique` (N,); for one q a float, (3,) and a bool.
+
+        Example:
+            >>> import pinbound as pb
+            >>> found = pb.load("minervabot_v3").boundaries["beta_4"].penetration([0.0, 0.0, 0.0])
+            >>> found.depth, found.is_unique
+            (0.0, True)
+        """
+        Q = as_configurations(q, self.robot_coordinates)
+        is_plane_first = self.point_a.shape.is_unbounded
+        found = depth.penetrations(self.path, self._radii, Q.reshape(-1, len(self.robot_coordinates)), is_plane_first)
+        if Q.ndim > 1:
+            return found
+        return Penetration(float(found.depth[0]), found.direction[0], bool(found.is_unique[0]))
+
+    @property
+    def _radii(self) -> float:
+        return self.point_a.shape.radius + self.point_b.shape.radius
+
+    def _each(self, q: ArrayLike, ask: Callable[[Array], Array]) -> Any:
+        Q = as_configurations(q, self.robot_coordinates)
+        return ask(Q) if Q.ndim > 1 else ask(Q[None])[0]
+
+    def parts(self, start: Array, end: Array) -> bool:
+        """Return whether a contact of this boundary's one effective angle lies between two configurations (n,)."""
+        for contact in self.contacts or ():
+            lower, upper = contact.gap(float(contact.coefficients @ start))
+            if not lower < float(contact.coefficients @ end) < upper:
+                return True
+        return False
+
+    def expression(self, frame: Literal["minimal", "ancestor"] = "minimal") -> Any:
+        """Return r as a SymPy (3, 1) matrix, metres, in one real symbol a coordinate.
+
+        Args:
+            frame: ``"minimal"``: the frame on the path in which the fewest rotated terms are left; its norm is
+                the boundary's, its components are in that frame. ``"ancestor"``: the paper's form.
+
+        Example:
+            >>> import pinbound as pb
+            >>> pb.load("minervabot_v3").boundaries["beta_5"].expression().free_symbols
+            {q3}
+        """
+        from pinbound.evaluate import symbolic
+
+        if frame not in ("minimal", "ancestor"):
+            raise UnknownNameError("frame", frame, ("minimal", "ancestor"))
+        ask = symbolic.minimal_vector if frame == "minimal" else symbolic.ancestor_vector
+        return ask(self.path, self.robot_coordinates)
+
+    def latex(self, frame: Literal["minimal", "ancestor"] = "minimal") -> str:
+        """Return `expression(frame)` as LaTeX, numbers as decimals in metres."""
+        from pinbound.evaluate import symbolic
+
+        return symbolic.latex(self.expression(frame))
+
+    def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> Any:
+        """Return the allowed values of one coordinate, the others as in q.
+
+        Allowed is what is out of contact. Of a stop these are all arcs between its contact angles, those beyond home's
+        gap too: what cannot be reached from home is for `signed_clearance` and `BoundarySet.limits` to say.
+
+        Used in one rotation, `|r|^2 = a + b cos q_j + c sin q_j` (and the height above a plane likewise), so that the
+        allowed set is one arc a turn; used to slide only, it is all but one interval: closed forms. Used otherwise,
+        and between segments or across a line: every contact isolated with a proof.
+
+        Args:
+            coordinate: An active coordinate of the robot.
+            q: (n,) configuration, or (N, n); its entry for the coordinate does not matter.
+            window: Within which to look, needed only where the coordinate never repeats: it both turns and slides, or
+                turns by angles without a common period.
+
+        Returns:
+            `AllowedArcs` for one q, `AllowedArcsTable` for many.
+
+        Raises:
+            UnknownNameError: If the robot has no such coordinate.
+            DimensionError: If q is not finite or of another shape, or the window is none.
+            UnsupportedError: If a window is needed and not given, or is so wide that contacts are too many to list.
+
+        Example:
+            >>> import pinbound as pb
+            >>> arcs = pb.load("minervabot_v3").boundaries["beta_4"].limits("q3", [0.0, 0.1, 0.0])
+            >>> np.degrees(arcs.intervals).round(6)
+            array([[ 38.158698, 398.158698]])
+        """
+        if coordinate not in self.robot_coordinates:
+            raise UnknownNameError("coordinate", coordinate, self.robot_coordinates)
+        points = as_configurations(q, self.robot_coordinates)
+        if not np.all(np.isfinite(points)):
+            raise DimensionError("q holds a number that is not finite")
+        if window is not None:
+            window = checked_window(window)
+        index = self.robot_coordinates.index(coordinate)
+        table = self.rule.arcs(index, coordinate, points.reshape(-1, len(self.robot_coordinates)), window)
+        return table if points.ndim > 1 else table[0]
+
+    def span(
+        self, coordinate: str, q: Array, within: tuple[float, float], clear: bool | None = None
+    ) -> tuple[float, float] | None:
+        """Return how far a coordinate can move from q (n,) within an interval that holds its value; None if in contact.
+
+        What `limits(...).around(...)` says, cut to the interval, but no further is looked; infinite where nothing stops
+        it before the interval ends. Whether q itself is in contact is what its signed clearance says (`clear`, if the
+        caller knows); where rounding sees the end of an arc on the other side of q, the end is q itself.
+        """
+        if not (self.signed_clearance(q) > 0.0 if clear is None else clear):
+            return None
+        index, (low, high) = self.robot_coordinates.index(coordinate), within
+        if self.is_stop or outwards.is_closed(self.path, index):
+            span = _around(self.rule.arcs(index, coordinate, q[None])[0], float(q[index]))
+        elif not low < high:
+            return -math.inf, math.inf
+        else:
+            value = float(q[index])
+            span = outwards.around(self.path, index, coordinate, q, self.rule.distance, within) or (value, value)
+        return -math.inf if span[0] <= low else span[0], math.inf if span[1] >= high else span[1]
+
+    def spans(self, coordinate: str, Q: Array, within: tuple[float, float], clear: NDArray[np.bool_]) -> Array:
+        """Return what `span` says for each of many q (N, n): (N, 2), NaN where q itself is not `clear` (N,)."""
+        index, (low, high) = self.robot_coordinates.index(coordinate), within
+        value = Q[:, index]
+        if self.is_stop or outwards.is_closed(self.path, index):
+            arcs = self.rule.arcs(index, coordinate, Q)
+            found = arcs.around(value)
+            for row in np.flatnonzero(np.isnan(found[:, 0])):
+                found[row] = _around(arcs[int(row)], float(value[row]))
+        elif low < high:
+            found = outwards.arounds(self.path, index, coordinate, Q, self.rule.distance, within)
+            found = np.where(np.isnan(found), value[:, None], found)
+        else:
+            found = np.tile([-math.inf, math.inf], (len(Q), 1))
+        found[found[:, 0] <= low, 0] = -math.inf
+        found[found[:, 1] >= high, 1] = math.inf
+        found[~clear] = np.nan
+        return found
+
+    def limit_expressions(self, coordinate: str) -> Any:
+        """Return the two contacts of one coordinate in terms of the others, in SymPy and LaTeX: Eqs. (18)-(20).
+
+        Raises:
+            UnknownNameError: If the robot has no such coordinate.
+            UnsupportedError: If the path does not use the coordinate in exactly one rotation.
+
+        Example:
+            >>> import pinbound as pb
+            >>> found = pb.load("minervabot_v3").boundaries["beta_9"].limit_expressions("q3")
+            >>> round(float(found.aligned.evalf()) * 180 / np.pi, 9)
+            -8.462041074
+        """
+        from pinbound.evaluate import symbolic
+
+        if coordinate not in self.robot_coordinates:
+            raise UnknownNameError("coordinate", coordinate, self.robot_coordinates)
+        index = self.robot_coordinates.index(coordinate)
+        return symbolic.limit_expressions(self.path, index, self.robot_coordinates, self.threshold)
+
+
+def _around(arcs: univariate.AllowedArcs, value: float) -> tuple[float, float]:
+    """Return the arc that holds a free value, also at its end, to rounding; only the value itself if there is none."""
+    near = ROOT * max(1.0, abs(value))
+    for nearby in (value, value + near, value - near):
+        found = arcs.around(nearby)
+        if found is not None:
+            return min(found[0], value), max(found[1], value)
+    return value, value
+
+
+def one_configuration(q: ArrayLike, coordinates: Sequence[str]) -> Array:
+    """Return one finite configuration (n,).
+
+    Raises:
+        DimensionError: If there are several, or a number that is not finite.
+    """
+    point = as_configurations(q, coordinates)
+    if point.ndim != 1:
+        raise DimensionError(f"give one configuration ({len(coordinates)},), not {point.shape}")
+    if not np.all(np.isfinite(point)):
+        raise DimensionError(f"the configuration {point.tolist()} holds a number that is not finite")
+    return point

@@ -1,0 +1,443 @@
+"""All boundaries of a robot, evaluated together by one kernel; and how far each coordinate can move."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinbound.boundaries.boundary import Boundary, checked_window, one_configuration
+from pinbound.boundaries.named_boundaries import NamedBoundaries
+from pinbound.boundaries.spans import (
+    CoordinateLimits,
+    Smallest,
+    guarded_span,
+    guarded_spans,
+    linear_span,
+    linear_spans,
+    tighten,
+)
+from pinbound.contact import SignedKernel
+from pinbound.evaluate import separation
+from pinbound.exceptions import DimensionError, UnknownNameError
+from pinbound.model.coupling import GuardedLimit, LinearLimit, as_configurations
+
+if TYPE_CHECKING:
+    from pinbound.kernel import Backend, CommonMark, Kernel, MixedKernel
+
+__all__ = ["BoundarySet", "CoordinateLimits", "Smallest"]
+
+Array = NDArray[np.float64]
+
+
+def _as_usual(threads: Any, backend: Any) -> bool:
+    return type(threads) is int and threads == 1 and backend == "auto"
+
+
+class BoundarySet(NamedBoundaries):
+    """The boundaries of a robot, in order, evaluated together.
+
+    Example:
+        >>> import pinbound as pb
+        >>> B = pb.load("minervabot_v3").boundaries
+        >>> len(B), B.names[0], B["beta_1"] is B[0]
+        (10, 'beta_1', True)
+        >>> B.norms([0.0, 0.0, 0.0]).shape, B.norms(np.zeros((5, 3))).shape
+        ((10,), (5, 10))
+    """
+
+    def __init__(
+        self,
+        boundaries: Sequence[Boundary],
+        coordinates: Sequence[str],
+        limits: Sequence[LinearLimit] = (),
+        home: ArrayLike | None = None,
+        common: Callable[[], Mapping[str, CommonMark] | None] = lambda: None,
+        guarded: Sequence[GuardedLimit] = (),
+    ) -> None:
+        """Hold boundaries of one robot, with its joint limits, guarded ones too, and home for `limits`.
+
+        `common` returns each mark's chains in one common frame, by name; None: there is none.
+        """
+        self.common, self._guarded = common, tuple(guarded)
+        super().__init__(boundaries)
+        self._coordinates = tuple(coordinates)
+        self._limits = tuple(limits)
+        self._home = np.zeros(len(coordinates)) if home is None else as_configurations(home, coordinates)
+
+    def select(self, names: str | Iterable[str]) -> BoundarySet:
+        """Return some boundaries as a set of their own, in the order of `names`; joint limits and home stay.
+
+        Raises:
+            UnknownNameError: If there is no boundary of a name.
+            DimensionError: If a name is given twice.
+
+        Example:
+            >>> import pinbound as pb
+            >>> B = pb.load("minervabot_v3").boundaries
+            >>> some = B.select(["beta_4", "beta_1"])
+            >>> some.names, some.signed_clearances([0.0, 0.0, 0.0]).shape
+            (('beta_4', 'beta_1'), (2,))
+        """
+        wanted = [names] if isinstance(names, str) else list(names)
+        for name in wanted:
+            if wanted.count(name) > 1:
+                raise DimensionError(f"boundary {name!r} is named twice; name each boundary once")
+        chosen = [self[name] for name in wanted]
+        return BoundarySet(chosen, self._coordinates, self._limits, self._home, self.common, self._guarded)
+
+    def to_casadi(self, name: str = "signed_clearances") -> Any:
+        """Return a CasADi function of that name: q (n) to the signed clearances h (m) [m], positive is free.
+
+        Of points, segments, lines and planes it is an SX `Function`, which CasADi differentiates, and makes C of. The
+        nearest points of boxes and prisms are searched: with such boundaries it is an MX `Function` with a callback,
+        which has a Jacobian and no Hessian, and must be called in this process; `select(names)` leaves them out.
+
+        Raises:
+            UnsupportedError: If CasADi is not installed (extra `bridges`).
+        """
+        from pinbound.export import casadi_function
+
+        rules, marks = [b.rule for b in self], [(b.point_a.name, b.point_b.name) for b in self]
+        return casadi_function(rules, marks, len(self._coordinates), self.common, name)
+
+    def vectors(self, Q: ArrayLike) -> Array:
+        """Return every r in its ancestor's frame: (m, 3) for one q, (N, m, 3) for many [m]."""
+        return self._stack(Q, Boundary.vector, (3,))
+
+    @cached_property
+    def kernel(self) -> Kernel | MixedKernel:
+        """The batch kernel behind `norms`, `clearances` and `gradients`."""
+        from pinbound.kernel import Pair, Reference, kernel_of
+
+        pairs = [Pair(b.path, b.threshold, (b.point_a.name, b.point_b.name)) for b in self._boundaries]
+        reference = Reference(separation.separations, separation.gradients)
+        return kernel_of(pairs, len(self._coordinates), reference, self.common)
+
+    @cached_property
+    def signed_kernel(self) -> SignedKernel:
+        """The contact rule of all boundaries, and joint limits: behind what is signed, `smallest` and `free`."""
+        rules, marks = [b.rule for b in self], [(b.point_a.name, b.point_b.name) for b in self]
+        return SignedKernel(rules, marks, len(self._coordinates), self._limits, self.common, self._guarded)
+
+    def norms(
+        self,
+        Q: ArrayLike,
+        out: Any = None,
+        *,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> Array:
+        """Return every `beta = |r|`: (m,) for one q, (N, m) for many [m]; a non-finite row gives NaN.
+
+        Args:
+            Q: (n,) or (N, n).
+            out: For many q, a buffer (N, m) of `dtype` to fill and return. A new array has contiguous columns.
+            threads: Over how many threads rows are split; compiled results do not depend on it.
+            backend: ``"compiled"`` (Numba, extra `fast`), ``"numpy"``, or ``"auto"``: compiled where the code exists
+                already in this process, or where there is enough work to pay for a compile of a second.
+            dtype: float64, or float32: about twice as fast, with an error of 1e-6 of the paths' lengths.
+
+        Raises:
+            DimensionError: If Q, out, threads or dtype do not fit.
+            UnsupportedError: If ``"compiled"`` is asked for and Numba is not installed.
+
+        Example:
+            >>> import pinbound as pb
+            >>> B = pb.load("minervabot_v3").boundaries
+            >>> bool(np.allclose(B.norms(np.zeros((2, 3)))[0], B.norms(np.zeros(3)), rtol=1e-14))
+            True
+        """
+        return self._rows(Q, "norms", out, threads, backend, dtype)
+
+    def clearances(
+        self,
+        Q: ArrayLike,
+        out: Any = None,
+        *,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> Array:
+        """Return every `norm - threshold`: (m,) or (N, m) [m], the unsigned distance less the threshold.
+
+        Positive beyond a stop, too: `signed_clearances` tells the sides apart, and is what `free` goes by. Arguments
+        and errors as for `norms`.
+        """
+        return self._rows(Q, "clearances", out, threads, backend, dtype)
+
+    def signed_clearances(
+        self,
+        Q: ArrayLike,
+        out: Any = None,
+        *,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> Array:
+        """Return every signed clearance: (m,) or (N, m) [m]; positive is free, as `Boundary.signed_clearance` says.
+
+        Arguments and errors as for `norms`.
+
+        Example:
+            >>> import pinbound as pb
+            >>> B = pb.load("minervabot_v3").boundaries
+            >>> Q = np.radians([[0.0, 0.0, 0.0], [0.0, 0.0, 60.0]])
+            >>> [[B.names[k] for k in np.flatnonzero(row <= 0.0)] for row in B.signed_clearances(Q)]
+            [[], ['beta_1', 'beta_4']]
+        """
+        return self._signed(Q, "clearances", out, threads, backend, dtype)
+
+    def signed_gradients(
+        self,
+        Q: ArrayLike,
+        out: Any = None,
+        *,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> Array:
+        """Return the gradients of the signed clearances: (m, n) or (N, m, n) [m/rad, or 1 for prismatic joints].
+
+        At a stop's contact angle they are defined; NaN where a distance is zero. Arguments and errors as for `norms`.
+        """
+        return self._signed(Q, "gradients", out, threads, backend, dtype)
+
+    def _signed(self, Q: ArrayLike, mode: str, out: Any, threads: int, backend: Backend, dtype: Any) -> Array:
+        array = as_configurations(Q, self._coordinates)
+        if array.ndim == 1:
+            if (
+                mode == "clearances"
+                and out is None
+                and (threads, backend) == (1, "auto")
+                and threads is not True
+                and dtype is np.float64
+            ):
+                return self.signed_kernel.one(array)
+            to = None if out is None else out[None]
+            return self.signed_kernel.rows(array[None], mode, to, threads, backend, dtype)[0]
+        return self.signed_kernel.rows(array, mode, out, threads, backend, dtype)
+
+    def gradients(
+        self,
+        Q: ArrayLike,
+        out: Any = None,
+        *,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> Array:
+        """Return the gradients of the norms: (m, n) or (N, m, n) [m/rad]; NaN where a norm is zero.
+
+        Arguments and errors as for `norms`; `out` is (N, m, n) and C-contiguous.
+        """
+        return self._rows(Q, "gradients", out, threads, backend, dtype)
+
+    def _rows(
+        self,
+        Q: ArrayLike,
+        mode: Literal["norms", "clearances", "gradients"],
+        out: Any,
+        threads: int,
+        backend: Backend,
+        dtype: Any,
+    ) -> Array:
+        array = as_configurations(Q, self._coordinates)
+        if array.ndim == 1:
+            if not _as_usual(threads, backend):
+                from pinbound.kernel import check_choices
+
+                check_choices(threads, backend)
+            if mode != "gradients" and out is None and dtype is np.float64:
+                found = self.kernel.one(array, mode)
+                if found is not None:
+                    return found
+            given: Any = cast(Any, out)[None] if isinstance(out, np.ndarray) else out
+            return self.kernel.rows(array[None], mode, given, threads, backend, dtype)[0]
+        return self.kernel.rows(array, mode, out, threads, backend, dtype)
+
+    def smallest(
+        self,
+        Q: ArrayLike,
+        out: Any = None,
+        *,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> Smallest:
+        """Return the smallest signed clearance and its boundary, without making the others: floats, or (N,).
+
+        It is positive exactly where no boundary is in contact. Arguments and errors as for `norms`; `out` is (N,) and
+        takes the clearances.
+
+        Example:
+            >>> import pinbound as pb
+            >>> B = pb.load("minervabot_v3").boundaries
+            >>> found = B.smallest([0.0, 0.0, 0.0])
+            >>> B.names[found.index], round(1e3 * found.clearance, 6)
+            ('beta_9', 5.800032)
+        """
+        array = as_configurations(Q, self._coordinates)
+        if array.ndim == 1:
+            if out is not None:
+                raise DimensionError("out is for many q (N, n); the smallest clearance of one q is returned as a float")
+            clearances = self.signed_clearances(array, threads=threads, backend=backend, dtype=dtype)
+            if not len(clearances):
+                return Smallest(float("inf"), -1)
+            index = int(np.argmin(clearances))  # the first NaN, if there is one
+            return Smallest(float(clearances[index]), -1 if np.isnan(clearances[index]) else index)
+        least, index = self.signed_kernel.smallest(array, True, out, threads, backend, dtype)
+        return Smallest(least, index)
+
+    def free(self, Q: ArrayLike, *, limits: bool = True, threads: int = 1, backend: Backend = "auto") -> Any:
+        """Return whether q is free: a bool, or (N,) bools; False for a row that is not finite.
+
+        Free is every signed clearance positive, and every joint limit kept, mimic joints' limits too, within
+        `tolerances.LIMIT`. A certificate of q says the same, and a region holds free configurations only. Whether the
+        robot can get there is another question: `Region.contains`, `certify`.
+
+        Args:
+            Q: (n,) or (N, n).
+            limits: Whether joint limits count.
+            threads: As in `norms`.
+            backend: As in `norms`.
+
+        Raises:
+            DimensionError: If Q or threads do not fit.
+            UnsupportedError: If ``"compiled"`` is asked for and Numba is not installed.
+
+        Example:
+            >>> import pinbound as pb
+            >>> B = pb.load("minervabot_v3").boundaries
+            >>> B.free([0.0, 0.0, 0.0]), B.free([3.0, 0.0, 0.0]), B.free([3.0, 0.0, 0.0], limits=False)
+            (True, False, True)
+        """
+        array = as_configurations(Q, self._coordinates)
+        if array.ndim > 1 or not _as_usual(threads, backend):
+            found = self.signed_kernel.free(array.reshape(-1, len(self._coordinates)), limits, threads, backend)
+            return found if array.ndim > 1 else bool(found[0])
+        return self.signed_kernel.one_is_free(array, limits)
+
+    def hessians(self, Q: ArrayLike) -> Array:
+        """Return the Hessians of the norms: (m, n, n) or (N, m, n, n); NaN where a norm is zero."""
+        return self._stack(Q, Boundary.hessian, (len(self._coordinates),) * 2)
+
+    def _stack(self, Q: ArrayLike, ask: Callable[[Boundary, Array], Any], shape: tuple[int, ...]) -> Array:
+        array = as_configurations(Q, self._coordinates)
+        if not self._boundaries:
+            return np.empty((*array.shape[:-1], 0, *shape))
+        return np.stack([ask(boundary, array) for boundary in self], axis=array.ndim - 1)
+
+    def beyond(self, q: ArrayLike) -> tuple[str, ...]:
+        """Return the boundaries of one effective angle whose contact lies between home and q.
+
+        At such a q the marked points may be apart, but q cannot be reached: the way there leads through a contact.
+
+        Example:
+            >>> import pinbound as pb
+            >>> pb.load("minervabot_v3").boundaries.beyond([0.0, -0.5, 0.0])
+            ('beta_10',)
+        """
+        point = one_configuration(q, self._coordinates)
+        return tuple(boundary.name for boundary in self if boundary.parts(self._home, point))
+
+    def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> CoordinateLimits:
+        """Return how far one coordinate can move from q, the others standing still, and what stops it.
+
+        All boundaries and all joint limits, those of followers too, are intersected.
+
+        Args:
+            coordinate: An active coordinate of the robot.
+            q: (n,) configuration.
+            window: Within which to look; by default what the joint limits leave. Needed only for a coordinate without
+                limits whose contacts never repeat.
+
+        Raises:
+            UnknownNameError: If the robot has no such coordinate.
+            DimensionError: If q is not one finite configuration, or the window is none, or does not hold q's value.
+            UnsupportedError: If contacts never repeat and none is near.
+
+        Example:
+            >>> import pinbound as pb
+            >>> found = pb.load("minervabot_v3").boundaries.limits("q2", [0.0, 0.0, 0.0])
+            >>> found.lower_stop, round(float(np.degrees(found.lower)), 6)
+            ('beta_10', -10.145751)
+        """
+        if coordinate not in self._coordinates:
+            raise UnknownNameError("coordinate", coordinate, self._coordinates)
+        point = one_configuration(q, self._coordinates)
+        index = self._coordinates.index(coordinate)
+        value = float(point[index])
+        if window is not None:
+            window = checked_window(window)
+            if not window[0] <= value <= window[1]:
+                raise DimensionError(
+                    f"{coordinate!r} is {value:.9g}, outside the window {window}; let the window hold it"
+                )
+        spans = [(limit.joint, linear_span(limit, index, point)) for limit in self._limits]
+        spans += [(one.rule, guarded_span(one, index, point)) for one in self._guarded]
+        if window is None:
+            held = [span for _, span in spans if span]
+            window = max((s[0] for s in held), default=-math.inf), min((s[1] for s in held), default=math.inf)
+        low, high = window
+        outside = any(span is None for _, span in spans)
+        for boundary, clear in zip(self, (self.signed_clearances(point) > 0.0).tolist(), strict=True):
+            if outside:  # no way is asked for: only whether this boundary forbids the value, too
+                spans.append((boundary.name, (-math.inf, math.inf) if clear else None))
+                continue
+            ends = (low, high) if low <= value <= high else (-math.inf, math.inf)
+            span = boundary.span(coordinate, point, ends, clear)
+            if span is not None:  # what lies beyond a stop that is known stops nothing
+                low, high = max(low, span[0]), min(high, span[1])
+            spans.append((boundary.name, span))
+        return CoordinateLimits.of(coordinate, value, spans, self.beyond(point))
+
+    def limits_table(self, coordinate: str, Q: ArrayLike) -> tuple[Array, NDArray[np.str_]]:
+        """Return how far one coordinate can move from each of many q, and what stops it.
+
+        Args:
+            coordinate: An active coordinate of the robot.
+            Q: (N, n) finite configurations.
+
+        Returns:
+            Ends (N, 2) [rad or m], NaN where the value itself is not allowed, infinite where nothing stops it; and the
+            names (N, 2) of the stops, empty where there is none.
+
+        Raises:
+            UnknownNameError: If the robot has no such coordinate.
+            DimensionError: If Q is not finite or of another shape.
+            UnsupportedError: If a coordinate without limits has contacts that never repeat.
+
+        Example:
+            >>> import pinbound as pb
+            >>> ends, stops = pb.load("minervabot_v3").boundaries.limits_table("q2", np.zeros((5, 3)))
+            >>> stops[0].tolist(), np.degrees(ends[0]).round(6).tolist()
+            (['beta_10', 'beta_8'], [-10.145751, 68.504624])
+        """
+        if coordinate not in self._coordinates:
+            raise UnknownNameError("coordinate", coordinate, self._coordinates)
+        rows = as_configurations(Q, self._coordinates).reshape(-1, len(self._coordinates))
+        if not np.all(np.isfinite(rows)):
+            raise DimensionError("Q holds a number that is not finite")
+        index = self._coordinates.index(coordinate)
+        ends = np.tile([-math.inf, math.inf], (len(rows), 1))
+        stops = np.full((len(rows), 2), "", dtype=object)
+        for limit in self._limits:
+            tighten(ends, stops, limit.joint, linear_spans(limit, index, rows))
+        for one in self._guarded:
+            tighten(ends, stops, one.rule, guarded_spans(one, index, rows))
+        inside = ~np.isnan(ends[:, 0])
+        rows, some, named = rows[inside], ends[inside], stops[inside]
+        if not len(rows):
+            return ends, stops.astype(np.str_)
+        held = float(some[:, 0].min()), float(some[:, 1].max())
+        clear = self.signed_clearances(rows) > 0.0
+        for k, boundary in enumerate(self):
+            tighten(some, named, boundary.name, boundary.spans(coordinate, rows, held, clear[:, k]))
+        ends[inside], stops[inside] = some, named
+        return ends, stops.astype(np.str_)

@@ -1,0 +1,177 @@
+"""Records of answers: how far a coordinate can move, what is nearest; and the intervals that joint limits leave."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.exceptions import DimensionError
+from pinbound.model.coupling import GuardedLimit, LinearLimit
+
+__all__ = [
+    "CoordinateLimits",
+    "Smallest",
+    "checked_window",
+    "guarded_span",
+    "guarded_spans",
+    "linear_span",
+    "linear_spans",
+    "tighten",
+]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CoordinateLimits:
+    """How far one coordinate can move from a configuration, and what stops it.
+
+    Attributes:
+        coordinate: Its name.
+        value: Its value [rad or m].
+        lower: Lower end of the allowed interval around the value, may be -inf; NaN if the value is not allowed.
+        upper: Upper end, may be inf; NaN if the value is not allowed.
+        lower_stop: Boundary or joint limit at the lower end; None if there is none.
+        upper_stop: Boundary or joint limit at the upper end; None if there is none.
+        blocked_by: Boundaries whose signed clearance is not positive there, and limits that it passes.
+        beyond: Boundaries whose contact lies between home and this configuration, which makes it unreachable.
+    """
+
+    coordinate: str
+    value: float
+    lower: float
+    upper: float
+    lower_stop: str | None
+    upper_stop: str | None
+    blocked_by: tuple[str, ...] = ()
+    beyond: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        coordinate: str,
+        value: float,
+        spans: Sequence[tuple[str, tuple[float, float] | None]],
+        beyond: tuple[str, ...],
+    ) -> CoordinateLimits:
+        """Return the intersection of intervals around the value, each with its name; None: the value is not allowed."""
+        blocked = tuple(name for name, span in spans if span is None)
+        if blocked:
+            return cls(coordinate, value, math.nan, math.nan, None, None, blocked, beyond)
+        first = itemgetter(0)  # of several at one place the first is named: joint limits, then boundaries, in order
+        lower, lower_stop = max(((span[0], name) for name, span in spans if span), default=(-math.inf, ""), key=first)
+        upper, upper_stop = min(((span[1], name) for name, span in spans if span), default=(math.inf, ""), key=first)
+        return cls(
+            coordinate,
+            value,
+            lower,
+            upper,
+            lower_stop if math.isfinite(lower) else None,
+            upper_stop if math.isfinite(upper) else None,
+            beyond=beyond,
+        )
+
+
+@dataclass(frozen=True)
+class Smallest:
+    """The smallest signed clearance of a set, and which boundary has it.
+
+    Attributes:
+        clearance: [m], signed: a float or (N,); inf if there is no boundary, NaN if one of them is NaN.
+        index: Position of that boundary in the set, an int or (N,); -1 if there is none, or a NaN. Between
+            boundaries whose clearances are equal to rounding it is one of them.
+    """
+
+    clearance: Any
+    index: Any
+
+
+def tighten(ends: Array, stops: NDArray[np.object_], name: str, spans: Array) -> None:
+    """Intersect intervals (N, 2) with others, in place; NaN, which is no interval, stays."""
+    lower, upper = spans[:, 0] > ends[:, 0], spans[:, 1] < ends[:, 1]
+    ends[lower, 0], ends[upper, 1] = spans[lower, 0], spans[upper, 1]
+    stops[lower, 0], stops[upper, 1] = name, name
+    nothing = np.any(np.isnan(spans), axis=1)
+    ends[nothing] = np.nan
+    stops[np.any(np.isnan(ends), axis=1)] = ""
+
+
+def linear_spans(limit: LinearLimit, index: int, Q: Array) -> Array:
+    """Return the intervals (N, 2) of coordinate `index` that one joint limit allows; NaN where Q is outside it."""
+    c = float(limit.coefficients[index])
+    spans = np.tile([-math.inf, math.inf], (len(Q), 1))
+    if c != 0.0:
+        value = Q[:, index, None]
+        ends = np.sort(value + (np.array([limit.lower, limit.upper]) - limit.values(Q)[:, None]) / c, axis=1)
+        spans = np.concatenate((np.minimum(ends[:, :1], value), np.maximum(ends[:, 1:], value)), axis=1)
+    spans[~limit.holds(Q)] = np.nan
+    return spans
+
+
+def guarded_spans(limit: GuardedLimit, index: int, Q: Array) -> Array:
+    """Return the intervals (N, 2) of coordinate `index` around its values that one guarded limit allows; NaN: none.
+
+    What it forbids of the coordinate is one interval, for it is convex: where every condition holds and the end is
+    passed. The allowed interval ends there, on the side of the value.
+    """
+    value = Q[:, index]
+    first, last = np.full(len(Q), -math.inf), np.full(len(Q), math.inf)
+    for one, broken in ((limit.limit, True), *((condition, False) for condition in limit.where)):
+        c, rest = float(one.coefficients[index]), one.values(Q)
+        low, high = one.lower, one.upper
+        if broken:  # beyond its one finite end
+            low, high = (high, math.inf) if math.isfinite(high) else (-math.inf, low)
+        if c == 0.0:
+            never = one.holds(Q) if broken else ~one.holds(Q)
+            first[never], last[never] = math.inf, -math.inf
+            continue
+        ends = np.sort(value[:, None] + (np.array([low, high]) - rest[:, None]) / c, axis=1)
+        np.maximum(first, ends[:, 0], out=first)
+        np.minimum(last, ends[:, 1], out=last)
+    spans = np.tile([-math.inf, math.inf], (len(Q), 1))
+    some = first <= last
+    below = some & (last - value > value - first)
+    above = some & ~below
+    spans[below, 1] = np.maximum(first, value)[below]
+    spans[above, 0] = np.minimum(last, value)[above]
+    spans[~limit.holds(Q)] = np.nan
+    return spans
+
+
+def guarded_span(limit: GuardedLimit, index: int, q: Array) -> tuple[float, float] | None:
+    """Return the interval of coordinate `index` around its value that a guarded limit allows, the others as in q."""
+    low, high = guarded_spans(limit, index, q[None])[0].tolist()
+    return None if math.isnan(low) else (low, high)
+
+
+def linear_span(limit: LinearLimit, index: int, q: Array) -> tuple[float, float] | None:
+    """Return the interval of coordinate `index` that one joint limit allows, the others as in q."""
+    low, high = linear_spans(limit, index, q[None])[0].tolist()
+    return None if math.isnan(low) else (low, high)
+
+
+def checked_window(window: Any) -> tuple[float, float]:
+    """Return a window as two numbers, the lower one first.
+
+    Raises:
+        DimensionError: If it is something else.
+
+    Example:
+        >>> checked_window([-1, 2])
+        (-1.0, 2.0)
+    """
+    try:
+        low, high = (float(end) for end in window)
+    except (TypeError, ValueError) as error:
+        raise DimensionError(f"the window {window!r} is not two numbers; give window=(lower, upper)") from error
+    if not low < high:  # also if one is NaN
+        raise DimensionError(
+            f"the window ({low}, {high}) holds nothing; give window=(lower, upper), the lower end first"
+        )
+    return low, high

@@ -1,0 +1,411 @@
+"""Certified bounds of a chain's norm along a motion and over a box, for many chains at once.
+
+With effective angles `phi_i = c_i . q`, every point beyond rotation i is at most its lever arm `rho_i` away from the
+axis, so `|dr/dphi_i| <= rho_i` and, for i <= j, `|d^2 r / dphi_i dphi_j| <= rho_j`. From the middle of a motion (or
+the centre of a box) with half-widths `h_i` of the angles this gives
+
+    |r| >= |r_0| - sum_i rho_i h_i                                      (first order)
+    |r| >= min |r_0 + tau r'_0| - sum_j rho_j (c_j^2 - c_(j-1)^2) / 2   (second order), c_j = h_1 + ... + h_j.
+
+`docs/certificates.md` proves both, with slides; `rounding` bounds the rounding errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.path.chain import Chain
+from pinbound.tolerances import INFLATION
+
+__all__ = [
+    "Bundle",
+    "Expansion",
+    "OneAngle",
+    "Terms",
+    "along_motion",
+    "box_terms",
+    "bundle",
+    "lever_arms",
+    "motion_terms",
+    "one_angle",
+    "over_box",
+]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """m chains, padded with rotations by zero to one number k of rotations.
+
+    Attributes:
+        offsets: (m, k + 1, 3) [m].
+        slides: (m, k + 1, 3, n), or None if nothing slides.
+        axes: (m, k, 3) unit vectors.
+        coefficients: (m, k, n).
+        scale: (m,) [m], the length of each path before reduction.
+    """
+
+    offsets: Array
+    slides: Array | None
+    axes: Array
+    coefficients: Array
+    scale: Array
+
+    @property
+    def rotations(self) -> int:
+        """The number k of rotations."""
+        return self.axes.shape[1]
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """What is known of `q(u)`, u in [0, 1], on each of N short pieces of a motion.
+
+    Derivatives are by u, so that a piece that is half as long has half the slope. What is said by points holds for
+    their convex hull: `q'(u)` lies in the hull of `slopes`, widened by `slope_radius`.
+
+    Attributes:
+        middle: (N, n), q(1/2) [rad or m], as known.
+        middle_radius: (N, n) or (n,), how far q(1/2) may be from it.
+        slope: (N, n), q'(1/2).
+        values: (N, p, n), whose hull, widened by `value_radius`, holds q(u).
+        value_radius: (N, n) or (n,).
+        slopes: (N, p, n).
+        slope_radius: (N, n) or (n,).
+        bends: (N, p, n), the same of q''; None if nothing is known of it.
+        bend_radius: (N, n) or (n,).
+    """
+
+    middle: Array
+    middle_radius: Array
+    slope: Array
+    values: Array
+    value_radius: Array
+    slopes: Array
+    slope_radius: Array
+    bends: Array | None
+    bend_radius: Array
+
+    def take(self, rows: Indices) -> Expansion:
+        """Return the rows of some pieces, in that order, repeated where asked for."""
+
+        def radius(one: Array) -> Array:
+            return one[rows] if one.ndim > 1 else one
+
+        return Expansion(
+            middle=self.middle[rows],
+            middle_radius=radius(self.middle_radius),
+            slope=self.slope[rows],
+            values=self.values[rows],
+            value_radius=radius(self.value_radius),
+            slopes=self.slopes[rows],
+            slope_radius=radius(self.slope_radius),
+            bends=None if self.bends is None else self.bends[rows],
+            bend_radius=radius(self.bend_radius),
+        )
+
+
+@dataclass(frozen=True)
+class OneAngle:
+    """m chains of one rotation and no slide: `norm^2 = smallest^2 + 4 |p||s| sin^2((phi - angle) / 2)`.
+
+    Attributes:
+        coefficients: (m, n), of `phi = c . q`.
+        angle: (m,) phi* [rad], where the norm is smallest.
+        smallest: (m,) [m].
+        reach: (m,) `4 |p| |s|` [m^2].
+        arm: (m,) `min(|p|, |s|)` [m], across the axis.
+    """
+
+    coefficients: Array
+    angle: Array
+    smallest: Array
+    reach: Array
+    arm: Array
+
+    def norm(self, which: Indices, phi: Array) -> Array:
+        """Return the norms (N,) of chains `which` at the angles phi (N,) [m]."""
+        sine = np.sin((phi - self.angle[which]) / 2.0)
+        return np.sqrt(self.smallest[which] ** 2 + self.reach[which] * sine * sine)
+
+    def extremes(self, which: Indices, lower: Array, upper: Array) -> tuple[Array, Array]:
+        """Return the smallest and the largest norm while phi runs over [lower, upper], (N,) each [m]."""
+        ends = self.norm(which, lower), self.norm(which, upper)
+        near, far = np.minimum(*ends), np.maximum(*ends)
+        turn, start = 2.0 * np.pi, lower - self.angle[which]
+        width = upper - lower
+        meets = np.ceil(start / turn) * turn - start <= width
+        passes = np.ceil((start - np.pi) / turn) * turn - (start - np.pi) <= width
+        top = np.sqrt(self.smallest**2 + self.reach)[which]
+        return np.where(meets, self.smallest[which], near), np.where(passes, top, far)
+
+
+def bundle(chains: Sequence[Chain], n: int) -> Bundle:
+    """Return chains over n coordinates side by side."""
+    m, k = len(chains), max((chain.rotations for chain in chains), default=0)
+    offsets, slides = np.zeros((m, k + 1, 3)), np.zeros((m, k + 1, 3, n))
+    axes, coefficients = np.tile(np.array([0.0, 0.0, 1.0]), (m, k, 1)), np.zeros((m, k, n))
+    for row, chain in enumerate(chains):
+        own = chain.rotations
+        offsets[row, : own + 1], slides[row, : own + 1] = chain.offsets, chain.slides
+        axes[row, :own], coefficients[row, :own] = chain.axes, chain.coefficients
+    scale = np.array([chain.scale for chain in chains])
+    return Bundle(offsets, slides if np.any(slides) else None, axes, coefficients, scale)
+
+
+def one_angle(chains: Sequence[Chain], n: int) -> OneAngle:
+    """Return chains of one rotation and no slide in closed form; every chain must be of that sort."""
+    rows: list[tuple[float, float, float, float]] = []
+    for chain in chains:
+        axis, (p, s) = chain.axes[0], chain.offsets
+        p_across, s_across = p - axis * (axis @ p), s - axis * (axis @ s)
+        lengths = float(np.linalg.norm(p_across)), float(np.linalg.norm(s_across))
+        angle = np.arctan2(axis @ np.cross(s_across, -p_across), -s_across @ p_across)
+        smallest = np.hypot(axis @ (p + s), lengths[0] - lengths[1])
+        rows.append((float(angle), float(smallest), 4.0 * lengths[0] * lengths[1], min(lengths)))
+    table = np.array(rows).reshape(-1, 4)
+    coefficients = np.array([chain.coefficients[0] for chain in chains]).reshape(-1, n)
+    return OneAngle(coefficients, table[:, 0], table[:, 1], table[:, 2], table[:, 3])
+
+
+def _slide_lengths(chains: Bundle, lower: Array, upper: Array) -> Array:
+    """Return how far each block can slide away from its offset while q stays in [lower, upper], (m, k + 1) [m]."""
+    if chains.slides is None:
+        return np.zeros(chains.offsets.shape[:2])
+    farthest = np.maximum(np.abs(lower), np.abs(upper))
+    return np.linalg.norm(chains.slides, axis=2) @ farthest
+
+
+def lever_arms(chains: Bundle, lower: Array, upper: Array, blocks: tuple[Array, Array] | None = None) -> Array:
+    """Return the lever arm of every rotation while q stays in a box, (m, k) [m].
+
+    From the tail, with `a_i` and `rho_i` bounds of what lies beyond rotation i along and across its axis:
+    `rho_i = |across b_i| + min(|x|, |sin| a_(i+1) + rho_(i+1))`, the sine being that between the two axes.
+
+    Args:
+        chains: The chains.
+        lower: (n,) lower corner of the box; only coordinates that slide matter.
+        upper: (n,) upper corner.
+        blocks: Of many vertices with these rotations, the largest `|u_i . b_i|` and `|u_i x b_i|` (m, k) [m] of the
+            blocks behind each rotation; None: those of the chains.
+    """
+    m, k = chains.axes.shape[:2]
+    slid = _slide_lengths(chains, lower, upper)
+    arms = np.zeros((m, k))
+    along_next, across_next = np.zeros(m), np.zeros(m)
+    for i in reversed(range(k)):
+        axis, block = chains.axes[:, i], chains.offsets[:, i + 1]
+        if blocks is None:
+            along, across = np.abs(np.einsum("mi,mi->m", axis, block)), np.linalg.norm(np.cross(axis, block), axis=1)
+        else:
+            along, across = blocks[0][:, i], blocks[1][:, i]
+        along, across = along + slid[:, i + 1], across + slid[:, i + 1]
+        if i + 1 < k:
+            following = chains.axes[:, i + 1]
+            sine = np.linalg.norm(np.cross(axis, following), axis=1)
+            cosine = np.abs(np.einsum("mi,mi->m", axis, following))
+            length = np.hypot(along_next, across_next)
+            across = across + np.minimum(length, sine * along_next + across_next)
+            along = along + np.minimum(length, cosine * along_next + sine * across_next)
+        arms[:, i] = across
+        along_next, across_next = along, across
+    return arms * INFLATION
+
+
+def along_motion(chains: Bundle, arms: Array, which: Indices, piece: Expansion, error: Array) -> tuple[Array, Array]:
+    """Return, for N pieces, the norm in the middle and a lower bound of the norm on the piece.
+
+    Args:
+        chains: The chains.
+        arms: (m, k) lever arms.
+        which: (N,) the chain that each piece is asked about.
+        piece: What is known of the motion.
+        error: (N,) rounding bound of a norm [m].
+
+    Returns:
+        Norm in the middle (N,), as computed, and the lower bound (N,), rounding of the bound itself taken off (but
+        not `error` of the norm).
+    """
+    found = motion_terms(chains, arms, which, piece)
+    norm = np.sqrt(_dot(found.r, found.r))
+    lower = norm - found.moved * INFLATION
+    if found.second is not None:
+        lower = np.maximum(lower, _nearest(found.r, found.rates[0]) - found.second / 8.0 * INFLATION)
+    return norm, lower - found.aside * INFLATION - error * found.wide
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What the bounds of N pieces of a motion, or of N boxes, are made of.
+
+    Attributes:
+        r: (3, N) in the middle [m].
+        rates: Of r, (3, N) each [m]: along the piece, or half across the box in each coordinate.
+        moved: (N,) bound of how far r moves from the middle, by lever arms [m].
+        second: (N,) bound of |r''| over the piece, or over the box; None if it is not known.
+        aside: (N,) [m], how far r in the middle may be from what it is computed to be, by what is known of q.
+        wide: (N,) how much rates that cancel multiply the rounding bound.
+        most: (N, k) bounds of how fast the angles turn, over the piece, or half across the box.
+        bend: (N, k) bounds of their second derivatives; None if nothing is known of them, or over a box.
+    """
+
+    r: Array
+    rates: tuple[Array, ...]
+    moved: Array
+    second: Array | None
+    aside: Array
+    wide: Array
+    most: Array
+    bend: Array | None
+
+    def turned(self, turns: Array) -> Array:
+        """Return a bound of `|R''|` (N,), R being all rotations that turn something: `turns` (N, k) is 1 or 0."""
+        found = _second(turns, self.most)
+        return found if self.bend is None else found + np.einsum("nk,nk->n", turns, self.bend)
+
+
+def motion_terms(chains: Bundle, arms: Array, which: Indices, piece: Expansion) -> Terms:
+    """Return the terms of chains `which` (N,) on N pieces."""
+    C = chains.coefficients[which]
+    rates = np.einsum("nki,ni->kn", C, piece.slope)
+    most = _hull(np.einsum("nki,npi->npk", C, piece.slopes)) + _spread(np.abs(C), piece.slope_radius)
+    r, v = _value_and_rate(chains, which, piece.middle, piece.slope, np.einsum("nki,ni->kn", C, piece.middle), rates)
+    slides = chains.slides[which] if chains.slides is not None else None
+    slid = _slid(slides, piece.slopes, piece.slope_radius)
+    rho, second, bend = arms[which], None, None
+    if piece.bends is not None:
+        bend = _hull(np.einsum("nki,npi->npk", C, piece.bends)) + _spread(np.abs(C), piece.bend_radius)
+        second = _second(rho, most, slid) + np.einsum("nk,nk->n", rho, bend)
+        second = second + _slid(slides, piece.bends, piece.bend_radius).sum(axis=1)
+    aside = np.einsum("nk,nk->n", rho, _spread(np.abs(C), piece.middle_radius))
+    aside = aside + _slid(slides, np.zeros_like(piece.slopes[:, :1]), piece.middle_radius).sum(axis=1)
+    return Terms(
+        r=r,
+        rates=(v,),
+        moved=0.5 * (np.einsum("nk,nk->n", rho, most) + slid.sum(axis=1)),
+        second=second,
+        aside=aside,
+        wide=np.einsum("nki,ni->nk", np.abs(C), np.abs(piece.slope)).max(axis=1, initial=0.0),
+        most=most,
+        bend=bend,
+    )
+
+
+def over_box(
+    chains: Bundle, arms: Array, which: Indices, centre: Array, half: Array, error: Array
+) -> tuple[Array, Array]:
+    """Return, for N boxes `centre +- half` (N, n) each, the norm at the centre and a lower bound over the box.
+
+    First order: lever arms. Second order: `|r| >= r_0/|r_0| . r`, linear part exact, rest bounded. The rounding of the
+    bound itself is taken off, but not `error` (N,) of the norm.
+    """
+    found = box_terms(chains, arms, which, centre, half)
+    norm = np.sqrt(_dot(found.r, found.r))
+    unit = np.divide(found.r, norm, out=np.zeros_like(found.r), where=norm > 0.0)
+    linear = sum((np.abs(_dot(unit, v)) for v in found.rates), start=np.zeros(len(which)))
+    second = linear + 0.5 * (found.second if found.second is not None else np.inf)
+    return norm, norm - np.minimum(found.moved, second) * INFLATION - error * found.wide
+
+
+def box_terms(chains: Bundle, arms: Array, which: Indices, centre: Array, half: Array) -> Terms:
+    """Return the terms of chains `which` (N,) on the boxes `centre +- half` (N, n)."""
+    C = chains.coefficients[which]
+    phi = np.einsum("nki,ni->kn", C, centre)
+    wide = np.einsum("nki,ni->nk", np.abs(C), half)
+    slides = chains.slides[which] if chains.slides is not None else None
+    slid = _slid(slides, np.zeros((len(which), 1, half.shape[1])), half)
+    rho, (count, n) = arms[which], half.shape
+    steps = np.zeros((n, count, n))  # half across in each coordinate alone, all of them in one go
+    steps[np.arange(n), :, np.arange(n)] = half.T
+    turns = np.einsum("nki,jni->kjn", C, steps).reshape(len(phi), n * count)
+    again, many = np.tile(which, n), np.tile(phi, (1, n))
+    r, v = _value_and_rate(chains, again, np.tile(centre, (n, 1)), steps.reshape(n * count, n), many, turns)
+    r, rates = r[:, :count], v.reshape(3, n, count).transpose(1, 0, 2)
+    return Terms(
+        r=r,
+        rates=tuple(rates),
+        moved=np.einsum("nk,nk->n", rho, wide) + slid.sum(axis=1),
+        second=_second(rho, wide, slid),
+        aside=np.zeros(len(which)),
+        wide=wide.sum(axis=1),
+        most=wide,
+        bend=None,
+    )
+
+
+def _hull(points: Array) -> Array:
+    return np.abs(points).max(axis=1)
+
+
+def _spread(coefficients: Array, radius: Array) -> Array:
+    if not np.any(radius):
+        return np.zeros(coefficients.shape[:2])
+    return np.einsum("nki,ni->nk", coefficients, np.broadcast_to(radius, (len(coefficients), radius.shape[-1])))
+
+
+def _slid(slides: Array | None, points: Array, radius: Array) -> Array:
+    """Return how fast each block slides at most, (N, k + 1)."""
+    if slides is None:
+        return np.zeros((len(points), 1))
+    vectors = np.einsum("nkci,npi->npkc", slides, points)
+    lengths = np.linalg.norm(vectors, axis=3).max(axis=1)
+    return lengths + _spread(np.linalg.norm(slides, axis=2), radius)
+
+
+def _second(rho: Array, most: Array, slid: Array | None = None) -> Array:
+    """Return the bound of `|r''|` by rates alone: rotations with rotations, rotations with slides beyond them."""
+    total = np.cumsum(most, axis=1)
+    square = total * total
+    second = np.einsum("nk,nk->n", rho, np.diff(square, axis=1, prepend=0.0))
+    if slid is not None and slid.shape[1] > 1:
+        second = second + 2.0 * np.einsum("nk,nk->n", total, slid[:, 1:])
+    return second
+
+
+def _value_and_rate(chains: Bundle, which: Indices, q: Array, slope: Array, phi: Array, rates: Array) -> Any:
+    """Return r and r' (3, N) of each chain at its q, from the tail (the loop of `numeric`, one chain a row)."""
+    k, slides = chains.rotations, chains.slides
+    x = chains.offsets[which, k].T.copy()
+    v = np.zeros_like(x)
+    if slides is not None:
+        x += np.einsum("nci,ni->cn", slides[which, k], q)
+        v += np.einsum("nci,ni->cn", slides[which, k], slope)
+    for i in reversed(range(k)):
+        axis = chains.axes[which, i].T
+        cos, sin = np.cos(phi[i]), np.sin(phi[i])
+        x, v = _rotate(axis, cos, sin, x), _rotate(axis, cos, sin, v)
+        v += _cross(axis, x) * rates[i]
+        x += chains.offsets[which, i].T
+        if slides is not None:
+            x += np.einsum("nci,ni->cn", slides[which, i], q)
+            v += np.einsum("nci,ni->cn", slides[which, i], slope)
+    return x, v
+
+
+def _nearest(r: Array, v: Array) -> Array:
+    """Return `min |r + tau v|` over tau in [-1/2, 1/2]; any tau near the best one would do for |v| rounded."""
+    speed = _dot(v, v)
+    tau = np.divide(-_dot(r, v), speed, out=np.zeros_like(speed), where=speed > 0.0)
+    nearest = r + v * np.clip(tau, -0.5, 0.5)
+    return np.sqrt(_dot(nearest, nearest))
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(axis: Array, x: Array) -> Array:
+    u, v, w = axis
+    return np.stack((v * x[2] - w * x[1], w * x[0] - u * x[2], u * x[1] - v * x[0]))
+
+
+def _rotate(axis: Array, cos: Array, sin: Array, x: Array) -> Array:
+    along = axis * _dot(axis, x)
+    return along + (x - along) * cos + _cross(axis, x) * sin

@@ -1,0 +1,106 @@
+"""A bound of every rounding error in a chain's norm: from the URDF's numbers, by reduction and motion, to the value.
+
+What the reduction cancels has been rounded all the same: two mimic joints that turn by `1e6 q` and `-1e6 q + q` leave
+one rotation by q, off by the rounding of `1e6 q`. So the bound is about the joints between the marks as they are in the
+tree, with the sums of abs(multiplier) and abs(offset). `docs/certificates.md` derives it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.bounds.bounds import Bundle
+from pinbound.model.coupling import Coupling
+from pinbound.model.tree import Tree
+from pinbound.tolerances import EVALUATION, FOLDING, REDUCTION_ROUNDOFFS, REDUCTION_SLIDES, UNIT_ROUNDOFF
+
+__all__ = ["Walks", "rounding_bound", "walks"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Walks:
+    """m walks through the tree from one mark to another, before anything is reduced.
+
+    Attributes:
+        joints: (m,) number of joints, fixed ones too.
+        turning: (m, n), sum of abs(S) over the joints that turn: how fast each coordinate turns them, all together.
+        sliding: (m, n), the same of those that slide.
+        turned: (m,) sum of abs(offset) over the joints that turn [rad].
+    """
+
+    joints: Array
+    turning: Array
+    sliding: Array
+    turned: Array
+
+    def with_ways(self, ways: int) -> Walks:
+        """Return each walk once, and again for each of its `ways`, which turn with it but do not slide."""
+        rows = np.repeat(np.arange(len(self.joints)), 1 + ways)
+        sliding = self.sliding[rows].copy()
+        sliding[np.arange(len(rows)) % (1 + ways) != 0] = 0.0
+        return Walks(self.joints[rows], self.turning[rows], sliding, self.turned[rows])
+
+
+def walks(tree: Tree, coupling: Coupling, ends: Sequence[tuple[str, str, str]]) -> Walks:
+    """Return the walks between links.
+
+    Args:
+        tree: The robot's tree.
+        coupling: `theta = S q + o`.
+        ends: Of each walk a common ancestor, and the two links.
+    """
+    m, n = len(ends), len(coupling.coordinates)
+    found = Walks(np.zeros(m), np.zeros((m, n)), np.zeros((m, n)), np.zeros(m))
+    for row, (ancestor, *links) in enumerate(ends):
+        for joint in [joint for link in links for joint in tree.descent(ancestor, link)]:
+            found.joints[row] += 1.0
+            if not joint.moves:
+                continue
+            coefficients, offset = coupling.row(joint.name)
+            if joint.type == "prismatic":
+                found.sliding[row] += np.abs(coefficients)
+            else:
+                found.turning[row] += np.abs(coefficients)
+                found.turned[row] += abs(offset)
+    return found
+
+
+def rounding_bound(chains: Bundle, walked: Walks | None, lower: Array, upper: Array, degree: int = 1) -> Array:
+    """Return a bound of every rounding error in a norm while q stays in a box, (m,) [m].
+
+    It covers the derivation of the chain (constants folded in float64, what the reduction took for zero, sums of
+    multipliers), the evaluation of a motion of that degree, and of the chain.
+
+    Args:
+        chains: The chains.
+        walked: The walks that they were reduced from; None: the chains are taken for exact.
+        lower: (n,) lower corner of the box.
+        upper: (n,) upper corner.
+        degree: Degree of the motion's pieces.
+    """
+    walked = walked or _as_reduced(chains)
+    _, k, n = chains.coefficients.shape
+    farthest = np.maximum(np.abs(lower), np.abs(upper))
+    size = np.linalg.norm(chains.offsets, axis=2).sum(axis=1)
+    reach = np.maximum(chains.scale, size) + walked.sliding @ farthest
+    angles = walked.turning @ farthest + walked.turned
+    joints = walked.joints + 1.0
+    constants = FOLDING * joints**2 + EVALUATION * (k + 1)
+    evaluated = (n + 4 + 8 * degree) * (1.0 + angles) + (1.0 + joints**2) * angles
+    dropped = REDUCTION_ROUNDOFFS * joints * ((walked.turning > 0.0) @ farthest)
+    slid = REDUCTION_SLIDES * joints * ((walked.sliding > 0.0) @ farthest)
+    return UNIT_ROUNDOFF * (reach * (constants + evaluated + dropped) + slid)
+
+
+def _as_reduced(chains: Bundle) -> Walks:
+    """Return what the chains say of themselves."""
+    m = len(chains.scale)
+    turning = np.abs(chains.coefficients).sum(axis=1)
+    sliding = np.zeros_like(turning) if chains.slides is None else np.linalg.norm(chains.slides, axis=2).sum(axis=1)
+    return Walks(np.zeros(m), turning, sliding, np.zeros(m))

@@ -1,0 +1,422 @@
+"""Certified bounds of separations of swept paths: what `bounds` proves of a chain, for bodies, lines and planes.
+
+Two convex sets are at least as far apart as along any direction: with a unit vector n that stays as it is,
+
+    min_t |r(q, t)| >= min_t n . r(q, t) = n . r_c(q) + sum over both bodies of min_v n . E(q) (c_v - c),
+
+r_c being the pair of corners that is least along n in the middle of a piece or box, and E(q) (c_v - c) what leads from
+it to another corner of its body, `n . E (c_v - c) >= 0` there. With n = r*/|r*| from the middle this is exact there,
+and each term is bounded like a chain. A height above a plane is the case in which n is the plane's normal; across a
+line n is taken across it, where the line's own parameter does not occur. And since the distance of two sets changes by
+no more than their points move,
+
+    |f(q) - f(q_0)| <= max over corners of |r_c(q) - r_c(q_0)|.
+
+`docs/hull-proofs.md` and `docs/segments.md` prove both, and add up the rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.bounds.bounds import Bundle, Expansion, Terms, box_terms, bundle, lever_arms, motion_terms
+from pinbound.bounds.inside import ball, disc
+from pinbound.bounds.rounding import Walks
+from pinbound.bounds.rounding import rounding_bound as chain_rounding_bound
+from pinbound.bounds.vertices import Corners, corners_of
+from pinbound.evaluate.closest import nearest, overlap, overlap_in_plane
+from pinbound.evaluate.minimum_norm import nearest_hulls, nearest_in_tables
+from pinbound.path.chain import Chain
+from pinbound.path.relative import Form, RelativePath
+from pinbound.tolerances import INFLATION, REDUCTION, UNIT_ROUNDOFF
+
+__all__ = [
+    "Bounds",
+    "SweptBundle",
+    "all_rows",
+    "along_motion",
+    "over_box",
+    "rounding_bound",
+    "separated",
+    "swept_bundle",
+]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_PROJECTING = 96
+"""Unit roundoffs, relative to the length of a path with its furthest vertices: a unit vector, its products with the
+ways and of these with a corner, the nearest t (32); what a hull's vertices were moved by when it was made (64)."""
+
+
+_FLAT = 3  # rows of a path with two ways, which span no body
+_FEW = 16  # pairs of corners that are looked at one by one
+_TOUCHING = 1e-12  # relative: bodies whose distance is rounding may overlap
+
+
+@dataclass(frozen=True)
+class SweptBundle:
+    """m swept paths side by side.
+
+    Attributes:
+        chains: Of each path its chain and its ways, 1 + K rows, padded with zeros.
+        counts: (m,) rows of each path that are no padding.
+        arms: (m (1 + K), rotations) lever arms [m]: of the chain's row the largest of all corners, of a way its own.
+        turns: (m (1 + K), rotations) 1 where a rotation turns the body of a way, 0 elsewhere.
+        corners: The corners of both bodies of each path, as coefficients of its ways.
+        zonotope: (m,) whether all t run over [0, 1].
+        across: (m, 3, 3) projections onto what counts: the identity, or across a line.
+        normal: (m, 3) normals of planes, zero for others.
+        flat: (m, 3) unit normal of the plane in which all that counts stays, but for a constant height: the one axis of
+            a path that is planar with its ways, or the direction of a line; zero for others.
+        is_signed: (m,) whether it measures a height.
+        reach: (m,) [m], length of each path with its furthest corners.
+    """
+
+    chains: Bundle
+    counts: Indices
+    arms: Array
+    turns: Array
+    corners: Corners
+    zonotope: NDArray[np.bool_]
+    across: Array
+    normal: Array
+    flat: Array
+    is_signed: NDArray[np.bool_]
+    reach: Array
+
+    @cached_property
+    def is_even(self) -> bool:
+        """Whether no path has padding."""
+        return bool(np.all(self.counts == self.rows))
+
+    @property
+    def rows(self) -> int:
+        """The number 1 + K of rows a path."""
+        return len(self.arms) // len(self.normal) if len(self.normal) else 1
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Bounds of N separations, all rounding taken off.
+
+    Attributes:
+        value: (N,) [m], in the middle, as computed: between a point of the one and a point of the other mark.
+        lower: (N,) [m], over the piece or box.
+        upper: (N,) [m], over the piece or box.
+    """
+
+    value: Array
+    lower: Array
+    upper: Array
+
+
+def swept_bundle(paths: Sequence[RelativePath], lower: Array, upper: Array) -> SweptBundle:
+    """Return paths side by side, with lever arms that hold while q stays in a box (n,), (n,)."""
+    n, rows = len(lower), 1 + max((len(path.swept.directions) for path in paths), default=0)
+    # What the reduction took for zero is 1e-14 m of a way, however short the path: its scale must not be below 1.
+    chains = [
+        replace(chain, scale=max(chain.scale, 1.0))
+        for path in paths
+        for chain in (path.minimal, *path.swept.turned, *[_nothing(path)] * (rows - 1 - len(path.swept.turned)))
+    ]
+    stacked = bundle(chains, n)
+    arms = lever_arms(stacked, lower, upper)
+    turns = np.zeros_like(arms)
+    across, normal = np.tile(np.eye(3), (len(paths), 1, 1)), np.zeros((len(paths), 3))
+    flat = np.array([_flat(path) for path in paths]).reshape(-1, 3)
+    for row, path in enumerate(paths):
+        start = row * rows
+        for columns in _sides(path):
+            ways = slice(start + 1 + columns.start, start + 1 + columns.stop)
+            turns[ways] = np.any(arms[ways] > 0.0, axis=0)
+        corners = _arms_of_corners(path, lower, upper)
+        arms[start, : len(corners)] = corners
+        if path.across is not None:
+            across[row] = path.across.T @ path.across
+            normal[row] = path.across[0] if path.is_signed else 0.0
+    signed = np.array([path.is_signed for path in paths], dtype=np.bool_)
+    searched = [path.form is Form.SEARCHED for path in paths]
+    corners = corners_of([path.swept.corners for path in paths], list(map(_lengths, paths)), rows - 1, searched)
+    lengths = (stacked.scale + np.linalg.norm(stacked.offsets, axis=2).sum(axis=1)).reshape(len(paths), rows)
+    return SweptBundle(
+        chains=stacked,
+        counts=np.array([1 + len(path.swept.directions) for path in paths], dtype=np.intp),
+        arms=arms,
+        turns=turns,
+        corners=corners,
+        zonotope=np.array([path.swept.is_zonotope for path in paths], dtype=np.bool_),
+        across=across,
+        normal=normal,
+        flat=flat,
+        is_signed=signed,
+        reach=_spread(corners, lengths),
+    )
+
+
+def _spread(corners: Corners, rows: Array) -> Array:
+    """Return what the rows (m, 1 + K) of each path are, all corners counted: the ways by their largest coefficients."""
+    found: Array = rows[:, 0] + np.einsum("mk,mk->m", corners.spread, rows[:, 1:])
+    return found
+
+
+def _sides(path: RelativePath) -> tuple[slice, slice]:
+    """Return the ways of the first body, and those of the second."""
+    split = path.swept.corners[0].shape[1]
+    return slice(0, split), slice(split, len(path.swept.directions))
+
+
+def _lengths(path: RelativePath) -> tuple[Array, Array]:
+    """Return, for either body, `Side.lengths`, from where its ways lead with all joints at zero."""
+    found: list[Array] = []
+    for branch, columns in zip((path.branch_a, path.branch_b), _sides(path), strict=True):
+        ways = np.array([np.sum(way, axis=0) for way in branch.directions[columns]]).reshape(-1, 3)
+        found.append(np.linalg.qr(ways.T)[1] if len(ways) else np.zeros((0, 0)))
+    return found[0], found[1]
+
+
+def _flat(path: RelativePath) -> Array:
+    """Return the normal of the plane that nothing leaves: no way leads out of it, no joint turns or slides so."""
+    if path.across is not None:
+        towards: Any = np.cross(path.across[0], path.across[-1])  # zero of a plane, which has one row
+        return towards
+    chain, ways = path.minimal, path.swept.directions
+    if not ways or not chain.rotations or not chain.is_planar:
+        return np.zeros(3)
+    axis = chain.axes[0]
+    out = np.array([way @ axis for way in ways])  # (K, k + 1): how far each way leads out, block by block
+    leading_out = float(np.abs(axis @ chain.slides).max())
+    for columns, corners in zip(_sides(path), path.swept.corners, strict=True):
+        leading_out = max(leading_out, float(np.abs(corners @ out[columns]).max(initial=0.0)))
+    return axis if leading_out <= REDUCTION else np.zeros(3)
+
+
+def _arms_of_corners(path: RelativePath, lower: Array, upper: Array) -> Array:
+    """Return the largest lever arms of any pair of corners (rotations,) [m]; of many pairs block by block."""
+    n, chain, swept = len(lower), path.minimal, path.swept
+    if len(swept.corners[0]) * len(swept.corners[1]) <= _FEW:
+        return lever_arms(bundle(swept.vertex_chains, n), lower, upper).max(axis=0)
+    axes, blocks = chain.axes[:, None], np.zeros((chain.rotations, 1, 3)) + chain.offsets[1:, None]
+    high = low = np.einsum("jvi,jvi->jv", axes, blocks)[:, 0]
+    ways = np.array(swept.directions)[:, 1:]
+    across, middle = np.zeros(chain.rotations), blocks[:, 0]
+    for columns, corners in zip(_sides(path), swept.corners, strict=True):
+        moved = np.einsum("vm,mji->jvi", corners, ways[columns])
+        along = np.einsum("jvi,jvi->jv", axes, moved)
+        high, low = high + along.max(axis=1, initial=0.0), low + along.min(axis=1, initial=0.0)
+        centre = 0.5 * (moved.max(axis=1) + moved.min(axis=1))
+        middle = middle + centre
+        across = across + np.linalg.norm(np.cross(axes, moved - centre[:, None]), axis=2).max(axis=1)
+    across = across + np.linalg.norm(np.cross(chain.axes, middle), axis=1)
+    return lever_arms(bundle([chain], n), lower, upper, (np.maximum(np.abs(high), np.abs(low))[None], across[None]))[0]
+
+
+def _nothing(path: RelativePath) -> Chain:
+    """Return a way that leads nowhere."""
+    chain = path.minimal
+    return replace(chain, offsets=np.zeros_like(chain.offsets), slides=np.zeros_like(chain.slides))
+
+
+def rounding_bound(swept: SweptBundle, walked: Walks | None, lower: Array, upper: Array, degree: int = 1) -> Array:
+    """Return a bound of every rounding error in a separation while q stays in a box, (m,) [m].
+
+    `walked` is what the paths were reduced from; None: the paths are taken for exact.
+    """
+    rows, farthest = swept.rows, np.maximum(np.abs(lower), np.abs(upper))
+    each = chain_rounding_bound(swept.chains, walked and walked.with_ways(rows - 1), lower, upper, degree)
+    reach = swept.reach
+    if swept.chains.slides is not None:
+        reach = reach + (np.linalg.norm(swept.chains.slides[::rows], axis=2).sum(axis=1)) @ farthest
+    return _spread(swept.corners, each.reshape(-1, rows)) + _PROJECTING * UNIT_ROUNDOFF * reach
+
+
+def along_motion(swept: SweptBundle, which: Indices, piece: Expansion, error: Array) -> Bounds:
+    """Return bounds of separations `which` (N,) on N pieces; `error` (N,) is their rounding bound [m]."""
+    rows = _Rows(swept, which)
+    terms = motion_terms(swept.chains, swept.arms, rows.chain, piece.take(rows.asked))
+    return _bounds(swept, which, rows, terms, error, share=0.5, curvature=0.125)
+
+
+def over_box(swept: SweptBundle, which: Indices, centre: Array, half: Array, error: Array) -> Bounds:
+    """Return bounds of separations `which` (N,) over the boxes `centre +- half` (N, n)."""
+    rows = _Rows(swept, which)
+    terms = box_terms(swept.chains, swept.arms, rows.chain, centre[rows.asked], half[rows.asked])
+    return _bounds(swept, which, rows, terms, error, share=1.0, curvature=0.5)
+
+
+def all_rows(swept: SweptBundle, which: Indices) -> Indices:
+    """Return the rows of the chains and ways of paths `which`."""
+    return (which[:, None] * swept.rows + np.arange(swept.rows)).ravel()
+
+
+class _Rows:
+    """The chains that N separations need, those that are padding left out, one behind the other."""
+
+    def __init__(self, swept: SweptBundle, which: Indices) -> None:
+        """List them: of each the separation that asks for it, its chain, and its row among the separation's."""
+        self.shape = len(which), swept.rows
+        if swept.is_even:
+            self.asked = np.repeat(np.arange(len(which)), swept.rows)
+            self.chain = all_rows(swept, which)
+            return
+        counts = swept.counts[which]
+        self.asked = np.repeat(np.arange(len(which)), counts)
+        self.row = np.arange(len(self.asked)) - np.repeat(np.cumsum(counts) - counts, counts)
+        self.chain = which[self.asked] * swept.rows + self.row
+
+    def of(self, values: Array) -> Array:
+        """Return values (R, ...) of all chains as (N, 1 + K, ...), zero where there is none."""
+        if len(values) == self.shape[0] * self.shape[1]:
+            return values.reshape(*self.shape, *values.shape[1:])
+        found = np.zeros((*self.shape, *values.shape[1:]))
+        found[self.asked, self.row] = values
+        return found
+
+
+def _bounds(
+    swept: SweptBundle, which: Indices, rows: _Rows, terms: Terms, error: Array, share: float, curvature: float
+) -> Bounds:
+    r = rows.of(terms.r.T)
+    value, n, depth, t = separated(swept, which, r)
+    along = np.einsum("nci,ni->nc", r, n)
+    moved = rows.of(terms.moved)[:, 0] * INFLATION
+    least, corner_t = swept.corners.least(which, along[:, 1:])
+    corner = along[:, 0] + least
+    # The value is a distance of two points, no proof that none are nearer, should the search have ended early.
+    lower, upper = corner - moved, value + np.maximum(moved - depth, 0.0)
+    if terms.second is not None:
+        vectors = [rows.of(rate.T) for rate in terms.rates]
+        rates = [np.einsum("nci,ni->nc", v, n) for v in vectors]
+        bent = curvature * rows.of(terms.second)
+        # The bound of a vector that turns with its body is asked for where ways lead to corners together.
+        spun = curvature * rows.of(terms.turned(swept.turns[rows.chain])) if swept.corners.has_faces else bent
+        swing = sum(np.abs(rate[:, 0] + np.einsum("nk,nk->n", corner_t, rate[:, 1:])) for rate in rates)
+        steps = [share * rate[:, 1:] for rate in rates]
+        slack = swept.corners.slack(which, along[:, 1:], steps, bent[:, 1:], spun[:, 1:])
+        lower = np.maximum(lower, corner - (share * swing + bent[:, 0]) * INFLATION + slack)
+        if len(vectors) == 1:  # the points that are nearest in the middle, along the piece
+            here, step = (x[:, 0] + np.einsum("nk,nki->ni", t, x[:, 1:]) for x in (r, vectors[0]))
+            ends = [_measure(swept, which, here + sign * share * step, n) for sign in (-1.0, 1.0)]
+            upper = np.minimum(upper, np.maximum(*ends) + bent[:, 0] * INFLATION)
+    off = _spread_of(swept, which, rows.of(terms.aside)) * INFLATION
+    off = off + error * (1.0 + rows.of(terms.wide).max(axis=1))
+    return Bounds(value, lower - off, upper + off)
+
+
+def _spread_of(swept: SweptBundle, which: Indices, rows: Array) -> Array:
+    found: Array = rows[:, 0] + np.einsum("nk,nk->n", swept.corners.spread[which], rows[:, 1:])
+    return found
+
+
+def _measure(swept: SweptBundle, which: Indices, r: Array, n: Array) -> Array:
+    """Return the distance, or the height along n, of vectors r (N, 3)."""
+    across = np.einsum("nij,nj->ni", swept.across[which], r)
+    length: Array = np.sqrt(np.einsum("ni,ni->n", across, across))
+    return np.where(swept.is_signed[which], np.einsum("ni,ni->n", n, r), length)
+
+
+def separated(swept: SweptBundle, which: Indices, r: Array) -> tuple[Array, Array, Array, Array]:
+    """Return what chain and ways r (N, 1 + K, 3) say in the middle.
+
+    The separation (N,), the unit vector (N, 3) along which it is measured, and how far all may move while bodies that
+    overlap are sure to do so still (N,); and the nearest t (N, K).
+    """
+    signed, normal = swept.is_signed[which], swept.normal[which]
+    measured = np.einsum("nij,ncj->cni", swept.across[which], r)
+    t = _nearest(swept, which, measured)
+    least = measured[0] + np.einsum("nk,kni->ni", t, measured[1:])
+    length: Array = np.sqrt(np.einsum("ni,ni->n", least, least))
+    unit: Array = np.divide(least, length[:, None], out=np.zeros_like(least), where=length[:, None] > 0.0)
+    # Across a line once more: what rounding leaves of a short vector may point along the line, where nothing counts.
+    unit = np.einsum("nij,nj->ni", swept.across[which], unit)
+    depth = _depth(swept, which, measured, least, length)
+    if np.any(signed):
+        along = np.einsum("nci,ni->nc", r, normal)
+        height, t_signed = swept.corners.least(which, along[:, 1:])
+        t = np.where(signed[:, None], t_signed, t)
+        length, unit = np.where(signed, along[:, 0] + height, length), np.where(signed[:, None], normal, unit)
+    return length, unit, depth, t
+
+
+def _nearest(swept: SweptBundle, which: Indices, measured: Array) -> Array:
+    """Return the t (N, K) of places that are nearest, or nearly: nothing that is proven rests on it."""
+    signed, corners = swept.is_signed[which], swept.corners
+    searched = corners.searched[which] & ~signed
+    if not np.any(searched):
+        return _padded(nearest(measured[0], measured[1:_FLAT]), len(measured) - 1)
+    t = np.zeros((len(which), len(measured) - 1))
+    rest = np.flatnonzero(~searched & ~signed)
+    t[rest] = _padded(nearest(measured[0, rest], measured[1:_FLAT, rest]), t.shape[1])
+    zonotope = searched & swept.zonotope[which]
+    for count in np.unique(swept.counts[which[zonotope]]):
+        rows = np.flatnonzero(zonotope & (swept.counts[which] == count))
+        t[rows] = _padded(nearest(measured[0, rows], measured[1:count, rows]), t.shape[1])
+    rows = np.flatnonzero(searched & ~zonotope)
+    if len(rows):
+        t[rows] = _searched(corners, which[rows], measured[0, rows], measured[1:, rows])
+    return t
+
+
+def _searched(corners: Corners, which: Indices, w: Array, ways: Array) -> Array:
+    """Return the t (N, K) of hulls, bodies of more than three ways among them looked for pair by pair."""
+    wide = corners.wide[which]
+    if np.any(wide):
+        found = np.zeros((len(w), len(ways)))
+        found[~wide] = _searched(corners, which[~wide], w[~wide], ways[:, ~wide]) if not np.all(wide) else 0.0
+        pairs: list[int] = np.unique(which[wide]).tolist()
+        for pair in pairs:
+            rows = np.flatnonzero(which == pair)
+            used = ways[: sum(one.shape[1] for one in corners.pairs[pair])][:, rows]
+            found[rows, : len(used)] = nearest_hulls(w[rows], used, corners.pairs[pair])
+        return found
+    slots, t = corners.slots[which], np.zeros((len(w), len(ways) + 1))
+    padded = np.concatenate((ways, np.zeros((1, *w.shape))))
+    rows = np.arange(len(w))[:, None]
+    start = w + np.einsum("nk,kni->ni", corners.middle[which], ways)
+    size = _size(corners, which, w, ways)
+    found, _ = nearest_in_tables(w, padded[slots, rows], start, size, corners.table, corners.bodies[which])
+    t[rows, slots] = found
+    return t[:, :-1]
+
+
+def _padded(t: Array, count: int) -> Array:
+    return np.pad(t, ((0, 0), (0, count - t.shape[1])))
+
+
+def _size(corners: Corners, which: Indices, w: Array, ways: Array) -> Array:
+    """Return a bound of how long r is at any t (N,) [m]."""
+    lengths: Array = np.linalg.norm(ways, axis=2)
+    found: Array = np.linalg.norm(w, axis=1) + np.einsum("nk,kn->n", corners.spread[which], lengths)
+    return found
+
+
+def _depth(swept: SweptBundle, which: Indices, measured: Array, least: Array, length: Array) -> Array:
+    """Return how far all may move (N,) [m] while bodies that overlap are sure to do so still."""
+    depth, plane, corners = np.zeros(len(which)), swept.flat[which], swept.corners
+    rounding = _TOUCHING * _size(corners, which, measured[0], measured[1:])
+    touching = ~swept.is_signed[which] & (length <= rounding)
+    zonotope, solid = swept.zonotope[which], swept.counts[which] > _FLAT
+    rows = np.flatnonzero(touching & zonotope & solid)
+    if len(rows):
+        depth[rows] = overlap(measured[0, rows], measured[1:, rows])
+    rows = np.flatnonzero(touching & ~zonotope & solid)
+    if len(rows):
+        depth[rows] = ball(corners, which[rows], measured[0, rows], measured[1:, rows])
+    beside = least - np.einsum("ni,ni->n", least, plane)[:, None] * plane
+    close = (np.einsum("ni,ni->n", beside, beside) <= rounding**2) & np.any(plane, axis=1)
+    for flags, inside in ((close & zonotope, _polygon), (close & ~zonotope, disc)):
+        rows = np.flatnonzero(flags)
+        if len(rows):
+            found = inside(corners, which[rows], measured[0, rows], measured[1:, rows], plane[rows])
+            depth[rows] = np.maximum(depth[rows], found)
+    return depth
+
+
+def _polygon(corners: Corners, which: Indices, w: Array, ways: Array, plane: Array) -> Array:
+    return overlap_in_plane(w, ways, plane)

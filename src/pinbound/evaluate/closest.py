@@ -1,0 +1,170 @@
+"""Where two swept points are nearest: the t in [0, 1] that make `|w + t_1 e_1 + t_2 e_2 + ...|` least.
+
+More than two ways are for `minimum_norm`. Of two, a convex function of t is least on the square's rim, or at a
+stationary point inside. Each side of the rim is one segment, `t = -w . e / |e|^2` cut to [0, 1]. Inside, with
+`n = e_1 x e_2`,
+
+    t_1 = -(w x e_2) . n / |n|^2,     t_2 = -(e_1 x w) . n / |n|^2.
+
+n is taken as it is, not `|e_1|^2 |e_2|^2 - (e_1 . e_2)^2`, which has lost all its digits when the segments are parallel
+to 1e-8; and whatever t comes out is cut to the square and moved to the foot on the other segment, so that each of the
+five candidates is a true distance between two points of the segments. The least of them is the answer: rounding can
+only choose badly between candidates that are equal to rounding. `docs/segments.md`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.evaluate.minimum_norm import nearest_corners, nearest_hulls
+from pinbound.tolerances import UNIT_ROUNDOFF
+
+__all__ = ["lowest", "nearest", "nearest_of_hulls", "overlap", "overlap_in_plane"]
+
+Array = NDArray[np.float64]
+
+_PARALLEL = 1e-8  # sine, below which rounding makes the normal of two ways
+_FACE = 64  # unit roundoffs, relative to the furthest corner over the least sine: a unit normal and its products
+
+
+def nearest(w: Array, ways: Array) -> Array:
+    """Return the t (N, k) in [0, 1] at which `|w + sum_i t_i e_i|` is least.
+
+    Args:
+        w: (N, d), d being 3, or 2 across a line.
+        ways: (k, N, d), the e_i; they may be zero.
+
+    Example:
+        >>> w, ways = np.array([[-0.25, 1.0, 0.0]]), np.array([[[1.0, 0.0, 0.0]], [[0.0, -2.0, 0.0]]])
+        >>> nearest(w, ways[:1]).tolist(), nearest(w, ways).tolist()
+        ([[0.25]], [[0.25, 0.5]])
+    """
+    if not len(ways):
+        return np.empty((len(w), 0))
+    if len(ways) == 1:
+        with np.errstate(invalid="ignore"):
+            return _foot(w, ways[0])[:, None]
+    if len(ways) > 2:
+        if w.shape[1] == 2:
+            w, ways = np.pad(w, ((0, 0), (0, 1))), np.pad(ways, ((0, 0), (0, 0), (0, 1)))
+        return nearest_corners(w, ways)[0]
+    with np.errstate(invalid="ignore"):
+        return _on_square(w, ways[0], ways[1])
+
+
+def nearest_of_hulls(w: Array, ways: Array, corners: tuple[Array, Array]) -> Array:
+    """Return the t (N, k) at which `|w + sum_i t_i e_i|` is least, t over the product of two hulls of corners.
+
+    Args:
+        w: (N, d), d being 3, or 2 across a line.
+        ways: (k, N, d), the e_i.
+        corners: (k_a, m_a) and (k_b, m_b), m_a + m_b = k.
+    """
+    if w.shape[1] == 2:
+        w, ways = np.pad(w, ((0, 0), (0, 1))), np.pad(ways, ((0, 0), (0, 0), (0, 1)))
+    return nearest_hulls(w, ways, corners)
+
+
+def lowest(ways: Array, corners: tuple[Array, Array]) -> Array:
+    """Return the t (N, k) at which `sum_i t_i e_i` is least, the e_i being (k, N, 1) heights: those of a corner.
+
+    Example:
+        >>> lowest(np.array([[[1.0]], [[-2.0]]]), (np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.zeros((1, 0))))
+        array([[0., 1.]])
+    """
+    heights, split = ways[:, :, 0].T, corners[0].shape[1]
+    sides = zip((heights[:, :split], heights[:, split:]), corners, strict=True)
+    return np.hstack([c[np.argmin(part @ c.T, axis=1)] for part, c in sides])
+
+
+def _on_square(w: Array, first: Array, second: Array) -> Array:
+    zero, one = np.zeros(len(w)), np.ones(len(w))
+    candidates = [
+        (zero, _foot(w, second)),
+        (one, _foot(w + first, second)),
+        (_foot(w, first), zero),
+        (_foot(w + second, first), one),
+        _inside(w, first, second),
+    ]
+    s, t = np.stack([c[0] for c in candidates]), np.stack([c[1] for c in candidates])
+    r = w + s[:, :, None] * first + t[:, :, None] * second
+    best = np.argmin(np.nan_to_num(np.einsum("cni,cni->cn", r, r), nan=np.inf), axis=0)
+    rows = np.arange(len(w))
+    return np.stack((s[best, rows], t[best, rows]), axis=1)
+
+
+def overlap(w: Array, ways: Array) -> Array:
+    """Return a ball's radius (N,) within which the origin may move without leaving `w + sum_i t_i e_i`, d = 3.
+
+    It is the least distance of the origin from a face, less what rounding can have made of it: each face is spanned by
+    two ways, and all pairs of them are looked at. Zero where the origin is outside, or where the ways span no body.
+
+    Two ways that are nearly parallel span a face whose normal rounding has made. They are left out: laying the shorter
+    one along the other would move the body by less than `sine |e|`, which is taken off for all of them.
+
+    Example:
+        >>> overlap(np.array([[-0.5, -0.5, -0.3]]), np.eye(3)[:, None]).round(9).tolist()
+        [0.3]
+    """
+    count, k = len(w), len(ways)
+    if k <= 2:
+        return np.zeros(count)
+    first, second = np.triu_indices(k, 1)
+    lengths = np.linalg.norm(ways, axis=2)
+    size = np.linalg.norm(w, axis=1) + lengths.sum(axis=0)
+    normals = _crossed(ways[first], ways[second])
+    areas = np.linalg.norm(normals, axis=2)
+    spans = lengths[first] * lengths[second]
+    sines = np.divide(areas, spans, out=np.zeros_like(areas), where=spans > 0.0)
+    faces = sines > _PARALLEL
+    units = np.divide(normals, areas[:, :, None], out=np.zeros_like(normals), where=faces[:, :, None])
+    middle = np.einsum("ni,fni->fn", w, units)
+    products = np.einsum("kni,fni->kfn", ways, units)
+    least = np.minimum(middle + np.maximum(products, 0.0).sum(axis=0), -middle - np.minimum(products, 0.0).sum(axis=0))
+    depth = np.where(faces, least, np.inf).min(axis=0)
+    left_out = 2.0 * k * np.where(faces, 0.0, sines).max(axis=0) * lengths.sum(axis=0)
+    rounding = _FACE * UNIT_ROUNDOFF * size / np.where(faces, sines, 1.0).min(axis=0)
+    return np.maximum(np.where(np.isfinite(depth), depth, 0.0) - left_out - rounding, 0.0)
+
+
+def _crossed(a: Array, b: Array) -> Array:
+    x, y, z = (a[..., i] * b[..., j] - a[..., j] * b[..., i] for i, j in ((1, 2), (2, 0), (0, 1)))
+    return np.stack((x, y, z), axis=-1)
+
+
+def overlap_in_plane(w: Array, ways: Array, normal: Array) -> Array:
+    """Return the same for what stays in a plane: how far the origin's foot in it may move (N,), zero if outside.
+
+    The sides of a polygon `w + sum_i t_i e_i` are along its ways, two a way.
+    """
+    depth = np.full(len(w), np.inf)
+    for way in ways:
+        length = np.linalg.norm(way, axis=1)
+        across = np.divide(np.cross(normal, way), length[:, None], out=np.zeros_like(w), where=length[:, None] > 0.0)
+        middle, products = np.einsum("ni,ni->n", w, across), np.einsum("kni,ni->kn", ways, across)
+        for side in (middle + np.maximum(products, 0.0).sum(axis=0), -middle - np.minimum(products, 0.0).sum(axis=0)):
+            depth = np.minimum(depth, np.where(length > 0.0, side, np.inf))
+    return np.maximum(np.where(np.isfinite(depth), depth, 0.0), 0.0)
+
+
+def _inside(w: Array, first: Array, second: Array) -> tuple[Array, Array]:
+    """Return the stationary point, cut to the square, one of the two at the foot of the other."""
+    if w.shape[1] == 3:
+        n = np.cross(first, second)
+        s = _cut(-np.einsum("ni,ni->n", np.cross(w, second), n), np.einsum("ni,ni->n", n, n))
+    else:
+        n = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+        s = _cut(-(w[:, 0] * second[:, 1] - w[:, 1] * second[:, 0]) * n, n * n)
+    t = _foot(w + s[:, None] * first, second)
+    s = _foot(w + t[:, None] * second, first)
+    return s, _foot(w + s[:, None] * first, second)
+
+
+def _foot(w: Array, way: Array) -> Array:
+    return _cut(-np.einsum("ni,ni->n", w, way), np.einsum("ni,ni->n", way, way))
+
+
+def _cut(above: Array, below: Array) -> Array:
+    """Return the quotient cut to [0, 1]; 0 where the denominator is."""
+    return np.clip(np.divide(above, below, out=np.zeros_like(above), where=below > 0.0), 0.0, 1.0)

@@ -1,0 +1,220 @@
+"""What a relative path is worth: distances of points and segments, across lines, and signed heights above planes.
+
+With `r(q, t) = w + sum_i t_i e_i` the separation is `f = min_t |r|`, t in [0, 1]. At the least t* a free t has no slope
+and a t at its end does not move, so that with the Hessian H of |r| over (q, t) and the free t marked by f
+
+    grad = r^ . (w' + sum_i t*_i e_i'),      Hess = H_qq - H_qf H_ff^-1 H_fq.
+
+Of hulls the free t are those that stay in the face that is nearest: the differences of its vertices span them. Where
+H_ff is singular in a direction that q does not lead along either (edges along the axis of every joint), the separation
+does not depend on that direction, and it is left out.
+
+A plane measures `n . r` instead of |r|, which is linear: its least t are 0 or 1. `docs/segments.md` derives all this,
+and says where derivatives jump.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.evaluate import numeric
+from pinbound.evaluate.closest import lowest, nearest, nearest_of_hulls
+from pinbound.path.relative import RelativePath
+from pinbound.tolerances import OVERLAP, UNIT_ROUNDOFF
+
+__all__ = ["gradients", "hessians", "measured", "nearest_points", "parameters", "separations", "vectors"]
+
+Array = NDArray[np.float64]
+
+_FACE = 64  # unit roundoffs of the path's length: vertices this near to the lowest are of one face
+_SPANNED = 1e-9  # relative: directions in which a face leads less far do not count as its own
+_FLAT_FACE = 1e-10  # relative: a curvature this small is none (two directions at 1e-5 rad)
+_STILL = 1e-8  # relative: so little does q lead along a direction that it does not follow
+_SINGULAR = 1e-14  # a determinant of unit rows: two ways at 1e-7 rad
+
+
+def separations(path: RelativePath, Q: Array) -> Array:
+    """Return the distance, or the signed height above a plane, (N,) [m]; NaN for a row that is not finite."""
+    if path.is_plain:
+        found = numeric.norm(numeric.positions(path.minimal, Q))
+    else:
+        w, ways = measured(path, Q)
+        r = _settled(path, w + np.einsum("nk,kni->ni", _parameters(path, w, ways), ways))
+        found = r[:, 0] if path.is_signed else numeric.norm(r)
+    return np.where(np.isfinite(found), found, np.nan)  # a slide at infinity is no clearance
+
+
+def parameters(path: RelativePath, Q: Array) -> Array:
+    """Return the t (N, k) in [0, 1], one a segment, at which the two marks are nearest."""
+    return _parameters(path, *measured(path, Q))
+
+
+def vectors(path: RelativePath, Q: Array) -> Array:
+    """Return `r = x_a - x_b` (N, 3) [m] between the nearest points of the marks, in the ancestor's frame."""
+    r = numeric.positions(path.branch_a.chain, Q) - numeric.positions(path.branch_b.chain, Q)
+    if path.is_plain:
+        return r
+    t = parameters(path, Q)
+    for branch, sign in ((path.branch_a, 1.0), (path.branch_b, -1.0)):
+        for column, way in enumerate(branch.ways):
+            r = r + sign * t[:, column, None] * numeric.positions(way, Q)
+    if path.upright is None:
+        return r
+    unit = numeric.positions(path.upright, Q)
+    along = np.einsum("ni,ni->n", r, unit)[:, None] * unit
+    return along if path.is_signed else r - along
+
+
+def nearest_points(path: RelativePath, Q: Array) -> Array:
+    """Return the nearest points of both marks (N, 2, 3) [m], radii left out, in the ancestor's frame.
+
+    Of a line or plane it is the foot of the other's point. Where several pairs are equally near it is one of them.
+    """
+    t = parameters(path, Q)
+    points: list[Array] = []
+    for branch in (path.branch_a, path.branch_b):
+        x = numeric.positions(branch.chain, Q)
+        for column, way in enumerate(branch.ways):
+            x = x + t[:, column, None] * numeric.positions(way, Q)
+        points.append(x)
+    if path.upright is not None:
+        unit = numeric.positions(path.upright, Q)
+        r = points[0] - points[1]
+        along = np.einsum("ni,ni->n", r, unit)[:, None] * unit
+        r = along if path.is_signed else r - along
+        if path.first_is_b:
+            points[1] = points[0] - r
+        else:
+            points[0] = points[1] + r
+    return np.stack(points, axis=1)
+
+
+def gradients(path: RelativePath, Q: Array) -> Array:
+    """Return the gradient (N, n) of the separation; NaN where a distance is zero, for it has a kink there."""
+    if path.is_plain:
+        return numeric.gradient(path.minimal, Q)
+    r, J, _, _ = _around(path, Q, order=1)
+    n = Q.shape[1]
+    return J[:, 0, :n] if path.is_signed else np.einsum("ni,nia->na", numeric.unit(r), J[:, :, :n])
+
+
+def hessians(path: RelativePath, Q: Array) -> Array:
+    """Return the Hessian (N, n, n) of the separation; NaN where a distance is zero, or segments are parallel."""
+    if path.is_plain:
+        return numeric.hessian(path.minimal, Q)
+    r, J, H, t = _around(path, Q, order=2)
+    n = Q.shape[1]
+    if path.is_signed:
+        return H[:, 0, :n, :n]
+    full = numeric.norm_hessian(r, J, H)
+    free = (t > 0.0) & (t < 1.0)
+    found = full[:, :n, :n].copy()
+    if not path.swept.is_zonotope:
+        return found - _follows(full, _faces(path, r, J[:, :, n:]), n)
+    patterns: Any = np.unique(free, axis=0)
+    for pattern in patterns:
+        rows, columns = np.flatnonzero(np.all(free == pattern, axis=1)), n + np.flatnonzero(pattern)
+        if len(columns):
+            inner = full[rows[:, None, None], columns[:, None], columns]
+            mixed = full[rows[:, None, None], columns[:, None], np.arange(n)]
+            found[rows] -= np.swapaxes(mixed, 1, 2) @ _solve(inner, mixed)
+    return found
+
+
+def _faces(path: RelativePath, r: Array, ways: Array) -> Array:
+    """Return the projectors (N, k, k) on the t that stay in the nearest face of either body."""
+    towards, k = numeric.unit(r), ways.shape[2]
+    heights, split = np.einsum("ni,nik->nk", towards, ways), path.swept.corners[0].shape[1]
+    size = np.linalg.norm(r, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a unit vector is known to the rounding of r
+        tolerance = _FACE * UNIT_ROUNDOFF * path.minimal.scale * (1.0 + path.minimal.scale / size)
+    projectors, first = np.zeros((len(r), k, k)), 0
+    for corners, along in zip(path.swept.corners, (heights[:, :split], heights[:, split:]), strict=True):
+        above = along @ corners.T
+        with np.errstate(invalid="ignore"):
+            lowest = above <= above.min(axis=1, keepdims=True) + tolerance[:, None]
+        m = corners.shape[1]
+        for row in np.flatnonzero(lowest.sum(axis=1) > 1).tolist():
+            face = corners[lowest[row]]
+            _, sizes, rows = np.linalg.svd(face[1:] - face[0], full_matrices=False)
+            rows = rows[sizes > _SPANNED * sizes[0]]
+            projectors[row, first : first + m, first : first + m] = rows.T @ rows
+        first += m
+    return projectors
+
+
+def _follows(full: Array, faces: Array, n: int) -> Array:
+    """Return `H_qf H_ff^+ H_fq` (N, n, n), NaN where f is singular in a direction that q leads along."""
+    inner = faces @ full[:, n:, n:] @ faces
+    mixed = faces @ full[:, n:, :n]
+    found = np.full((len(full), n, n), np.nan)
+    rows = np.flatnonzero(np.all(np.isfinite(inner), axis=(1, 2)) & np.all(np.isfinite(mixed), axis=(1, 2)))
+    sizes, axes = np.linalg.eigh(inner[rows])
+    largest = np.abs(sizes).max(axis=1, initial=0.0)[:, None]
+    kept = sizes > _FLAT_FACE * largest
+    turned = np.swapaxes(axes, 1, 2) @ mixed[rows]
+    size = np.abs(full[rows]).max(axis=(1, 2))
+    lost = np.abs(np.where(kept[:, :, None], 0.0, turned)).max(axis=(1, 2), initial=0.0)
+    parts = np.divide(turned, sizes[:, :, None], out=np.zeros_like(turned), where=kept[:, :, None])
+    found[rows] = np.where((lost <= _STILL * size)[:, None, None], np.swapaxes(turned, 1, 2) @ parts, np.nan)
+    return found
+
+
+def _solve(inner: Array, mixed: Array) -> Array:
+    """Solve for the free t; singular systems (parallel ways: the nearest points are many) give no number."""
+    size = np.sqrt(np.einsum("nii->ni", inner))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        scaled = inner / (size[:, :, None] * size[:, None, :])
+    sound = np.all(np.isfinite(scaled), axis=(1, 2))
+    sound[sound] = np.linalg.det(scaled[sound]) > _SINGULAR
+    found = np.full_like(mixed, np.nan)
+    found[sound] = np.linalg.solve(inner[sound], mixed[sound])
+    return found
+
+
+def measured(path: RelativePath, Q: Array) -> tuple[Array, Array]:
+    """Return w (N, d) and the e (k, N, d) of what counts: d = 3, 2 across a line, 1 above a plane."""
+    w = numeric.positions(path.minimal, Q)
+    ways = np.array([numeric.positions(way, Q) for way in path.swept.ways]).reshape(len(path.swept.ways), *w.shape)
+    if path.across is None:
+        return w, ways
+    with np.errstate(invalid="ignore"):
+        return w @ path.across.T, ways @ path.across.T
+
+
+def _parameters(path: RelativePath, w: Array, ways: Array) -> Array:
+    if path.is_signed:
+        return lowest(ways, path.swept.corners)
+    return nearest(w, ways) if path.swept.is_zonotope else nearest_of_hulls(w, ways, path.swept.corners)
+
+
+def _settled(path: RelativePath, r: Array) -> Array:
+    """Return r, zero where bodies overlap: the search leaves rounding there, which has no direction."""
+    if not path.is_solid:
+        return r
+    return np.where((np.abs(r).max(axis=1) <= OVERLAP * path.minimal.scale)[:, None], 0.0, r)
+
+
+def _around(path: RelativePath, Q: Array, order: int) -> tuple[Array, Array, Array, Array]:
+    """Return r (N, d), its derivatives by (q, t), (N, d, n + k) and (N, d, n + k, n + k), and t, at the nearest t."""
+    parts = [numeric.derivatives(chain, Q, order) for chain in (path.minimal, *path.swept.ways)]
+    if path.across is not None:
+        parts = [tuple(np.einsum("di,ni...->nd...", path.across, part) for part in one) for one in parts]
+    (w, J, H), others = parts[0], parts[1:]
+    n, k = Q.shape[1], len(others)
+    ways = np.array([one[0] for one in others]).reshape(k, *w.shape)
+    t = _parameters(path, w, ways)
+    r, slope = w.copy(), np.concatenate((J, np.zeros((*w.shape, k))), axis=2)
+    bend = np.pad(H, ((0, 0), (0, 0), (0, k), (0, k))) if order > 1 else H
+    for i, (e, e_slope, e_bend) in enumerate(others):
+        weight = t[:, i, None]
+        r += weight * e
+        slope[:, :, :n] += weight[:, :, None] * e_slope
+        slope[:, :, n + i] = e
+        if order > 1:
+            bend[:, :, :n, :n] += weight[:, :, None, None] * e_bend
+            bend[:, :, :n, n + i] = bend[:, :, n + i, :n] = e_slope
+    return _settled(path, r), slope, bend, t

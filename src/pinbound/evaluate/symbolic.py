@@ -1,0 +1,291 @@
+"""SymPy expressions and LaTeX of a relative path, in the minimal frame or in the ancestor's.
+
+Constants become exact rationals of their decimal form (15 digits), so that expressions simplify exactly.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from html import escape
+from typing import Any, cast
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from pinbound.exceptions import UnsupportedError
+from pinbound.path.chain import Chain, Swept, are_parallel
+from pinbound.path.relative import RelativePath
+from pinbound.tolerances import SYMBOLIC_DIGITS
+
+__all__ = [
+    "LimitExpressions",
+    "ancestor_vector",
+    "latex",
+    "limit_expressions",
+    "lines",
+    "mathml",
+    "minimal_vector",
+    "operations",
+    "parameters",
+    "symbols",
+    "unreduced_vector",
+]
+
+Array = NDArray[np.float64]
+sp = cast(Any, sympy)  # SymPy carries only part of its types
+
+
+def symbols(coordinates: Sequence[str]) -> tuple[Any, ...]:
+    """Return one real symbol a coordinate, by its name."""
+    return tuple(sp.Symbol(name, real=True) for name in coordinates)
+
+
+def parameters(count: int, coordinates: Sequence[str]) -> tuple[Any, ...]:
+    """Return one real symbol t_1, t_2 a segment; primed where a coordinate has that name."""
+    names = [f"t_{index + 1}" for index in range(count)]
+    return tuple(sp.Symbol(name + "'" * (name in coordinates), real=True) for name in names)
+
+
+def minimal_vector(path: RelativePath, coordinates: Sequence[str]) -> Any:
+    """Return r (3, 1) in the frame on the path in which the fewest rotated terms are left.
+
+    Of segments, between the points t_1, t_2; of a line or plane, the part of r that counts.
+    """
+    r = _swept_vector(path.swept, path.frame, coordinates)
+    if path.across is None:
+        return r
+    rows = _constants(path.across.T @ path.across, 1.0)
+    return sp.expand(rows * r)
+
+
+def ancestor_vector(path: RelativePath, coordinates: Sequence[str]) -> Any:
+    """Return `r = x_a - x_b` (3, 1) in the ancestor's frame: the paper's form."""
+    r = _swept_vector(path.branch_a, 0, coordinates) - _swept_vector(path.branch_b, 0, coordinates)
+    if path.upright is None:
+        return r
+    unit = _vector(path.upright, 0, symbols(coordinates))
+    along = unit * unit.dot(r)
+    return along if path.is_signed else r - along
+
+
+def _swept_vector(swept: Swept, position: int, coordinates: Sequence[str]) -> Any:
+    q = symbols(coordinates)
+    total = _vector(swept.chain, position, q)
+    for t, way in zip(parameters(len(swept.turned), coordinates), swept.turned, strict=True):
+        total += t * _vector(way, position, q)
+    return total
+
+
+def operations(vector: Any) -> int:
+    """Return the number of operations (sums, products, sines, cosines) of a vector as it stands."""
+    return int(sum(sp.count_ops(component) for component in vector))
+
+
+def unreduced_vector(place_a: Chain, place_b: Chain, coordinates: Sequence[str]) -> Any:
+    """Return `r_0,n - r_0,m` of Eq. (5): both points placed from the root by unreduced chains, nothing merged."""
+    q = symbols(coordinates)
+    return _vector(place_a, 0, q, merge=False) - _vector(place_b, 0, q, merge=False)
+
+
+def latex(vector: Any, digits: int = 6, entry: bool = False) -> str:
+    """Return a vector, or its first entry alone, as LaTeX, numbers as decimals in metres."""
+    decimals = {number: sp.Float(number, digits) for number in vector.atoms(sp.Rational) if not number.is_Integer}
+    found = vector.xreplace(decimals)
+    named = {symbol: _text(symbol.name) for symbol in found.free_symbols if not _PLAIN.fullmatch(symbol.name)}
+    return str(sp.latex(found[0] if entry else found, symbol_names=named))
+
+
+_PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_]*'*")
+"""Names that LaTeX and MathML print as they are meant; all others are printed as text, letter by letter."""
+
+_LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "$": r"\$"}
+
+
+def _text(name: str) -> str:
+    """Return LaTeX that prints a name as it is; a name is data, and runs no command."""
+    return r"\text{" + "".join(_LATEX.get(letter, "\\" * (letter in "{}%&#_") + letter) for letter in name) + "}"
+
+
+def lines(vector: Any, digits: int = 6) -> tuple[str, ...]:
+    """Return the three components as text for people, lengths in millimetres.
+
+    Example:
+        >>> lines(sp.Matrix([sp.Rational(969, 100000) - sp.cos(sp.Symbol("q2")) / 10, 0, 0]))
+        ('9.69 - 100.0*cos(q2)', '0', '0')
+    """
+    metres = [sp.expand(1000 * component) for component in vector]
+    texts = [str(component.evalf(digits)) for component in metres]
+    return tuple("0" if component == 0 else text for component, text in zip(metres, texts, strict=True))
+
+
+def mathml(vector: Any, digits: int = 6) -> tuple[str, ...]:
+    """Return the components `r_x = ...`, `r_y = ...`, `r_z = ...` as MathML, lengths in millimetres."""
+    from sympy.printing.mathml import mathml as to_mathml
+
+    strange = sorted({symbol.name for symbol in vector.free_symbols if not _PLAIN.fullmatch(symbol.name)})
+    stand_ins = {name: f"name{chr(0x1D400 + index)}" for index, name in enumerate(strange)}  # SymPy escapes nothing
+    vector = vector.xreplace(
+        {s: sp.Symbol(stand_ins[s.name], real=True) for s in vector.free_symbols if s.name in stand_ins}
+    )
+    metres = (1000 * vector).expand()
+    decimals = {number: sp.Float(number, digits) for number in metres.atoms(sp.Rational) if not number.is_Integer}
+    names = sp.symbols("r_x r_y r_z")
+    equations = [sp.Eq(name, side, evaluate=False) for name, side in zip(names, metres.xreplace(decimals), strict=True)]
+    bodies = [str(cast(Any, to_mathml)(equation, printer="presentation")) for equation in equations]
+    bodies = [body.replace("<mo>&InvisibleTimes;</mo>", '<mspace width="0.17em"/>') for body in bodies]
+    for name, stand_in in stand_ins.items():
+        printed = stand_in.encode("ascii", "xmlcharrefreplace").decode()
+        bodies = [body.replace(printed, escape(name)) for body in bodies]
+    return tuple(f'<math xmlns="http://www.w3.org/1998/Math/MathML">{body}</math>' for body in bodies)
+
+
+@dataclass(frozen=True)
+class LimitExpressions:
+    """Where one coordinate comes into contact, as SymPy expressions of the others: quadrant-safe, every turn.
+
+    Attributes:
+        coordinate: Its name.
+        aligned: The value at which the two arms align, the norm being smallest: `(phi* - rest) / c`, phi* an atan2.
+        half_width: `w / |c|`, an acos of lengths; zero if the boundary has no threshold, so that contact is alignment.
+        period: `2 pi / |c|`.
+    """
+
+    coordinate: str
+    aligned: Any
+    half_width: Any
+    period: Any
+
+    @property
+    def lower(self) -> Any:
+        """The contact below the aligned value: the upper end of an allowed arc."""
+        return self.aligned - self.half_width
+
+    @property
+    def upper(self) -> Any:
+        """The contact above the aligned value: the lower end of an allowed arc."""
+        return self.aligned + self.half_width
+
+    def latex(self, digits: int = 6) -> str:
+        """Return `q = aligned +- half_width + period k` as LaTeX, numbers as decimals in metres and radians."""
+        head = latex(sp.Matrix([sp.Symbol(self.coordinate)]), entry=True)
+        aligned = latex(sp.Matrix([self.aligned]), digits, entry=True)
+        width = "" if self.half_width == 0 else rf" \pm {latex(sp.Matrix([self.half_width]), digits, entry=True)}"
+        period = latex(sp.Matrix([self.period]), digits, entry=True)
+        return rf"{head} = {aligned}{width} + {period} k, \quad k \in \mathbb{{Z}}"
+
+
+def limit_expressions(path: RelativePath, index: int, coordinates: Sequence[str], threshold: float) -> LimitExpressions:
+    """Return the contacts of a coordinate that turns one rotation: `r = p + R(u, phi) s`, `phi = c q_j + rest`.
+
+    With p and s across u, of lengths P and S, and h the sum of both along u, contact at the distance t is at
+
+        phi = atan2(u . (p x s), -p . s) +- acos((h^2 + P^2 + S^2 - t^2) / (2 P S)).
+
+    Above a plane of normal n the height is `A + B cos phi + C sin phi`, and contact is at
+
+        phi = atan2(-C, -B) +- acos((A - t) / sqrt(B^2 + C^2)).
+
+    Raises:
+        UnsupportedError: If the path does not use the coordinate in exactly one rotation, or measures a distance of
+            segments or across a line.
+    """
+    chain = path.minimal
+    if path.swept.directions or (path.across is not None and not path.is_signed):
+        raise UnsupportedError("segments and lines have no closed form; limits(...) gives their values, all of them")
+    turned = np.flatnonzero(chain.coefficients[:, index])
+    name = coordinates[index]
+    if len(turned) != 1 or np.any(chain.slides[:, :, index]):
+        how = "does not depend on it" if not len(chain.coordinates) or index not in chain.coordinates else "uses it"
+        how += "" if how.startswith("does") else " more than once, or slides along it"
+        raise UnsupportedError(
+            f"no closed form for {name!r}: the path {how}; limits(...) gives its values, numerically and all of them"
+        )
+    place, q = int(turned[0]), symbols(coordinates)
+    before = Chain(
+        chain.offsets[: place + 1].copy(),
+        chain.slides[: place + 1].copy(),
+        chain.axes[:place].copy(),
+        chain.coefficients[:place].copy(),
+        chain.scale,
+    )
+    behind = Chain(
+        chain.offsets[place + 1 :].copy(),
+        chain.slides[place + 1 :].copy(),
+        chain.axes[place + 1 :].copy(),
+        chain.coefficients[place + 1 :].copy(),
+        chain.scale,
+    )
+    axis = _constants(chain.axes[place], 1.0)
+    p, s = _vector(before, place, q), _vector(behind, 0, q)
+    c = [sp.Rational(f"{value:.{SYMBOLIC_DIGITS}g}") for value in chain.coefficients[place]]
+    rest = sum((c[i] * q[i] for i in range(len(q)) if i != index), sp.S.Zero)
+    t = sp.Rational(f"{threshold:.{SYMBOLIC_DIGITS}g}")
+    if path.across is not None:
+        upright = np.zeros_like(before.offsets)
+        upright[0] = path.across[0]
+        n = _vector(replace(before, offsets=upright, slides=np.zeros_like(before.slides)), place, q)
+        s_across = s - axis * axis.dot(s)
+        A, B, C = n.dot(p) + n.dot(axis) * axis.dot(s), n.dot(s_across), n.dot(axis.cross(s))
+        phi = sp.atan2(sp.expand(-C), sp.expand(-B))
+        width = sp.acos((sp.expand(A) - t) / sp.sqrt(sp.expand(B**2 + C**2)))
+        return LimitExpressions(name, (phi - rest) / c[index], width / abs(c[index]), 2 * sp.pi / abs(c[index]))
+    height = sp.expand(axis.dot(p + s))
+    p, s = p - axis * axis.dot(p), s - axis * axis.dot(s)
+    phi = sp.atan2(sp.expand(axis.dot(p.cross(s))), sp.expand(-p.dot(s)))
+    squares = sp.expand(p.dot(p)), sp.expand(s.dot(s))
+    width = sp.S.Zero
+    if threshold > 0.0:
+        width = sp.acos((height**2 + squares[0] + squares[1] - t**2) / (2 * sp.sqrt(squares[0] * squares[1])))
+    return LimitExpressions(name, (phi - rest) / c[index], width / abs(c[index]), 2 * sp.pi / abs(c[index]))
+
+
+def _vector(chain: Chain, position: int, q: Sequence[Any], merge: bool = True) -> Any:
+    """Sum every offset of a chain, turned into the frame at `position`."""
+    total = sp.zeros(3, 1)
+    for index in range(chain.rotations + 1):
+        block = _constants(chain.offsets[index], chain.scale) + _constants(chain.slides[index], 1.0) * sp.Matrix(q)
+        if block.is_zero_matrix:
+            continue
+        forward = index > position
+        span = slice(position, index) if forward else slice(index, position)
+        factors = _factors(chain.axes[span], chain.coefficients[span], q, merge)
+        turn = reduce(lambda left, right: left * right, factors, sp.eye(3))
+        total += (turn if forward else turn.T) * block
+    return total
+
+
+def _factors(axes: Array, coefficients: Array, q: Sequence[Any], merge: bool) -> list[Any]:
+    """Return rotation matrices; `merge` makes neighbours about one direction one of the summed angle."""
+    factors: list[Any] = []
+    start = 0
+    while start < len(axes):
+        stop, total = start, np.zeros(coefficients.shape[1])
+        while stop == start or (merge and stop < len(axes) and are_parallel(axes[start], axes[stop])):
+            total = total + np.sign(axes[start] @ axes[stop]) * coefficients[stop]
+            stop += 1
+        angle = sum(
+            (sp.Rational(f"{c:.{SYMBOLIC_DIGITS}g}") * symbol for c, symbol in zip(total, q, strict=True)),
+            sp.S.Zero,
+        )
+        factors.append(_rotation(axes[start], angle))
+        start = stop
+    return factors
+
+
+def _rotation(axis: Array, angle: Any) -> Any:
+    x, y, z = _constants(axis, 1.0)
+    cross = sp.Matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    outer = sp.Matrix([x, y, z]) * sp.Matrix([[x, y, z]])
+    return sp.eye(3) * sp.cos(angle) + cross * sp.sin(angle) + outer * (1 - sp.cos(angle))
+
+
+def _constants(array: Array, scale: float) -> Any:
+    """Return the decimals that float64 values of size `scale` were most likely written as, as rationals."""
+    digits = SYMBOLIC_DIGITS - 1 - math.floor(math.log10(scale)) if scale > 0 else SYMBOLIC_DIGITS
+    matrix = array.reshape(3, -1)
+    return sp.Matrix(*matrix.shape, [sp.Rational(f"{value:.{max(digits, 0)}f}") for value in matrix.ravel()])

@@ -1,0 +1,383 @@
+"""Figures: the robot seen from the side, a region with named edges, its image in the workspace.
+
+Matplotlib loads when the first figure is drawn. Colours are Okabe and Ito's, which colour-blind readers tell apart;
+every edge also carries its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pinbound import units
+from pinbound.annotations import Mark
+from pinbound.boundaries.boundary import Boundary
+from pinbound.region import Edge, Region
+from pinbound.robot.robot import Robot
+
+__all__ = [
+    "PALETTE",
+    "draw_region",
+    "draw_robot",
+    "draw_verdicts",
+    "draw_workspace",
+    "save",
+    "section_axes",
+    "without_math",
+]
+
+Array = NDArray[np.float64]
+gis = cast(Any, shapely)  # its stubs know only part of what its functions take
+
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F6000", "#000000")
+_GREY = "#8A8A8A"
+_FILL = "#DCEBF5"
+_EDGE_SAMPLES = 200
+_MOST_NAMES = 24  # boundaries that are named in a figure: more would leave no room for it
+_STRETCH = 0.1  # metres of a line, or of a plane's normal, that are drawn
+
+
+def _figure(width: float, height: float) -> tuple[Any, Any]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = cast(Any, figure).add_subplot()
+    axes.grid(True, color="#E4E4E4", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def without_math(figure: Any) -> Any:
+    """Let every text of a figure be read letter by letter: a name may hold `$`, and is no formula."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
+    return figure
+
+
+def save(figure: Any, path: Path) -> list[Path]:
+    """Write a figure as SVG and as PNG, the same bytes on every run; return the two paths."""
+    import matplotlib as mpl_untyped
+
+    mpl = cast(Any, mpl_untyped)
+
+    files = [path.with_suffix(".svg"), path.with_suffix(".png")]
+    figure.draw_without_rendering()  # the first layout of an equal-aspect figure is not settled yet
+    with mpl.rc_context({"svg.hashsalt": "pinbound"}):
+        figure.savefig(files[0], metadata={"Date": None})
+        figure.savefig(files[1], dpi=160)
+    return files
+
+
+def _colours(edges: Sequence[Edge]) -> dict[str, str]:
+    names = sorted({edge.name for edge in edges}, key=lambda name: (len(name), name))
+    return {name: PALETTE[index % len(PALETTE)] for index, name in enumerate(names)}
+
+
+def draw_region(region: Region, home: Array, contacts: Sequence[tuple[str, Array, float]] = ()) -> Any:
+    """Draw a region with every edge in its colour and with its name, and implied contact lines in grey.
+
+    Args:
+        region: The region; angles are drawn in degrees, lengths in millimetres.
+        home: (2,) the start point [rad or m].
+        contacts: Lines `c @ x = value` that are no edges: name, c (2,), value, in rad and m.
+    """
+    figure, axes = _figure(8.2, 7.2)
+    scale = units.factors(region.units)
+    _fill(axes, [[scale * edge.points for edge in loop] for loop in region.loops])
+    lines = [(name, normal / scale, value) for name, normal, value in contacts]
+    low, high = _frame(scale * np.concatenate([edge.points for edge in region.edges]), lines)
+    for name, normal, value in lines:
+        _draw_line(axes, name, normal, value, low, high)
+    colours, alike = _colours(region.edges), region.units[0] == region.units[1]
+    for edge in region.edges:
+        _draw_edge(axes, edge.name, scale * edge.points, scale * region.centroid, colours[edge.name], turned=alike)
+    corners = scale * np.array([corner.point for corner in region.corners]).reshape(-1, 2)
+    axes.plot(*corners.T, "o", color="#333333", markersize=4, zorder=4)
+    shown = axes.plot(*(scale * home), "s", color="#333333", markersize=7, label="home", zorder=5)
+    shown += axes.plot(*(scale * region.centroid), "+", color="#333333", markersize=11, label="centroid", zorder=5)
+    if contacts:
+        shown += axes.plot([], [], color=_GREY, linestyle=(0, (4, 3)), label="contact, implied by an edge")
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    _label_plane(axes, region)
+    area = f"{region.area:.4g} {units.area_name(region.area_unit)}"
+    axes.set_title(f"Feasible region of ({', '.join(region.coordinates)}): {area}", loc="left")
+    axes.legend(handles=shown, loc="upper left", framealpha=1)
+    return without_math(figure)
+
+
+def _fill(axes: Any, loops: Sequence[Sequence[Array]]) -> None:
+    """Fill what lies between an outer contour and its holes, each a list of polylines (k, 2)."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+
+    rings = [Outline(np.concatenate(loop), closed=True) for loop in loops]
+    outline = Outline.make_compound_path(*rings)
+    axes.add_patch(PathPatch(outline, facecolor=_FILL, edgecolor="none", zorder=1))
+
+
+def _label_plane(axes: Any, region: Region) -> None:
+    """Name the axes with their units; they are scaled alike only if they have the same."""
+    a, b = units.names(region.units)
+    axes.set_xlabel(f"{region.coordinates[0]} [{a}]")
+    axes.set_ylabel(f"{region.coordinates[1]} [{b}]")
+    axes.set_aspect("equal" if a == b else "auto")
+
+
+def _draw_edge(
+    axes: Any, name: str, points: Array, inside: Array, colour: str, linewidth: float = 3.0, turned: bool = True
+) -> None:
+    """Draw an edge (k, 2), and its name at its middle, on the side on which the point `inside` lies.
+
+    The name runs along the edge if `turned`: where both axes are scaled alike.
+    """
+    axes.plot(*points.T, color=colour, linewidth=linewidth, solid_capstyle="butt", zorder=3)
+    start, end = _resample(points, np.array([0.48, 0.52]))
+    if np.any(start != end):  # an edge may be mapped to one place
+        _name_edge(axes, name, start, end, inside, colour, turned)
+
+
+def _resample(points: Array, share: Array) -> Array:
+    """Return points of a polyline (k, 2) at shares (N,) of its length."""
+    steps = np.asarray(np.linalg.norm(np.diff(points, axis=0), axis=1), dtype=np.float64)
+    length = np.concatenate((np.zeros(1), np.cumsum(steps)))
+    x, y = (np.asarray(np.interp(share * length[-1], length, column), dtype=np.float64) for column in points.T)
+    return np.column_stack((x, y))
+
+
+def draw_verdicts(region: Region, home: Array, groups: Mapping[str, Array]) -> Any:
+    """Draw what another engine said of a region: each group of points (k, 2) [rad or m] with its own colour and marker.
+
+    Args:
+        region: The region; angles are drawn in degrees, lengths in millimetres.
+        home: (2,) the start point [rad or m].
+        groups: Points by what they are; the legend counts them, empty groups too.
+    """
+    figure, axes = _figure(8.2, 7.6)
+    scale, alike = units.factors(region.units), region.units[0] == region.units[1]
+    _fill(axes, [[scale * edge.points for edge in loop] for loop in region.loops])
+    markers = ("o", "X", "s", "^", "v")
+    shown = [scale * np.concatenate([edge.points for edge in region.edges])]
+    for index, (name, points) in enumerate(groups.items()):
+        style = {"color": PALETTE[index % len(PALETTE)], "zorder": 3 + index, "label": f"{name} ({len(points)})"}
+        size = 2.5 if index == 0 else 4.5
+        drawn = scale * np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        axes.plot(*drawn.T, markers[index % len(markers)], markersize=size, markeredgewidth=0, **style)
+        shown.append(drawn)
+    for edge in region.edges:
+        _draw_edge(axes, edge.name, scale * edge.points, scale * region.centroid, "#333333", 1.2, alike)
+    axes.plot(*(scale * home), "P", color="#333333", markersize=8, label="home", zorder=9)
+    everything = np.concatenate(shown)
+    spread = np.ptp(everything, axis=0)
+    pad = 0.06 * (float(np.max(spread)) if alike else spread)
+    low, high = everything.min(axis=0) - pad, everything.max(axis=0) + pad
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    _label_plane(axes, region)
+    axes.set_title(f"Region of ({', '.join(region.coordinates)}) against coal's flood fill from home", loc="left")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, frameon=False)
+    return without_math(figure)
+
+
+def _frame(vertices: Array, contacts: Sequence[tuple[str, Array, float]]) -> tuple[Array, Array]:
+    """Return the lower and upper corner of a frame that also shows the implied lines nearby."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    span = np.maximum(high - low, 1e-3 * float(np.max(high - low)))
+    points = [*vertices]
+    for _, normal, value in contacts:
+        length = float(np.linalg.norm(normal))
+        nearest = vertices[np.argmax(vertices @ normal)]
+        gap = (value - float(nearest @ normal)) / length
+        if np.all(np.abs(gap * normal / length) < 0.3 * span):
+            points.append(nearest + gap * normal / length)
+    pad = 0.1 * span
+    return np.min(points, axis=0) - pad, np.max(points, axis=0) + pad
+
+
+def _name_edge(axes: Any, name: str, start: Array, end: Array, inside: Array, colour: str, turned: bool = True) -> None:
+    """Write an edge's name along it, on the side on which the point `inside` lies."""
+    along = end - start
+    normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
+    inwards = normal * np.sign(normal @ (inside - start))
+    angle = float(np.degrees(np.arctan2(along[1], along[0])))
+    upright = angle - 180.0 if angle > 91 else angle + 180.0 if angle < -89 else angle
+    beside = not turned and abs(inwards[0]) > abs(inwards[1])  # a level name beside a steep edge starts there
+    axes.annotate(
+        name,
+        (start + end) / 2,
+        xytext=(8.0 if beside else 11.0) * inwards,
+        textcoords="offset points",
+        rotation=upright if turned else 0.0,
+        rotation_mode="anchor",
+        ha=("left" if inwards[0] > 0.0 else "right") if beside else "center",
+        va="center",
+        color=colour,
+        weight="bold",
+        zorder=6,
+    )
+
+
+def _draw_line(axes: Any, name: str, normal: Array, value: float, low: Array, high: Array) -> None:
+    """Draw `normal @ x = value` inside the frame, dashed, with its name at one end."""
+    along = np.array([-normal[1], normal[0]])
+    foot = normal * value / float(normal @ normal)
+    with np.errstate(divide="ignore"):
+        ends = np.sort(np.stack([(low - foot) / along, (high - foot) / along]), axis=0)
+    enter, leave = float(np.max(ends[0])), float(np.min(ends[1]))
+    if not enter < leave:
+        return
+    points = np.array([foot + enter * along, foot + leave * along])
+    axes.plot(*points.T, color=_GREY, linewidth=1.1, linestyle=(0, (4, 3)), zorder=2)
+    first, last = points[np.argsort(points @ np.array([1.0, 0.5]))]
+    axes.text(
+        *(last + 0.07 * (first - last)),
+        name,
+        ha="center",
+        va="center",
+        color="#5A5A5A",
+        fontsize=9,
+        zorder=6,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
+    )
+
+
+def section_axes(points: Array) -> tuple[int, int]:
+    """Return the two world axes in which points (N, 3) spread most, in x, y, z order: the plane to draw.
+
+    Example:
+        >>> section_axes(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 2.0]]))
+        (0, 2)
+    """
+    flattest = int(np.argmin(np.ptp(points, axis=0)))
+    kept = [axis for axis in range(3) if axis != flattest]
+    return kept[0], kept[1]
+
+
+def _skeleton(robot: Robot, q: Array) -> list[tuple[str, Array]]:
+    """Return one polyline (k, 3) a link: from its origin to each joint, and to each pin of a closure, on it."""
+    ends: dict[str, list[Array]] = {name: [] for name in robot.tree.links}
+    for joint in robot.tree.kinematics.joints:
+        ends[joint.parent].append(robot.positions(joint.child, q))
+    for closure in robot.closures:
+        for link, xyz in ((closure.mark.link_a, closure.mark.xyz_a), (closure.mark.link_b, closure.mark.xyz_b)):
+            ends[link].append(robot.positions(link, q, xyz))
+    lines: list[tuple[str, Array]] = []
+    for link, points in ends.items():
+        origin = robot.positions(link, q)
+        lines += [(link, np.array([origin, point])) for point in points if np.linalg.norm(point - origin) > 0.0]
+    return lines
+
+
+def _draw_skeleton(axes: Any, robot: Robot, q: Array, plane: tuple[int, int], colour: str) -> None:
+    for _, line in _skeleton(robot, q):
+        axes.plot(*(1e3 * line[:, list(plane)]).T, color=colour, linewidth=2.2, solid_capstyle="round", zorder=2)
+        axes.plot(*(1e3 * line[:, list(plane)]).T, "o", color=colour, markersize=4.5, markerfacecolor="white", zorder=3)
+
+
+def draw_robot(robot: Robot, q: Array) -> Any:
+    """Draw joints, pins and marked points of a robot at one configuration, seen along its flattest axis."""
+    figure, axes = _figure(8.2, 6.6)
+    marked = {name: _anchors(robot, mark, q) for name, mark in robot.annotations.marks.items()}
+    origins = [robot.positions(link, q) for link in robot.tree.links]
+    plane = section_axes(np.array([*origins, *(end for ends in marked.values() for end in ends)]))
+    _draw_skeleton(axes, robot, q, plane, "#9AA5B1")
+    few = len(robot.boundaries) <= _MOST_NAMES
+    for mark in robot.annotations.marks.values():
+        _draw_mark(axes, mark, marked[mark.name], plane)
+    for index, boundary in enumerate(robot.boundaries):
+        colour = PALETTE[index % len(PALETTE)]
+        ends = _nearest_ends(robot, boundary, q)[:, list(plane)]
+        style, size = "-" if index < len(PALETTE) else "--", 1.0 if few else 0.5
+        axes.plot(
+            *ends.T,
+            style,
+            marker="o",
+            markersize=5 * size,
+            linewidth=1.1 * size,
+            color=colour,
+            label=boundary.name,
+            zorder=4,
+        )
+        for point, place in zip((boundary.point_a, boundary.point_b), ends, strict=True) if few else ():
+            axes.annotate(
+                point.name, place, xytext=(4, 4), textcoords="offset points", color=colour, fontsize=8, zorder=5
+            )
+    labels = "xyz"
+    axes.set_xlabel(f"{labels[plane[0]]} [mm]")
+    axes.set_ylabel(f"{labels[plane[1]]} [mm]")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_title(f"{robot.name} at home, with its marks and their nearest points", loc="left")
+    if len(robot.boundaries) and few:
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    return without_math(figure)
+
+
+def _anchors(robot: Robot, mark: Mark, q: Array) -> list[Array]:
+    """Return where the vertices of a mark are; of a line and a plane a stretch of 0.1 m, [m]."""
+    shape = mark.shape
+    local = shape.vertices if shape.normal is None else shape.origin + np.outer((0.0, _STRETCH), shape.normal)
+    return list(_in_root(robot, mark.link, q, local))
+
+
+def _draw_mark(axes: Any, mark: Mark, places: list[Array], plane: tuple[int, int]) -> None:
+    """Draw what a mark covers, seen along the third axis: the hull of its corners, its radius around it."""
+    if mark.shape.is_unbounded:
+        axes.plot(*(1e3 * np.array(places)[:, list(plane)]).T, color="#333333", linewidth=2.0, zorder=3)
+        return
+    shape = gis.MultiPoint(1e3 * np.array(places)[:, list(plane)]).convex_hull.buffer(1e3 * mark.shape.radius)
+    if shape.area > 0.0:
+        axes.fill(*shape.exterior.xy, facecolor="#9AA5B1", edgecolor="#5B6770", linewidth=0.8, alpha=0.25, zorder=1)
+    elif shape.length > 0.0:
+        axes.plot(*shape.xy, color="#5B6770", linewidth=2.0, alpha=0.5, zorder=1)
+
+
+def _nearest_ends(robot: Robot, boundary: Boundary, q: Array) -> Array:
+    """Return where the marks of a boundary are nearest, (2, 3) [mm], in the root link's frame."""
+    return 1e3 * _in_root(robot, boundary.ancestor, q, boundary.nearest_points(q))
+
+
+def _in_root(robot: Robot, link: str, q: Array, points: Array) -> Array:
+    """Return points (k, 3) of a link's frame in the root link's."""
+    centre, *axes = (robot.positions(link, q, xyz) for xyz in np.vstack((np.zeros(3), np.eye(3))).tolist())
+    found: Array = centre + points @ (np.array(axes) - centre)
+    return found
+
+
+def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:
+    """Draw the image of a region's contour under forward kinematics of a link's origin, edges named."""
+    figure, axes = _figure(8.2, 6.6)
+    contour = [_image(robot, region, edge, frame) for edge in region.edges]
+    home = robot.positions(frame, region.at)
+    outline = np.concatenate(contour)
+    plane = section_axes(outline)
+    keep = list(plane)
+    curves = iter(1e3 * curve[:, keep] for curve in contour)
+    loops = [[next(curves) for _ in loop] for loop in region.loops]
+    _fill(axes, loops)
+    _draw_skeleton(axes, robot, region.at, plane, "#9AA5B1")
+    colours = _colours(region.edges)
+    centre = 1e3 * np.mean(outline[:, keep], axis=0)
+    for edge, curve in zip(region.edges, (curve for loop in loops for curve in loop), strict=True):
+        _draw_edge(axes, edge.name, curve, centre, colours[edge.name])
+    axes.plot(*(1e3 * home[keep]), "s", color="#333333", markersize=7, label=f"{frame} at home", zorder=5)
+    labels = "xyz"
+    axes.set_xlabel(f"{labels[plane[0]]} [mm]")
+    axes.set_ylabel(f"{labels[plane[1]]} [mm]")
+    axes.set_aspect("equal")
+    axes.set_title(f"Where {frame} may be: image of the region's contour", loc="left")
+    axes.legend(loc="upper right", framealpha=1)
+    return without_math(figure)
+
+
+def _image(robot: Robot, region: Region, edge: Edge, frame: str) -> Array:
+    """Return where a link's origin is along one edge, (k, 3) [m]."""
+    Q = np.repeat(region.at[None], _EDGE_SAMPLES, axis=0)
+    columns = [region.robot_coordinates.index(name) for name in region.coordinates]
+    Q[:, columns] = _resample(edge.points, np.linspace(0.0, 1.0, _EDGE_SAMPLES))
+    return robot.positions(frame, Q)

@@ -1,0 +1,198 @@
+"""The HTML report: what a robot's annotations mean, on one page that a person likes to read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinbound import units
+from pinbound.boundaries.boundary import Boundary
+from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
+from pinbound.figures import plots
+from pinbound.region import Region, feasible_region
+from pinbound.robot.robot import Robot
+
+__all__ = ["BoundaryRow", "boundary_rows", "tool_link", "write_report"]
+
+
+@dataclass(frozen=True)
+class BoundaryRow:
+    """What the report says of one boundary.
+
+    Attributes:
+        boundary: The boundary.
+        contact: Effective angle and contact angle, for people.
+        status: ``"active"``: an edge of the region; ``"implied"``: a contact line that edges keep the region away from;
+            ``"not an edge"``: a contact curve elsewhere in the window; ``"no contact here"``: none in the window;
+            ``"constant"``: the same everywhere in the plane; ``"never in contact"``; or ``"no region"``.
+        by: The edges that imply it.
+        slack: How far the region stays away from a contact that is no edge: [deg], in a plane of prismatic joints [mm];
+            NaN if there is none, or the plane mixes both.
+        unit: Of the slack: ``"°"`` or ``" mm"``.
+    """
+
+    boundary: Boundary
+    contact: str
+    status: str
+    by: tuple[str, ...]
+    slack: float
+    unit: str = "°"
+
+    @property
+    def where(self) -> str:
+        """What the boundary is to the region, for people."""
+        away = f"{self.slack:.4f}{self.unit} away" if np.isfinite(self.slack) else ""
+        if self.status == "active":
+            return "an edge"
+        if self.status == "implied":
+            return f"implied by {' and '.join(self.by)}" + (f", {away}" if away else "")
+        return self.status + (f": {away}" if away else "")
+
+
+def boundary_rows(robot: Robot, region: Region | None) -> list[BoundaryRow]:
+    """Return one row a boundary: contact, an edge or not, and what implies it."""
+    supports = region.supports() if region is not None else {}
+    edges = {edge.source for edge in region.edges} if region is not None else set[str]()
+    rows: list[BoundaryRow] = []
+    for boundary in robot.boundaries:
+        contact = boundary.contact
+        if contact is None and boundary.contacts:
+            strips = [f"{np.degrees(c.angle):.6f} ± {np.degrees(c.half_width or 0.0):.6f}" for c in boundary.contacts]
+            text, status = f"{boundary.contacts[0].text} = {' and '.join(strips)}°", "no region"
+        elif contact is None:
+            text, status = "a curve", "no region"
+        elif contact.half_width is None:
+            text, status = f"never: |r| ≥ {1e3 * contact.smallest:.3f} mm", "never in contact"
+        else:
+            width = f" ± {np.degrees(contact.half_width):.6f}" if contact.half_width else ""
+            text, status = f"{contact.text} = {np.degrees(contact.angle):.9f}{width}°", "no region"
+        by, slack, unit = (), np.nan, "°"
+        if region is not None and status != "never in contact":
+            found = supports.get(boundary.name)
+            by = found.by if found and boundary.name not in edges else ()
+            if boundary.name in edges:
+                status = "active"
+            elif found is not None:
+                status = "implied" if by else "not an edge"
+                metres = region.units == ("m", "m")
+                slack, unit = (1e3 * found.slack, " mm") if metres else (float(np.degrees(found.slack)), "°")
+            else:
+                moves = set(boundary.coordinates) & set(region.coordinates)
+                status = "no contact here" if moves else "constant"
+        rows.append(BoundaryRow(boundary, text, status, by, slack, unit))
+    return rows
+
+
+def tool_link(robot: Robot, frame: str | None = None) -> str:
+    """Return the link whose origin the workspace figure shows: the given one, or the deepest leaf.
+
+    Raises:
+        UnknownNameError: If there is no such link.
+
+    Example:
+        >>> import pinbound as pb
+        >>> tool_link(pb.load("minervabot_v3"))
+        'link_6'
+    """
+    if frame is not None and frame not in robot.tree.links:
+        raise UnknownNameError("link", frame, robot.tree.links)
+    return frame or max(robot.tree.walk(), key=lambda step: step[2])[0].name
+
+
+def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Path, list[BoundaryRow]]:
+    """Write `index.html` and its figures (SVG and PNG) into a folder.
+
+    Args:
+        robot: The robot.
+        out: The folder; made if it is not there. Files of the same names are replaced, others are left alone.
+        frame: The link whose origin is the tool point; the deepest leaf by default.
+
+    Returns:
+        The page, and the rows of its boundary table.
+    """
+    import jinja2
+
+    tool = tool_link(robot, frame)
+    region, reason = _region(robot)
+    out.mkdir(parents=True, exist_ok=True)
+    figures = {"robot": plots.draw_robot(robot, robot.home)}
+    if region is not None:
+        figures["region"] = plots.draw_region(region, _in_plane(region, robot.home), _implied_lines(robot, region))
+        figures["workspace"] = plots.draw_workspace(robot, region, tool)
+    for name, figure in figures.items():
+        plots.save(figure, out / name)
+    rows = boundary_rows(robot, region)
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("pinbound"), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    samples = np.random.default_rng(0).uniform(*_sampling_box(robot), (10_000, len(robot.coordinates)))
+    page = environment.get_template("report.html.j2").render(
+        robot=robot,
+        region=region,
+        reason=reason,
+        rows=rows,
+        tool=tool,
+        tree=list(_tree_rows(robot)),
+        formulas={boundary.name: _formulas(boundary) for boundary in robot.boundaries},
+        residuals=dict(
+            zip((c.name for c in robot.closures), robot.closure_residuals(samples).max(axis=0), strict=True)
+        ),
+        amount=units.amount,
+        units=units.names(region.units) if region else (),
+        area_unit=units.area_name(region.area_unit) if region else "",
+        shown=partial(units.shown, units=region.units if region else ()),
+    )
+    target = out / "index.html"
+    target.write_text(page, encoding="utf-8")
+    return target, rows
+
+
+def _region(robot: Robot) -> tuple[Region | None, str]:
+    try:
+        return feasible_region(robot), ""
+    except (DimensionError, UnsupportedError) as error:
+        return None, str(error)
+
+
+def _in_plane(region: Region, q: Any) -> Any:
+    return q[[region.robot_coordinates.index(name) for name in region.coordinates]]
+
+
+def _implied_lines(robot: Robot, region: Region) -> list[tuple[str, Any, float]]:
+    """Return the contact lines that are implied: name, normal in the plane, value [rad]."""
+    supports = region.supports()
+    names = {b.name for b in robot.boundaries if b.name in supports and supports[b.name].by}
+    nearest: dict[str, tuple[float, Any, float]] = {}
+    for plane in region.planes:
+        slack = plane.bound - float(np.max(region.vertices @ plane.normal))
+        if plane.name in names and slack < nearest.get(plane.name, (np.inf, None, 0.0))[0]:
+            nearest[plane.name] = (slack, plane.normal, plane.bound)
+    return [(name, normal, bound) for name, (_, normal, bound) in nearest.items()]
+
+
+def _sampling_box(robot: Robot) -> tuple[Any, Any]:
+    return np.clip(robot.lower, -2 * np.pi, 2 * np.pi), np.clip(robot.upper, -2 * np.pi, 2 * np.pi)
+
+
+def _tree_rows(robot: Robot) -> Iterator[tuple[int, str, str, str]]:
+    """Yield depth, link, joint and what moves it, depth first."""
+    for link, joint, depth in robot.tree.walk():
+        moves = ""
+        if joint is not None:
+            moves = robot.coupling.text(joint.name) if joint.moves else joint.type
+        helper = " (helper)" if link.name in robot.tree.helpers else ""
+        yield depth, link.name + helper, "" if joint is None else joint.name, moves
+
+
+def _formulas(boundary: Boundary) -> dict[str, tuple[str, ...]]:
+    """Return MathML components of the paper's form, and of the minimal form where it differs."""
+    from pinbound.evaluate import symbolic
+
+    ancestor, minimal = boundary.expression("ancestor"), boundary.expression()
+    formulas = {f"in {boundary.ancestor}": symbolic.mathml(ancestor)}
+    return formulas if ancestor == minimal else formulas | {"minimal": symbolic.mathml(minimal)}

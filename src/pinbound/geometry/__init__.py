@@ -1,0 +1,1 @@
+"""Nearest points of convex hulls: knows no robot."""

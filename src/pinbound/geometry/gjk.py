@@ -1,0 +1,191 @@
+"""The point of a convex body nearest to the origin, known by its support function alone.
+
+The algorithm of Gilbert, Johnson and Keerthi (1988): v is the point nearest to the origin of the hull of up to four
+corners, and the next corner s(v) is the furthest of the body against v. With it
+
+    v . s(v) / |v| <= distance <= |v|,
+
+so that every answer carries its own proof: the search ends when both sides agree to rounding. `docs/hulls.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.geometry.exact_nearest import nearest_exactly
+from pinbound.tolerances import UNIT_ROUNDOFF
+
+__all__ = ["AGREE", "INSIDE", "MOST_ROUNDS", "nearest_vertices", "reach", "search", "settled"]
+
+Array = NDArray[np.float64]
+Support = Callable[[Array, NDArray[np.intp]], tuple[Array, Array, Array]]
+
+MOST_ROUNDS = 60
+AGREE = 8.0 * UNIT_ROUNDOFF  # relative to the furthest corner: both bounds differ by no more
+INSIDE = 1e-8  # relative to four corners: further from the origin, what they say of it is rounding of a flat body
+_FIRST, _SECOND = np.array(list(combinations(range(4), 2))).T  # corners of the six edges
+_FACES = np.array(list(combinations(range(4), 3)))  # of the four faces
+_FEATURES = 14
+
+
+def nearest_vertices(w: Array, directions: Array, corners: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return t (N, m) at which `|w + sum_i t_i e_i|` is least, and a proven lower bound of that distance (N,).
+
+    t runs over the product of two convex hulls: its first m_a entries over the hull of the rows of `corners[0]`, the
+    others over that of the rows of `corners[1]`. The bound is zero or less if the origin is inside; minus it is then
+    the radius of a ball around the origin that is inside, too.
+
+    Args:
+        w: (N, 3).
+        directions: (m, N, 3), the e_i.
+        corners: (k_a, m_a) and (k_b, m_b), m_a + m_b = m.
+
+    Example:
+        >>> w, axes = np.array([[2.0, 0.25, 0.25]]), np.repeat(np.eye(3)[:, None], 1, axis=1)
+        >>> tetrahedron = np.array([[0.0, 0, 0], [-1.0, 0, 0], [0, -1.0, 0], [0, 0, -1.0]])
+        >>> t, bound = nearest_vertices(w, axes, (tetrahedron, np.zeros((1, 0))))
+        >>> t.round(9).tolist(), bound.round(9).tolist()
+        ([[-1.0, 0.0, 0.0]], [1.06066...])
+    """
+    a, b = corners
+    split = a.shape[1]
+
+    def support(v: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+        base, ways = w[rows], directions[:, rows]
+        along = np.einsum("kni,ni->nk", ways, v)
+        first, second = along[:, :split] @ a.T, along[:, split:] @ b.T
+        corner = np.hstack((a[np.argmin(first, axis=1)], b[np.argmin(second, axis=1)]))
+        x = base + np.einsum("nk,kni->ni", corner, ways)
+        return x, np.einsum("ni,ni->n", x, v), corner
+
+    middle = np.concatenate((a.mean(axis=0), b.mean(axis=0)))
+    start = w + np.einsum("k,kni->ni", middle, directions)
+    scale = reach(w, directions, corners)
+    return settled(w, directions, corners, *search(w, directions, support, start, scale))
+
+
+def settled(w: Array, directions: Array, corners: tuple[Array, Array], t: Array, bound: Array) -> tuple[Array, Array]:
+    """Return t and bound of a search, those t in whole numbers that the search has not proven: slivers that touch."""
+    scale = reach(w, directions, corners)
+    with np.errstate(invalid="ignore"):
+        length = np.linalg.norm(w + np.einsum("nk,kni->ni", t, directions), axis=1)
+        rough = (length - np.maximum(bound, 0.0) > AGREE * scale) & ~((bound < 0.0) & (length <= AGREE * scale))
+    for row in np.flatnonzero(rough).tolist():
+        t[row] = nearest_exactly(w[row], directions[:, row], corners)
+    return t, bound
+
+
+def reach(w: Array, directions: Array, corners: tuple[Array, Array]) -> Array:
+    """Return a bound of `|w + sum_i t_i e_i|` over all t (N,): what rounding is relative to."""
+    lengths = np.linalg.norm(directions, axis=2)
+    split = corners[0].shape[1]
+    sides = zip((lengths[:split], lengths[split:]), corners, strict=True)
+    return np.linalg.norm(w, axis=1) + sum((np.abs(c) @ part).max(axis=0) for part, c in sides)
+
+
+def search(w: Array, ways: Array, support: Support, start: Array, scale: Array) -> tuple[Array, Array]:
+    """Return the least t (N, k), and a proven lower bound of the distance (N,), zero or less if the origin is inside.
+
+    Args:
+        w: (N, 3).
+        ways: (k, N, 3).
+        support: Takes v (n, 3) of some rows, and which rows they are (n,), and returns the corner furthest against v
+            (n, 3), its product with v (n,), and its t (n, k).
+        start: (N, 3) the first direction to look against.
+        scale: (N,) what rounding is relative to.
+    """
+    count, k = len(w), len(ways)
+    t, bound = np.zeros((count, k)), np.full(count, np.nan)
+    rows = np.flatnonzero(np.all(np.isfinite(w), axis=1) & np.all(np.isfinite(ways), axis=(0, 2)))
+    points, corners = np.zeros((count, 4, 3)), np.zeros((count, 4, k))
+    used = np.zeros((count, 4), dtype=np.bool_)
+    v, shortest = start.copy(), np.full(count, np.inf)
+    bound[rows] = 0.0
+    for _ in range(MOST_ROUNDS):
+        if not len(rows):
+            break
+        x, towards, corner = support(v[rows], rows)
+        length = np.sqrt(np.einsum("ni,ni->n", v[rows], v[rows]))
+        below = np.divide(towards, length, out=np.zeros_like(length), where=length > 0.0)
+        bound[rows] = np.maximum(bound[rows], below)
+        known = np.all(corners[rows] == corner[:, None], axis=2) & used[rows]  # no further corner: v is the nearest
+        agree = length - np.maximum(below, 0.0) <= AGREE * scale[rows]  # zero to rounding has no direction to look in
+        stalled = length >= shortest[rows] * (1.0 - AGREE)  # the corner is new by rounding alone
+        has_corners = used[rows].any(axis=1)
+        done = np.any(known, axis=1) | (has_corners & (agree | stalled))
+        shortest[rows[has_corners]] = length[has_corners]
+        rows, x, corner = rows[~done], x[~done], corner[~done]
+        if not len(rows):
+            break
+        slot = np.argmin(used[rows], axis=1)
+        points[rows, slot], corners[rows, slot], used[rows, slot] = x, corner, True
+        weights, depth = _nearest_in_hull(points[rows], used[rows])
+        inside = depth > 0.0
+        used[rows] = weights > 0.0
+        v[rows] = np.einsum("ns,nsi->ni", weights, points[rows])
+        t[rows] = np.einsum("ns,nsk->nk", weights, corners[rows])
+        bound[rows[inside]] = -depth[inside]
+        rows = rows[~inside]
+    return t, bound
+
+
+def _nearest_in_hull(points: Array, used: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return the weights (N, 4) of the hull's point nearest to the origin, and how deep inside four it lies (N,).
+
+    The point is the nearest of a corner, an edge or a face: all fourteen are tried at once.
+    """
+    count = len(points)
+    weights = np.zeros((count, _FEATURES, 4))
+    weights[:, :4] = np.eye(4)
+    valid = np.empty((count, _FEATURES), dtype=np.bool_)
+    valid[:, :4] = used
+    a, along = points[:, _FIRST], points[:, _SECOND] - points[:, _FIRST]
+    square = _dot(along, along)
+    t = np.divide(-_dot(a, along), square, out=np.full_like(square, -1.0), where=square > 0.0)
+    edges = np.arange(4, 10)
+    weights[:, edges, _FIRST], weights[:, edges, _SECOND] = 1.0 - t, t
+    valid[:, 4:10] = used[:, _FIRST] & used[:, _SECOND] & (t >= 0.0) & (t <= 1.0)
+    a, b, c = (points[:, _FACES[:, corner]] for corner in range(3))
+    n = _cross(b - a, c - a)
+    areas = np.stack((_dot(n, _cross(b, c)), _dot(n, _cross(c, a)), _dot(n, _cross(a, b))), axis=2)
+    square = areas.sum(axis=2, keepdims=True)  # |n|^2 but for rounding, with which a sliver's weights would not add up
+    shares = np.divide(areas, square, out=np.full_like(areas, -1.0), where=square > 0.0)
+    weights[:, np.arange(10, 14)[:, None], _FACES] = shares
+    valid[:, 10:] = used[:, _FACES].all(axis=2) & (shares >= 0.0).all(axis=2)
+    r = weights @ points
+    best = np.argmin(np.where(valid, _dot(r, r), np.inf), axis=1)
+    chosen = weights[np.arange(count), best]
+    deep = np.zeros(count)
+    full = np.flatnonzero(used.all(axis=1))
+    if len(full):
+        found, depth = _tetrahedron(points[full])
+        r = np.einsum("ns,nsi->ni", found, points[full])
+        near = np.sqrt(_dot(r, r)) <= INSIDE * np.linalg.norm(points[full], axis=2).max(axis=1)
+        inside = np.all(found > 0.0, axis=1) & (depth > 0.0) & near
+        deep[full[inside]], chosen[full[inside]] = depth[inside], found[inside]
+    return chosen, deep
+
+
+def _tetrahedron(points: Array) -> tuple[Array, Array]:
+    """Return barycentric coordinates (N, 4) of the origin, negative where all is flat, and its depth inside."""
+    a, b, c = (points[:, _FACES[::-1, corner]] for corner in range(3))  # the face without corner 0, 1, 2, 3
+    volume = _dot(a, _cross(b, c)) * np.array([1.0, -1.0, 1.0, -1.0])
+    normal = _cross(b - a, c - a)
+    area = np.sqrt(_dot(normal, normal))
+    depth = np.divide(np.abs(volume), area, out=np.zeros_like(area), where=area > 0.0).min(axis=1)
+    total = volume.sum(axis=1, keepdims=True)
+    return np.divide(volume, total, out=np.full_like(volume, -1.0), where=np.abs(total) > 0.0), depth
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+
+
+def _cross(a: Array, b: Array) -> Array:
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack((y * w - z * v, z * u - x * w, x * v - y * u), axis=-1)

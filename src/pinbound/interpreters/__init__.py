@@ -1,1 +1,0 @@
-"""Interpreters of the reduced relative path: one question each, none knows another."""

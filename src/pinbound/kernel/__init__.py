@@ -1,0 +1,22 @@
+"""The batch kernel: norms, clearances, gradients and smallest clearances of a whole set, at the speed of the hardware.
+
+`scalars` and `program` say what is computed, once for the set; `source` and `compiled` turn that into machine code by
+Numba (`pip install pinbound[fast]`), which `object_cache` keeps for later processes; `vectorised` runs it in NumPy
+where there is no Numba, or too little work to compile for; `engine` chooses.
+"""
+
+from pinbound.kernel.engine import BACKENDS, Backend, Kernel, check_choices
+from pinbound.kernel.mixed import MixedKernel, kernel_of
+from pinbound.kernel.program import CommonMark, Pair, Reference
+
+__all__ = [
+    "BACKENDS",
+    "Backend",
+    "CommonMark",
+    "Kernel",
+    "MixedKernel",
+    "Pair",
+    "Reference",
+    "check_choices",
+    "kernel_of",
+]

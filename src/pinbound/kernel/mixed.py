@@ -1,0 +1,194 @@
+"""A set in which the nearest points of some boundaries are searched for: hulls, boxes, prisms.
+
+The search is no straight line of code: it has machine code of its own (`hulls`), or is done by the reference
+interpreter where there is no Numba, or too little to do. All other boundaries of the set run in the kernel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.kernel.engine import (
+    Backend,
+    Kernel,
+    buffer,
+    check_choices,
+    in_threads,
+    notice_without_numba,
+    real,
+    representable,
+)
+from pinbound.kernel.hulls import HullTables, is_ready, prepare_hulls, tables_of
+from pinbound.kernel.program import CommonMark, Pair, Reference
+from pinbound.machine.compiled import has_numba
+from pinbound.path.relative import Form
+from pinbound.tolerances import LONGEST
+
+__all__ = ["MixedKernel", "kernel_of"]
+
+Array = NDArray[Any]
+
+_WORTH_LOADING, _WORTH_COMPILING = 1_000, 300_000
+"""Searches, pairs times rows, from which loading machine code (20 ms), or compiling it (some seconds), pays."""
+
+_FARTHEST = 1e300
+"""Larger coordinates, whose sums may overflow, are taken from the reference."""
+
+
+def kernel_of(
+    pairs: Sequence[Pair],
+    n: int,
+    reference: Reference,
+    common: Callable[[], Mapping[str, CommonMark] | None],
+) -> Kernel | MixedKernel:
+    """Return the kernel of a set; arguments as for `Kernel`."""
+    searched = [not _is_straight(pair) for pair in pairs]
+    if not any(searched):
+        return Kernel(pairs, n, reference, common)
+    easy = [pair for pair, is_searched in zip(pairs, searched, strict=True) if not is_searched]
+    return MixedKernel(Kernel(easy, n, reference, common), tuple(pairs), np.flatnonzero(searched))
+
+
+def _is_straight(pair: Pair) -> bool:
+    """Return whether the separation is an expression: closed forms over t in [0, 1] alone."""
+    return pair.path.form is not Form.SEARCHED and pair.path.swept.is_zonotope
+
+
+class MixedKernel:
+    """Evaluates a set as `Kernel` does, the nearest points of some of its boundaries by a search."""
+
+    def __init__(self, kernel: Kernel, pairs: tuple[Pair, ...], searched: NDArray[np.intp]) -> None:
+        """Hold the kernel of all pairs but those at the places `searched`."""
+        self.kernel, self.pairs, self.searched = kernel, pairs, searched
+        self.n = kernel.n
+        self._compiled = np.setdiff1d(np.arange(len(pairs)), searched)
+        self._searches = 0
+
+    @cached_property
+    def thresholds(self) -> NDArray[np.float64]:
+        """(m,) [m]."""
+        return np.array([pair.threshold for pair in self.pairs])
+
+    @cached_property
+    def _hulls(self) -> HullTables | None:
+        """The searched boundaries as tables; None if some are no rigid bodies to the search."""
+        return tables_of(self._searched_pairs, self.n)
+
+    @cached_property
+    def _searched_pairs(self) -> list[Pair]:
+        return [self.pairs[int(k)] for k in self.searched]
+
+    @cached_property
+    def _farthest(self) -> NDArray[np.float64]:
+        """(n,) the largest |q_j| that machine code may take: no square of a slide overflows."""
+        sums = [np.linalg.norm(pair.minimal.slides, axis=1).sum(axis=0) for pair in self._searched_pairs]
+        rates = np.max(np.array(sums).reshape(-1, self.n), axis=0, initial=0.0)
+        return np.where(rates > 0.0, LONGEST / (self.n * np.maximum(rates, 1e-100)), _FARTHEST)
+
+    def one(self, q: NDArray[np.float64], mode: Literal["norms", "clearances"]) -> NDArray[np.float64] | None:
+        """Return norms or clearances (m,) of one configuration."""
+        return self.rows(q[None], mode)[0]
+
+    def prepare(self, mode: str = "norms", dtype: Any = np.float64) -> str:
+        """Compile or load a mode now, and return the backend that it will run on."""
+        chosen = self.kernel.prepare(mode, dtype) if len(self._compiled) else "compiled"
+        if self._hulls is None or not has_numba():
+            return chosen if len(self._compiled) else "numpy"
+        prepare_hulls()
+        return chosen
+
+    def _runs_compiled(self, rows: int, backend: Backend) -> bool:
+        """Count searches, and say whether they go to machine code."""
+        if backend == "numpy" or not rows or self._hulls is None:
+            return False
+        self._searches += rows * len(self.searched)
+        if backend == "compiled":
+            return True
+        if self._searches >= _WORTH_COMPILING:
+            notice_without_numba()
+        worth = self._searches >= _WORTH_COMPILING or (self._searches >= _WORTH_LOADING and is_ready())
+        return has_numba() and worth
+
+    def _search(self, Q: NDArray[np.float64], mode: str, threads: int, backend: Backend) -> tuple[Array, Array]:
+        """Return what `mode` asks of the searched boundaries, one row a configuration, and places for smallest ones."""
+        found, places = np.empty((0, 0)), np.zeros(len(Q), dtype=np.int64)
+        bad: NDArray[np.intp] = np.arange(len(Q))
+        if self._runs_compiled(len(Q), backend) and self._hulls is not None:
+            tables, data = self._hulls, np.require(Q, np.float64, ["C", "A"])
+            width = len(self.searched) * (self.n if mode == "gradients" else 1)
+            found = np.empty((len(Q), 1 if mode == "smallest" else width))
+
+            def work(lo: int, hi: int) -> int:
+                return tables.run(data[lo:hi], mode, found[lo:hi], places[lo:hi])
+
+            used = list(tables.columns)
+            in_threads(work, len(Q), threads)
+            bad = np.flatnonzero(~np.all(np.abs(Q[:, used]) <= self._farthest[used], axis=1))
+            if not len(bad):
+                return found, places
+        with np.errstate(over="ignore", invalid="ignore"):
+            rows = [self._by_reference(pair, Q[bad], mode) for pair in self._searched_pairs]
+        if mode == "smallest":
+            clearances = np.column_stack(rows)
+            index = np.argmin(clearances, axis=1)  # the first NaN, if there is one
+            values, places[bad] = clearances[np.arange(len(bad)), index][:, None], index
+        else:
+            values = np.stack(rows, axis=1).reshape(len(bad), -1)
+        if len(bad) == len(Q):
+            return values, places
+        found[bad] = values
+        return found, places
+
+    def _by_reference(self, pair: Pair, Q: NDArray[np.float64], mode: str) -> NDArray[np.float64]:
+        reference = self.kernel.reference
+        if mode == "gradients":
+            return reference.gradients(pair.path, Q)
+        return reference.norms(pair.path, Q) - (0.0 if mode == "norms" else pair.threshold)
+
+    def rows(
+        self,
+        Q: NDArray[np.float64],
+        mode: Literal["norms", "clearances", "gradients"],
+        out: Array | None = None,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> Array:
+        """Return norms or clearances (N, m), or gradients (N, m, n)."""
+        m = len(self.pairs)
+        shape = (len(Q), m, self.n) if mode == "gradients" else (len(Q), m)
+        check_choices(threads, backend)
+        kind = real(dtype)
+        result = buffer(out, shape, kind, columns=mode != "gradients", source=Q)
+        if len(self._compiled):
+            result[:, self._compiled] = self.kernel.rows(Q, mode, None, threads, backend, dtype)
+        found, _ = self._search(representable(Q, kind), mode, threads, backend)
+        result[:, self.searched] = found.reshape(len(Q), len(self.searched), *shape[2:])
+        return result
+
+    def smallest(
+        self,
+        Q: NDArray[np.float64],
+        with_index: bool = True,
+        out: Array | None = None,
+        threads: int = 1,
+        backend: Backend = "auto",
+        dtype: Any = np.float64,
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """Return each row's smallest clearance (N,) and which boundary has it (N,); NaN and -1 if one is NaN."""
+        least, index = self.kernel.smallest(Q, with_index, out, threads, backend, dtype)
+        if with_index:
+            index = np.where(index < 0, -1, np.append(self._compiled, -1)[index])
+        found, places = self._search(representable(Q, real(dtype)), "smallest", threads, backend)
+        clearance = found[:, 0]
+        smaller = ~(clearance >= least) & ~np.isnan(least)  # a NaN is taken, and stays
+        np.copyto(least, clearance, where=smaller, casting="same_kind")
+        if with_index:
+            index = np.where(smaller, self.searched[places], index)
+            index[np.isnan(least)] = -1
+        return least, index

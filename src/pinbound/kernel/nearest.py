@@ -1,0 +1,91 @@
+"""The nearest points of segments as scalar nodes: `closest.nearest`, candidate by candidate, without a branch.
+
+The parameters t are *held*: where they are least, the distance does not change with them to first order, or they cannot
+change, so that a derivative of the vector takes them for constants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pinbound.kernel.scalars import Graph, Vector
+
+__all__ = ["cross", "lowest", "nearest"]
+
+
+def nearest(g: Graph, w: Vector, ways: Sequence[Vector], squares: Sequence[int] | None = None) -> Vector:
+    """Return `w + sum_i t_i e_i` at the t in [0, 1] at which it is shortest.
+
+    Args:
+        g: The graph.
+        w: The vector where all t are zero.
+        ways: None, one or two e_i.
+        squares: Nodes of `|e_i|^2` where they are known beforehand, as the lengths of segments are.
+    """
+    if not ways:
+        return w
+    sizes = [g.dot(e, e) for e in ways] if squares is None else squares
+    if len(ways) == 1:
+        return _along(g, w, g.hold(_foot(g, w, ways[0], sizes[0])), ways[0])
+    (first, second), zero, one = ways, g.constant(0.0), g.constant(1.0)
+    far_first, far_second = _sum(g, w, first), _sum(g, w, second)
+    candidates = [
+        (zero, _foot(g, w, second, sizes[1])),
+        (one, _foot(g, far_first, second, sizes[1])),
+        (_foot(g, w, first, sizes[0]), zero),
+        (_foot(g, far_second, first, sizes[0]), one),
+        _inside(g, w, (first, second), sizes),
+    ]
+    s, t, least = zero, zero, zero
+    for index, (s_new, t_new) in enumerate(candidates):
+        r = _along(g, _along(g, w, s_new, first), t_new, second)
+        square = g.dot(r, r)
+        s = g.pick(square, least, s_new, s) if index else s_new
+        t = g.pick(square, least, t_new, t) if index else t_new
+        least = g.pick(square, least, square, least) if index else square
+    return _along(g, _along(g, w, g.hold(s), first), g.hold(t), second)
+
+
+def lowest(g: Graph, height: int, ways: Sequence[int]) -> int:
+    """Return `height + sum_i t_i e_i` at the t in [0, 1] at which it is least: 0 or 1."""
+    zero = g.constant(0.0)
+    return g.total([height, *(g.pick(e, zero, e, zero) for e in ways)])
+
+
+def cross(g: Graph, a: Vector, b: Vector) -> Vector:
+    """Return a x b."""
+    x, y, z = (g.sub(g.mul(a[i], b[j]), g.mul(a[j], b[i])) for i, j in ((1, 2), (2, 0), (0, 1)))
+    return x, y, z
+
+
+def _inside(g: Graph, w: Vector, ways: tuple[Vector, Vector], sizes: Sequence[int]) -> tuple[int, int]:
+    first, second = ways
+    n = cross(g, first, second)
+    s = _cut(g, g.sub(g.constant(0.0), g.dot(cross(g, w, second), n)), g.dot(n, n))
+    t = _foot(g, _along(g, w, s, first), second, sizes[1])
+    s = _foot(g, _along(g, w, t, second), first, sizes[0])
+    return s, _foot(g, _along(g, w, s, first), second, sizes[1])
+
+
+def _foot(g: Graph, w: Vector, way: Vector, size: int) -> int:
+    return _cut(g, g.sub(g.constant(0.0), g.dot(w, way)), size)
+
+
+def _cut(g: Graph, above: int, below: int) -> int:
+    """Return the quotient cut to [0, 1]; 0 where the denominator is."""
+    zero, one = g.constant(0.0), g.constant(1.0)
+    if g.value_of(below) == 0.0:
+        return zero
+    if g.value_of(below) is None:
+        above, below = g.pick(zero, below, above, zero), g.pick(zero, below, below, one)
+    quotient = g.div(above, below)
+    return g.pick(quotient, zero, zero, g.pick(one, quotient, one, quotient))
+
+
+def _along(g: Graph, w: Vector, t: int, way: Vector) -> Vector:
+    x, y, z = (g.add(a, g.mul(t, b)) for a, b in zip(w, way, strict=True))
+    return x, y, z
+
+
+def _sum(g: Graph, a: Vector, b: Vector) -> Vector:
+    return g.add(a[0], b[0]), g.add(a[1], b[1]), g.add(a[2], b[2])

@@ -1,0 +1,39 @@
+"""What a set is asked for as nodes of one graph: separations less a threshold, with square roots, and their gradients.
+
+A program ends at squares, because each backend takes roots in its own way. Exporters want the answer itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from pinbound.kernel.program import CommonMark, Pair, compile_program
+from pinbound.kernel.scalars import Graph
+
+__all__ = ["MOST_WAYS", "separation_nodes"]
+
+MOST_WAYS = 2
+"""Ways of a pair whose nearest points have a closed form; with more, they are searched for."""
+
+
+def separation_nodes(
+    pairs: Sequence[Pair], n: int, common: Callable[[], Mapping[str, CommonMark] | None]
+) -> tuple[Graph, list[int], list[list[int]]]:
+    """Return a graph, the nodes of `separation - threshold` (m,), and of its gradients (m, n).
+
+    Where a distance is zero the gradient is 0 / 0.
+
+    Args:
+        pairs: The boundaries, all of closed form.
+        n: Number of active coordinates.
+        common: As for `kernel_of`.
+    """
+    program = compile_program(pairs, n, common() if len(pairs) > 1 else None)
+    graph, values, slopes = program.graph, list[int](), list[list[int]]()
+    for square, signed, threshold, raw in zip(
+        program.squares, program.signed, program.thresholds, program.gradients(), strict=True
+    ):
+        separation = square if signed else graph.sqrt(square)
+        values.append(graph.sub(separation, graph.constant(threshold)))
+        slopes.append(raw if signed else [graph.div(slope, separation) for slope in raw])
+    return graph, values, slopes

@@ -1,0 +1,145 @@
+"""All contacts along one coordinate that only slides a swept path: at most one interval, since the distance is convex.
+
+With the other coordinates held, `r(x, t) = w + d x + sum_i t_i e_i`. The set of all r is convex in (x, t) together, so
+that the distance `f(x) = min_t |r(x, t)|` is a convex function of x, and contact, `f <= T`, is one interval or nothing.
+f is least where r is nearest to the line along d: with P the projection across d,
+
+    m = min_t |P (w + sum_i t_i e_i)|,     x* = -d . (w + sum_i t*_i e_i) / |d|^2.
+
+From outside, Newton's steps `x - (f - T) / f'` never pass the end of the contact, since a convex function lies above
+its tangents; the last bits are halved. A height above a plane is affine in x. No window is needed. `docs/segments.md`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.evaluate import closest, numeric, separation
+from pinbound.evaluate.closest import nearest
+from pinbound.geometry import gjk
+from pinbound.path.relative import RelativePath
+from pinbound.tolerances import CONTOUR_ROUNDING, REDUCTION, UNIT_ROUNDOFF
+
+__all__ = ["intervals", "only_slides"]
+
+Array = NDArray[np.float64]
+
+_MOST_STEPS = 60  # of Newton; each bend of f costs one or two
+_MOST_HALVINGS = 64
+
+
+def only_slides(path: RelativePath, index: int) -> bool:
+    """Return whether a coordinate turns no rotation of the path: it slides it, or does not change it."""
+    return not np.any(path.minimal.coefficients[:, index])
+
+
+def intervals(path: RelativePath, index: int, Q: Array, threshold: float) -> Array:
+    """Return the free intervals (N, 2, 2) of coordinate `index`, the others as in Q (N, n); NaN where there are fewer.
+
+    Ends are contacts, known to the last bits, or infinite.
+
+    Args:
+        path: A path whose coordinate `index` turns nothing.
+        index: The coordinate.
+        Q: (N, n) finite.
+        threshold: T, up to which there is contact [m].
+    """
+    rest = Q.copy()
+    rest[:, index] = 0.0
+    w, ways = separation.measured(path, rest)
+    d = numeric.derivative(path.minimal, rest)[:, :, index]
+    if path.across is not None:
+        d = d @ path.across.T
+    speed = np.linalg.norm(d, axis=1)
+    moves = speed > REDUCTION
+    found = np.full((len(Q), 2, 2), np.nan)
+    if path.is_signed:
+        t = closest.lowest(ways, path.swept.corners)
+        height, rate = w[:, 0] + np.einsum("nk,kn->n", t, ways[:, :, 0]), d[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            end = (threshold - height) / rate
+        found[moves & (rate > 0.0), 0] = np.stack((end, np.full_like(end, math.inf)), axis=1)[moves & (rate > 0.0)]
+        found[moves & (rate < 0.0), 0] = np.stack((np.full_like(end, -math.inf), end), axis=1)[moves & (rate < 0.0)]
+        found[~moves & (height > threshold), 0] = -math.inf, math.inf
+        return found
+    unit = np.divide(d, speed[:, None], out=np.zeros_like(d), where=moves[:, None])
+    t = _nearest(path, *(x - np.einsum("...i,...i->...", x, unit)[..., None] * unit for x in (w, ways)))
+    foot = w + np.einsum("nk,kni->ni", t, ways)
+    along = np.einsum("ni,ni->n", foot, unit)
+    smallest = numeric.norm(foot - along[:, None] * unit)
+    size = gjk.reach(w, ways, path.swept.corners)
+    rounding = CONTOUR_ROUNDING * (size + threshold)
+    free = smallest > threshold + rounding
+    found[free, 0] = -math.inf, math.inf
+    rows = np.flatnonzero(~free & moves)
+    if not len(rows):
+        return found
+    lowest = -along[rows] / speed[rows]
+    # Where f only just reaches T, or is T along a stretch, rounding decides where it ends: all of it is contact.
+    level = np.maximum(threshold, np.minimum(smallest[rows] + 2.0 * rounding[rows], threshold + rounding[rows]))
+    level[smallest[rows] < threshold - rounding[rows]] = threshold
+    reach = (level + 2.0 * size[rows]) / speed[rows] * (1.0 + 1e-9)
+    found[rows, 0, 0], found[rows, 1, 1] = -math.inf, math.inf
+    for side, slot in ((-1.0, (0, 1)), (1.0, (1, 0))):
+        found[rows, slot[0], slot[1]] = _end(
+            path, index, Q[rows], (w[rows], ways[:, rows], d[rows]), level, lowest, side * reach
+        )
+    return found
+
+
+def _nearest(path: RelativePath, w: Array, ways: Array) -> Array:
+    return nearest(w, ways) if path.swept.is_zonotope else closest.nearest_of_hulls(w, ways, path.swept.corners)
+
+
+def _end(
+    path: RelativePath,
+    index: int,
+    Q: Array,
+    line: tuple[Array, Array, Array],
+    level: Array,
+    lowest: Array,
+    reach: Array,
+) -> Array:
+    """Return where f first exceeds the level (N,) on the way from its least (N,) to `lowest + reach`, from outside."""
+    w, ways, d = line
+    x = lowest + reach
+    scale = np.abs(lowest) + np.abs(reach)
+    for _ in range(_MOST_STEPS):
+        r = w + x[:, None] * d
+        r = r + np.einsum("nk,kni->ni", _nearest(path, r, ways), ways)
+        f = numeric.norm(r)
+        slope = np.divide(np.einsum("ni,ni->n", r, d), f, out=np.zeros_like(f), where=f > 0.0)
+        step = np.divide(f - level, slope, out=np.zeros_like(f), where=(f > level) & (slope * reach > 0.0))
+        x = x - step
+        if np.all(np.abs(step) <= 4.0 * UNIT_ROUNDOFF * scale):
+            break
+
+    def apart(places: Array) -> NDArray[np.bool_]:
+        """Ask what users ask, so that at the end and beyond it they are told the same."""
+        rows = Q.copy()
+        rows[:, index] = places
+        return separation.separations(path, rows) > level
+
+    outward = np.sign(reach)
+    width = 8.0 * UNIT_ROUNDOFF * np.maximum(scale, 1e-300)
+    outside, inside = x + outward * width, x - outward * width
+    for _ in range(_MOST_HALVINGS):
+        far, near = ~apart(outside), apart(inside)
+        near &= (inside - lowest) * outward > 0.0
+        if not np.any(far | near):
+            break
+        width = 4.0 * width
+        outside, inside = (
+            np.where(far, outside + outward * width, outside),
+            np.where(near, inside - outward * width, inside),
+        )
+    for _ in range(_MOST_HALVINGS):
+        middle = 0.5 * (inside + outside)
+        if np.all((middle == inside) | (middle == outside)):
+            break
+        is_apart = apart(middle)
+        outside, inside = np.where(is_apart, middle, outside), np.where(is_apart, inside, middle)
+    return outside

@@ -1,0 +1,390 @@
+"""One coordinate at a time: contact angles and allowed arcs.
+
+If a coordinate turns one rotation of a chain, then for the other coordinates fixed `r = p + R(u, phi) s` and
+
+    |r|^2 = h^2 + (|p| - |s|)^2 + 4 |p| |s| sin^2((phi - phi*) / 2),
+
+with p and s taken across u, h the sum of both along u, and phi* the angle at which R s points against p. The norm
+is smallest at phi*; it is at or below a threshold t on the strip `phi* +- w`, sin^2(w / 2) = (t^2 - m^2) / (4 |p| |s|),
+where m is the smallest norm. The form in sin^2 keeps full accuracy near contact. If a coordinate only slides,
+`r = p + d x` and contact is where `|x - x*| <= sqrt(t^2 - m^2) / |d|`. Above a plane the height is
+`m + 2 D sin^2((phi - phi*) / 2)`, a strip again. All are evaluated for many q at once; every other use of a coordinate
+goes to `isolation`, which finds all roots with a proof, and segments and lines to `swept_isolation`, or, where the
+coordinate only slides them, to `swept_sliding`. See `docs/limits.md` and `docs/segments.md`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.evaluate import numeric
+from pinbound.path.chain import Chain
+from pinbound.path.relative import RelativePath
+from pinbound.tolerances import REDUCTION
+from pinbound.values import Value
+
+__all__ = [
+    "AllowedArcs",
+    "AllowedArcsTable",
+    "Strip",
+    "allowed_arcs_table",
+    "gap_around",
+    "one_angle_smallest",
+    "one_angle_strip",
+    "one_angle_strips",
+    "strip",
+]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Where `|p + R(u, phi) s|` is in contact: `phi = angle +- half_width`, every turn.
+
+    Attributes:
+        angle: phi* [rad], in (-pi, pi].
+        half_width: w [rad]: None if there is no contact, 0 if the two arms just align, pi if there is always.
+        smallest: m [m], the smallest norm over a turn.
+    """
+
+    angle: float
+    half_width: float | None
+    smallest: float
+
+
+@dataclass(frozen=True, eq=False)
+class AllowedArcs(Value):
+    """The allowed values of one coordinate, the others fixed.
+
+    Attributes:
+        coordinate: Its name.
+        intervals: (k, 2) open intervals [rad or m] of one period, ascending; ends are contacts, infinite, or ends of
+            the window.
+        period: [rad]; the intervals repeat every period, or not at all if it is infinite.
+        window: Within which the intervals were found; infinite unless the coordinate never repeats.
+
+    Example:
+        >>> arcs = AllowedArcs("q1", np.array([[-1.0, 2.0]]), 2 * np.pi)
+        >>> arcs.around(0.5), arcs.around(2.5), arcs.contains(-1.5)
+        ((-1.0, 2.0), None, False)
+    """
+
+    coordinate: str
+    intervals: Array
+    period: float
+    window: tuple[float, float] = (-math.inf, math.inf)
+
+    def around(self, value: float) -> tuple[float, float] | None:
+        """Return the allowed interval that holds `value`, or None; an end of the window is no contact, and holds it."""
+        for lower, upper in self.intervals:
+            turns = 0.0
+            if math.isfinite(self.period) and math.isfinite(lower):
+                turns = self.period * math.floor((value - lower) / self.period)
+            edges = lower == value == self.window[0] or upper == value == self.window[1]
+            if edges or lower + turns < value < upper + turns:
+                return float(lower + turns), float(upper + turns)
+        return None
+
+    def contains(self, value: float) -> bool:
+        """Return whether `value` is allowed."""
+        return self.around(value) is not None
+
+
+@dataclass(frozen=True, eq=False)
+class AllowedArcsTable(Value):
+    """The allowed values of one coordinate, for many configurations of the others.
+
+    Attributes:
+        coordinate: Its name.
+        intervals: (N, k, 2) as in `AllowedArcs`; rows with fewer than k intervals end in NaN.
+        period: (N,) [rad].
+        window: As in `AllowedArcs`.
+    """
+
+    coordinate: str
+    intervals: Array
+    period: Array
+    window: tuple[float, float] = (-math.inf, math.inf)
+
+    def __len__(self) -> int:
+        """Return N."""
+        return len(self.intervals)
+
+    def __getitem__(self, row: int) -> AllowedArcs:
+        """Return the arcs of one configuration."""
+        intervals = self.intervals[row]
+        return AllowedArcs(self.coordinate, intervals[~np.isnan(intervals[:, 0])], float(self.period[row]), self.window)
+
+    def around(self, values: Array) -> Array:
+        """Return the allowed interval (N, 2) that holds each value (N,); NaN where the value is not allowed."""
+        found = np.full((len(self), 2), np.nan)
+        with np.errstate(invalid="ignore"):
+            for slot in range(self.intervals.shape[1]):
+                lower, upper = self.intervals[:, slot, 0], self.intervals[:, slot, 1]
+                repeats = np.isfinite(self.period) & np.isfinite(lower)
+                turns = np.where(repeats, self.period * np.floor((values - lower) / self.period), 0.0)
+                lower, upper = lower + turns, upper + turns
+                holds = (lower < values) & (values < upper)
+                holds |= (lower == values) & (values == self.window[0]) | (upper == values) & (values == self.window[1])
+                found[holds] = np.stack((lower, upper), axis=1)[holds]
+        return found
+
+
+def strips(p: Array, s: Array, axis: Array, threshold: float, tolerance: float) -> tuple[Array, Array, Array]:
+    """Return `phi*` (N,), `w` (N,) and `m` (N,) of the contact strips `|p + R(axis, phi) s| <= threshold`.
+
+    Args:
+        p: (N, 3) [m], the parts that stand still.
+        s: (N, 3) [m], the parts that turn.
+        axis: (3,) unit vector.
+        threshold: t [m].
+        tolerance: [m]. A smallest norm up to this still counts as contact, at the aligned angle: infinite for a stop.
+
+    Returns:
+        Angles in (-pi, pi], half widths (NaN: no contact; 0: the arms just align; pi: always) and smallest norms [m].
+    """
+    height = (p + s) @ axis
+    p_across, s_across = p - np.outer(p @ axis, axis), s - np.outer(s @ axis, axis)
+    length_p, length_s = np.linalg.norm(p_across, axis=1), np.linalg.norm(s_across, axis=1)
+    smallest = np.hypot(height, length_p - length_s)
+    angle = np.arctan2(np.cross(s_across, -p_across) @ axis, -np.einsum("ni,ni->n", s_across, p_across))
+    room, reach = (threshold - smallest) * (threshold + smallest), 4.0 * length_p * length_s
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.sqrt(np.clip(room / reach, 0.0, 1.0))
+    half_width = np.where(room >= reach, math.pi, 2.0 * np.arcsin(np.nan_to_num(share)))
+    half_width = np.where(threshold <= smallest, 0.0, half_width)
+    rounding = REDUCTION * (length_p + length_s + np.abs(height))  # equal arms must not come out unequal by an ulp
+    half_width[~(smallest <= max(threshold, tolerance) + rounding)] = np.nan
+    return angle, half_width, smallest
+
+
+def strip(p: Array, s: Array, axis: Array, threshold: float, tolerance: float) -> Strip:
+    """Return one contact strip, of p (3,) and s (3,); see `strips`."""
+    angle, half_width, smallest = (float(x[0]) for x in strips(p[None], s[None], axis, threshold, tolerance))
+    return Strip(angle, None if math.isnan(half_width) else half_width, smallest)
+
+
+def gap_around(angle: float, half_width: float, phi: float) -> tuple[float, float]:
+    """Return the open interval without contact `angle +- half_width` (every turn) that holds phi; NaN if in contact."""
+    turn = 2.0 * math.pi
+    turns = math.floor((phi - angle) / turn)
+    lower = angle + turns * turn + half_width
+    upper = angle + (turns + 1) * turn - half_width
+    return (lower, upper) if lower < phi < upper else (math.nan, math.nan)
+
+
+def height_strips(p: Array, s: Array, axis: Array, normal: Array, threshold: float) -> tuple[Array, Array, Array]:
+    """Return `phi*` (N,), `w` (N,) and `m` (N,) of the contact strips `n . (p + R(axis, phi) s) <= threshold`.
+
+    Args:
+        p: (N, 3) [m], the parts that stand still.
+        s: (N, 3) [m], the parts that turn.
+        axis: (3,) unit vector.
+        normal: (N, 3) unit vectors n.
+        threshold: t [m].
+    """
+    along = s @ axis
+    across = s - np.outer(along, axis)
+    cosine, sine = np.einsum("ni,ni->n", normal, across), np.einsum("ni,ni->n", normal, np.cross(axis, s))
+    swing = np.hypot(cosine, sine)
+    smallest = np.einsum("ni,ni->n", normal, p) + (normal @ axis) * along - swing
+    angle = np.arctan2(-sine, -cosine)
+    room, reach = threshold - smallest, 2.0 * swing
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.sqrt(np.clip(room / reach, 0.0, 1.0))
+    half_width = np.where(room >= reach, math.pi, 2.0 * np.arcsin(np.nan_to_num(share)))
+    half_width[~(smallest <= threshold)] = np.nan
+    return angle, half_width, smallest
+
+
+def one_angle(chain: Chain) -> tuple[Array, Array] | None:
+    """Return the one effective angle's coefficients (n,), the last of them positive, and its axis; None if several."""
+    if chain.rotations != 1 or np.any(chain.slides):
+        return None
+    axis, c = chain.axes[0], chain.coefficients[0]
+    sign = float(np.sign(c[np.flatnonzero(c)[-1]]))
+    return sign * c + 0.0, sign * axis
+
+
+def one_angle_strips(path: RelativePath, threshold: float, tolerance: float) -> tuple[Array, tuple[Strip, ...]] | None:
+    """Return the effective angle's coefficients (n,) and all its contact strips; None if there are several angles.
+
+    Two points, or a point and a plane, have one strip, whose half width is None if there is no contact; segments may
+    have several, and one without contact if there is none. The tolerance, as in `strips`, is for two points alone.
+    """
+    found = one_angle(path.minimal)
+    if found is None:
+        return None
+    coefficients, axis = found
+    p, s = path.minimal.offsets
+    if path.is_plain:
+        return coefficients, (strip(p, s, axis, threshold, tolerance),)
+    if path.is_signed and path.across is not None and not path.swept.directions:
+        angle, half_width, m = (float(x[0]) for x in height_strips(p[None], s[None], axis, path.across, threshold))
+        return coefficients, (Strip(angle, None if math.isnan(half_width) else half_width, m),)
+    from pinbound.limits.swept_isolation import smallest, turn_arcs
+
+    free, (_, m) = turn_arcs(path, threshold), smallest(path)
+    if not len(free):
+        return coefficients, (Strip(0.0, math.pi, m),)
+    if not math.isfinite(free[0, 0]):
+        return coefficients, (Strip(0.0, None, m),)
+    ends = np.stack((free[:, 1], np.append(free[1:, 0], free[0, 0] + 2.0 * math.pi)), axis=1)
+    middle, half = ends.mean(axis=1), 0.5 * (ends[:, 1] - ends[:, 0])
+    middle -= 2.0 * math.pi * np.ceil((middle - math.pi) / (2.0 * math.pi))
+    return coefficients, tuple(Strip(float(a), float(w), m) for a, w in zip(middle, half, strict=True))
+
+
+def one_angle_smallest(path: RelativePath) -> float | None:
+    """Return a lower bound of the separation over a turn [m], tight, if the path has one effective angle; else None."""
+    if one_angle(path.minimal) is None:
+        return None
+    if path.is_plain:
+        p, s = path.minimal.offsets
+        return strip(p, s, path.minimal.axes[0], 0.0, 0.0).smallest
+    from pinbound.limits.swept_isolation import smallest
+
+    return smallest(path)[0]
+
+
+def one_angle_strip(chain: Chain, threshold: float, tolerance: float) -> tuple[Array, Strip] | None:
+    """Return the effective angle's coefficients (n,) and its contact strip, if the chain is of one angle.
+
+    The effective angle is `c . q`, signed so that the last coefficient that is not zero is positive.
+    """
+    found = one_angle(chain)
+    if found is None:
+        return None
+    return found[0], strip(chain.offsets[0], chain.offsets[1], found[1], threshold, tolerance)
+
+
+def allowed_arcs_table(
+    path: RelativePath,
+    index: int,
+    name: str,
+    Q: Array,
+    threshold: float,
+    tolerance: float,
+    window: tuple[float, float] | None = None,
+) -> AllowedArcsTable:
+    """Return the values of coordinate `index` with a separation above the threshold, the others as in Q (N, n).
+
+    What the threshold and the tolerance are is the contact rule's decision (`contact`).
+
+    Args:
+        path: The reduced path.
+        index: The coordinate.
+        name: Its name.
+        Q: (N, n) finite.
+        threshold: t [m].
+        tolerance: [m], as in `strips`, where the coordinate turns one rotation or slides.
+        window: Within which to look, where the coordinate never repeats.
+
+    Raises:
+        UnsupportedError: If the coordinate both turns and slides, or turns by angles without a common period, and no
+            finite window is given.
+    """
+    chain = path.minimal
+    turned = np.flatnonzero(chain.coefficients[:, index])
+    slides = bool(np.any(chain.slides[:, :, index]))
+    plane = path.is_signed and not path.swept.directions
+    if len(turned) == 1 and not slides and (path.is_plain or plane):
+        return _turning(path, index, int(turned[0]), name, Q, threshold, tolerance)
+    if not len(turned) and path.is_plain:
+        return _sliding(chain, index, name, Q, threshold, tolerance)
+    ends = (-math.inf, math.inf)
+    if not len(turned):
+        from pinbound.limits.swept_sliding import intervals as sliding
+
+        found, never = sliding(path, index, Q, threshold), np.full(len(Q), math.inf)
+        if window is None:
+            return AllowedArcsTable(name, found, never)
+        found = np.clip(found, *window)
+        found[found[:, :, 0] >= found[:, :, 1]] = np.nan
+        return AllowedArcsTable(name, np.take_along_axis(found, np.argsort(found, axis=1), axis=1), never, window)
+    if path.is_plain:
+        from pinbound.limits import isolation
+
+        rows = [isolation.arcs(chain, index, name, q, threshold, window) for q in Q]
+        found, periods = [row[0] for row in rows], [row[1] for row in rows]
+        ends = rows[0][2] if rows else ends
+    else:
+        from pinbound.limits import swept_isolation
+
+        found, period, ends = swept_isolation.arcs(path, index, name, Q, threshold, window)
+        periods = [period if len(one) and math.isfinite(one[0, 0]) else math.inf for one in found]
+    intervals = np.full((len(found), max((len(one) for one in found), default=1) or 1, 2), np.nan)
+    for number, one in enumerate(found):
+        intervals[number, : len(one)] = one
+    return AllowedArcsTable(name, intervals, np.array(periods), ends)
+
+
+def _turning(
+    path: RelativePath, index: int, place: int, name: str, Q: Array, threshold: float, tolerance: float
+) -> AllowedArcsTable:
+    chain = path.minimal
+    c = float(chain.coefficients[place, index])
+    others = chain.coefficients[place].copy()
+    others[index] = 0.0
+    p, s, axis = *_parts(chain, place, Q), chain.axes[place]
+    if path.across is None:
+        angle, half_width, _ = strips(p, s, axis, threshold, tolerance)
+    else:
+        upright = np.zeros_like(chain.offsets)
+        upright[0] = path.across[0]
+        normal = _parts(replace(chain, offsets=upright, slides=np.zeros_like(chain.slides)), place, Q)[0]
+        angle, half_width, _ = height_strips(p, s, axis, normal, threshold)
+    period = 2.0 * math.pi / abs(c)
+    lower = (angle - Q @ others) / c + half_width / abs(c)
+    lower -= period * np.floor((lower + period / 2) / period)
+    intervals = np.stack((lower, lower + period - 2.0 * half_width / abs(c)), axis=1)
+    free, blocked = np.isnan(half_width), half_width >= math.pi
+    intervals[free] = -math.inf, math.inf
+    intervals[blocked] = np.nan
+    return AllowedArcsTable(name, intervals[:, None, :], np.where(free | blocked, math.inf, period))
+
+
+def _sliding(chain: Chain, index: int, name: str, Q: Array, threshold: float, tolerance: float) -> AllowedArcsTable:
+    """`r = p + d x`; with d zero, r is p and the norm decides."""
+    rest = Q.copy()
+    rest[:, index] = 0.0
+    p, J = numeric.jacobian(chain, rest)
+    d = J[:, :, index]
+    speed = np.linalg.norm(d, axis=1)
+    moves = speed > REDUCTION
+    with np.errstate(invalid="ignore", divide="ignore"):
+        nearest = np.where(moves, -np.einsum("ni,ni->n", p, d) / (speed * speed), 0.0)
+        smallest = np.linalg.norm(p + d * nearest[:, None], axis=1)
+        room = (threshold - smallest) * (threshold + smallest)
+        half_width = np.where(moves, np.sqrt(np.maximum(room, 0.0)) / speed, math.inf)
+    intervals = np.full((len(Q), 2, 2), np.nan)
+    free = ~(smallest <= max(threshold, tolerance))
+    intervals[free, 0] = -math.inf, math.inf
+    cut = ~free & moves
+    intervals[cut, 0, 0], intervals[cut, 0, 1] = -math.inf, (nearest - half_width)[cut]
+    intervals[cut, 1, 0], intervals[cut, 1, 1] = (nearest + half_width)[cut], math.inf
+    return AllowedArcsTable(name, intervals, np.full(len(Q), math.inf))
+
+
+def _parts(chain: Chain, place: int, Q: Array) -> tuple[Array, Array]:
+    """Return p and s (N, 3) of `r = p + R s`, R being the rotation at `place`, in the frame just before it."""
+    behind = Chain(
+        chain.offsets[place + 1 :].copy(),
+        chain.slides[place + 1 :].copy(),
+        chain.axes[place + 1 :].copy(),
+        chain.coefficients[place + 1 :].copy(),
+        chain.scale,
+    )
+    before = Chain(
+        chain.offsets[: place + 1].copy(),
+        chain.slides[: place + 1].copy(),
+        chain.axes[:place].copy(),
+        chain.coefficients[:place].copy(),
+        chain.scale,
+    )
+    return numeric.positions(before.reversed(), Q), numeric.positions(behind, Q)

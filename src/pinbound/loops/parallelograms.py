@@ -1,0 +1,170 @@
+"""Parallelograms in open trees: passive joints become followers, and the residual over all q proves it.
+
+A closure of an open tree leaves `sum_i R(g_i . q) V_i = 0` over its distinct angles. If four terms are left whose
+lengths agree in two pairs, and each pair is opposite in the assembled pose, opposite sides stay parallel: the angles
+`g_i . q` and `g_j . q` differ by a constant. Two such equations express two passive joints. `docs/closures.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.annotations import Annotations, ClosureMark
+from pinbound.exceptions import Problems, UnsupportedError
+from pinbound.loops.closures import Closure, close
+from pinbound.loops.planar_loops import Refusal, parallelogram
+from pinbound.model.coupling import Coupling
+from pinbound.model.tree import Tree
+from pinbound.tolerances import REDUCTION
+from pinbound.values import Value
+
+__all__ = ["Settled", "couple_parallelogram", "passive_coordinates", "settle"]
+
+Array = NDArray[np.float64]
+
+_RESIDUAL_SAMPLES = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Settled(Value):
+    """What `settle` found.
+
+    Attributes:
+        coupling: The coupling in which every closure closes, to its tolerance.
+        closures: The closures with their paths in this coupling.
+        passive: Joints that a closure made follow, by the closure's name.
+        notes: What was coupled.
+    """
+
+    coupling: Coupling
+    closures: tuple[Closure, ...]
+    passive: Mapping[str, tuple[str, ...]]
+    notes: tuple[str, ...]
+
+
+def couple_parallelogram(
+    closure: Closure, coupling: Coupling, reference: Array, depth: Sequence[int]
+) -> Coupling | Refusal:
+    """Return the coupling in which a loop's passive joints follow, or why it is no parallelogram.
+
+    Args:
+        closure: The closure, its path derived with `coupling`.
+        coupling: Today's coupling; passive joints are among its coordinates.
+        reference: (n,) the assembled pose.
+        depth: How far each coordinate's joint is from the root; the furthest, and of equals the later ones, become
+            passive unless the closure names them.
+    """
+    found = parallelogram(closure, coupling.coordinates, reference)
+    if isinstance(found, Refusal):
+        return found
+    passive = passive_coordinates(closure, coupling, found.rows, depth)
+    if isinstance(passive, Refusal):
+        return passive
+    return _substitute(coupling, found.rows, found.constant, passive)
+
+
+def passive_coordinates(closure: Closure, coupling: Coupling, rows: Array, depth: Sequence[int]) -> list[int] | Refusal:
+    """Return the two coordinates to express: those that the closure names, else the deepest ones that can be."""
+    names = coupling.coordinates
+    for name in closure.mark.passive:
+        if name not in names:
+            return Refusal(f"its passive joint {name!r} is no free joint", f"Free joints: {', '.join(names)}")
+    given = [names.index(name) for name in closure.mark.passive]
+    used = [int(index) for index in np.flatnonzero(np.any(rows, axis=0))]
+    order = given or sorted(used, key=lambda index: (-depth[index], -index))
+    chosen: list[int] = []
+    for index in order:
+        if len(chosen) < len(rows) and np.linalg.matrix_rank(rows[:, [*chosen, index]]) == len(chosen) + 1:
+            chosen.append(index)
+    if len(chosen) < len(rows):
+        free = ", ".join(names[index] for index in used)
+        return Refusal("two of its joints must be passive, and they cannot be expressed", f"Joints of the loop: {free}")
+    return chosen
+
+
+def _substitute(coupling: Coupling, rows: Array, constant: Array, passive: list[int]) -> Coupling:
+    """Solve `rows q = constant` for the passive coordinates and put them into `theta = S q + o`."""
+    n = len(coupling.coordinates)
+    active = [index for index in range(n) if index not in passive]
+    inverse = np.linalg.inv(rows[:, passive])
+    insert = np.zeros((n, len(active)))
+    insert[active, range(len(active))] = 1.0
+    insert[passive] = _exact(-inverse @ rows[:, active])
+    offset = np.zeros(n)
+    offset[passive] = inverse @ constant
+    names = tuple(coupling.coordinates[index] for index in active)
+    return Coupling(names, coupling.joints, coupling.S @ insert, coupling.S @ offset + coupling.offset)
+
+
+def _exact(coefficients: Array) -> Array:
+    """Return coefficients with those that miss an integer by rounding alone set to it."""
+    whole = np.round(coefficients)
+    return np.where(np.abs(coefficients - whole) <= REDUCTION, whole, coefficients) + 0.0
+
+
+def settle(tree: Tree, coupling: Coupling, annotations: Annotations, problems: Problems) -> Settled:
+    """Return the coupling in which every closure closes, the closures, and what was coupled.
+
+    A closure that already closes is proven; one of an open tree is taken for a parallelogram if its geometry says so;
+    any other is a fault. Closures may depend on each other, so this goes on while something is gained.
+    """
+    notes: list[str] = []
+    passive: dict[str, tuple[str, ...]] = {}
+    pending = list(annotations.closures)
+    refused: dict[str, Refusal] = {}
+    while pending:
+        rest: list[ClosureMark] = []
+        for mark in pending:
+            found = _settle_one(tree, coupling, annotations, mark)
+            if isinstance(found, Refusal):
+                refused[mark.name] = found
+                rest.append(mark)
+                continue
+            lost = [name for name in coupling.coordinates if name not in found.coordinates]
+            notes += [f"closure {mark.name!r}: joint {name!r} follows {found.text(name)}" for name in lost]
+            passive[mark.name] = tuple(lost)
+            coupling = found
+        if len(rest) == len(pending):
+            break
+        pending = rest
+    for mark in pending:
+        message = f"closure {mark.name!r} does not close: {refused[mark.name].reason}"
+        problems.add(message, refused[mark.name].remedy, mark.line, annotations.sources.get(f"closure {mark.name}"))
+    closures = [close(tree, coupling, mark) for mark in annotations.closures if mark not in pending]
+    return Settled(coupling, tuple(closures), passive, tuple(notes))
+
+
+def _settle_one(tree: Tree, coupling: Coupling, annotations: Annotations, mark: ClosureMark) -> Coupling | Refusal:
+    try:
+        closure = close(tree, coupling, mark)
+    except UnsupportedError as error:
+        return Refusal(str(error), "Close the loop over single joints")
+    if closure.closes:
+        return coupling
+    reference = np.array([annotations.home.get(name, 0.0) for name in coupling.coordinates])
+    depth = {joint.name: level for _, joint, level in tree.walk() if joint is not None}
+    found = couple_parallelogram(closure, coupling, reference, [depth[name] for name in coupling.coordinates])
+    if isinstance(found, Refusal):
+        residual, q = _worst_residual(closure, tree, coupling)
+        pose = ", ".join(f"{name} = {value:.4g}" for name, value in zip(coupling.coordinates, q, strict=True))
+        reason = f"its ends are {1e3 * residual:.6g} mm apart at {pose or 'every pose'}, and {found.reason}"
+        return Refusal(reason, found.remedy)
+    again = close(tree, found, mark)
+    if not again.closes:
+        message = f"coupled as a parallelogram its ends are still up to {1e3 * again.bound:.6g} mm apart"
+        return Refusal(message, "Couple the joints of the loop by <mimic>, or mend its pins")
+    return found
+
+
+def _worst_residual(closure: Closure, tree: Tree, coupling: Coupling) -> tuple[float, Array]:
+    joints = {joint.name: joint for joint in tree.moving_joints}
+    ends = np.array([(joints[name].lower, joints[name].upper) for name in coupling.coordinates]).reshape(-1, 2)
+    ends = np.clip(ends, -np.pi, np.pi)
+    Q = np.random.default_rng(0).uniform(ends[:, 0], ends[:, 1], (_RESIDUAL_SAMPLES, len(ends)))
+    residuals = closure.residuals(Q)
+    worst = int(np.argmax(residuals))
+    return float(residuals[worst]), Q[worst]

@@ -1,0 +1,1 @@
+"""Machine code: Python functions into LLVM, and the cache of object code. Knows no robot."""

@@ -1,0 +1,200 @@
+"""Machine code of a program: Numba compiles its source once, later processes link what the cache folder kept.
+
+Kept is object code without a symbol of Python's or Numba's: pointers and strides go in, and sines of far angles come
+from the process's own libm. So llvmlite alone loads it, in a few milliseconds, where `import numba` takes tenths of
+a second; and code just compiled takes the same way into memory as code from the cache.
+The key is a hash of all that machine code depends on: the source, `lowering.py` and `functions.py`, the versions of
+pinbound, Numba and llvmlite, and the processor.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import importlib
+import importlib.metadata
+import importlib.util
+import itertools
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.machine.object_cache import load_object, store_object
+
+__all__ = ["MachineCode", "compile_source", "has_numba", "is_kept"]
+
+Array = NDArray[Any]
+
+_SYMBOL = "pinbound_kernel"
+
+_SETTINGS = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_ENABLE_AVX")
+"""What in the environment makes Numba compile for another processor than this one."""
+
+_CACHE_LINE = 64
+"""Bytes; vector loads of scratch do not straddle two."""
+
+_PROTOTYPE = ctypes.CFUNCTYPE(
+    ctypes.c_int64,
+    ctypes.c_void_p,
+    ctypes.c_void_p,
+    ctypes.c_int64,
+    ctypes.c_int64,
+    ctypes.c_void_p,
+    ctypes.c_void_p,
+    ctypes.c_int64,
+)
+"""As `kernel_source` says; ctypes gives the interpreter's lock away during the call."""
+
+
+@dataclass(frozen=True)
+class KernelSource:
+    """The source of a kernel in Python, for Numba, and what its caller has to bring."""
+
+    text: str
+    scratch: int
+    """Bytes."""
+
+
+@dataclass(frozen=True)
+class MachineCode:
+    """A kernel in memory."""
+
+    function: Callable[..., int]
+    scratch: int
+    """Bytes."""
+    owner: Any
+    """Keeps the memory of the code alive."""
+
+    def __call__(self, Q: Array, out: Array, index: Array) -> int:
+        """Fill rows and return how many numbers were not finite.
+
+        Args:
+            Q: (N, n), C-contiguous, of the kernel's type.
+            out: (N, columns) of the kernel's type, in any layout.
+            index: (N,) int64, contiguous; (0,) in a mode that writes none.
+        """
+        if not out.flags.aligned or any(step % out.itemsize for step in out.strides):
+            whole = np.empty(out.shape, out.dtype)
+            irregular = self(Q, whole, index)
+            out[:] = whole
+            return irregular
+        row, column = (step // out.itemsize for step in out.strides)
+        scratch = np.empty(self.scratch + _CACHE_LINE, dtype=np.uint8)
+        start = -_address(scratch) % _CACHE_LINE + _address(scratch)
+        return self.function(_address(Q), _address(out), row, column, _address(index), start, len(Q))
+
+
+@cache
+def has_numba() -> bool:
+    """Return whether Numba is installed; it is not imported."""
+    return importlib.util.find_spec("numba") is not None
+
+
+def compile_source(source: KernelSource) -> MachineCode:
+    """Return the machine code of a source, from the cache where it is there."""
+    key = _key(source.text)
+    with _lock:
+        if key not in _linked:
+            _linked[key] = _from_cache(key) or _fresh(key, source.text)
+        function, owner = _linked[key]
+    return MachineCode(function, source.scratch, owner)
+
+
+def is_kept(source: KernelSource) -> bool:
+    """Return whether the machine code of a source is there already, in this process or in the cache."""
+    key = _key(source.text)
+    return key in _linked or load_object(key) is not None
+
+
+_lock = threading.Lock()
+_linked: dict[str, tuple[Callable[..., int], Any]] = {}
+_numbers = itertools.count()
+
+
+def _from_cache(key: str) -> tuple[Callable[..., int], Any] | None:
+    code = load_object(key)
+    try:
+        return None if code is None else _link(code)
+    except RuntimeError:  # a symbol that this process does not have
+        return None
+
+
+def _fresh(key: str, text: str) -> tuple[Callable[..., int], Any]:
+    code = _compile(text)
+    store_object(key, code)
+    return _link(code)
+
+
+def _key(text: str) -> str:
+    llvm = _llvm()
+    here = Path(__file__)
+    lowering = [here.with_name(f"{name}.py").read_text(encoding="utf-8") for name in ("lowering", "functions")]
+    versions = [_version(name) for name in ("pinbound", "numba", "llvmlite")]
+    processor = [llvm.get_process_triple(), llvm.get_host_cpu_name(), _features()]
+    settings = [os.environ.get(name, "") for name in _SETTINGS]
+    return hashlib.sha256(repr([text, lowering, versions, processor, settings]).encode()).hexdigest()
+
+
+def _version(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:  # run from its sources
+        return ""
+
+
+def _features() -> str:
+    try:
+        return _llvm().get_host_cpu_features().flatten()
+    except RuntimeError:  # llvmlite cannot tell on this processor
+        return ""
+
+
+def _compile(text: str) -> bytes:
+    """Return the object code of a source."""
+    registry: Any = importlib.import_module("numba.core.registry")
+    namespace: dict[str, Any] = {"__name__": _SYMBOL}
+    exec(compile(text, f"<{_SYMBOL}>", "exec"), namespace)  # our own text, from numbers alone
+    callback = namespace["kernel"]
+    llvm = _llvm()
+    module = llvm.parse_assembly(callback.inspect_llvm().replace(callback.native_name, _SYMBOL))
+    triple, cpu, features = registry.cpu_target.target_context.codegen().magic_tuple()
+    reloc = "static" if triple.startswith("x86") else "default"
+    target = llvm.Target.from_triple(triple)
+    machine = target.create_target_machine(cpu, features, opt=3, reloc=reloc, codemodel="jitdefault", jit=True)
+    return machine.emit_object(module)
+
+
+def _link(code: bytes) -> tuple[Callable[..., int], Any]:
+    """Put object code into memory.
+
+    Raises:
+        RuntimeError: If it needs a symbol that is not there.
+    """
+    builder = _llvm().JITLibraryBuilder().add_object_img(code).add_current_process().export_symbol(_SYMBOL)
+    library = builder.link(_linker(), f"{_SYMBOL}_{next(_numbers)}")
+    return _PROTOTYPE(library[_SYMBOL]), library
+
+
+@cache
+def _linker() -> Any:
+    return _llvm().create_lljit_compiler(suppress_errors=True)
+
+
+@cache
+def _llvm() -> Any:
+    """Return llvmlite's bindings, ready to make and link code for this machine."""
+    llvm: Any = importlib.import_module("llvmlite.binding")
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm
+
+
+def _address(array: Array) -> int:
+    return array.__array_interface__["data"][0]

@@ -1,0 +1,155 @@
+"""XML in: a URDF or xacro file read safely, entities refused, default namespace dropped."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+
+from pinbound.model.expansion import expand_xacro
+from pinbound.model.xml_text import local_name, parse_bytes, parse_file, parse_floats, refusal, xml_parser
+
+__all__ = [
+    "TRUST",
+    "URDF_TEXT",
+    "Document",
+    "local_name",
+    "packaged_robots",
+    "parse_file",
+    "parse_floats",
+    "read_document",
+    "refusal",
+]
+
+URDF_TEXT = "URDF text"
+"""How messages name a robot that was given as text."""
+
+_DECLARATION = re.compile(r"^\s*<\?xml[^>]*\?>")
+
+TRUST = ("xacro", "urdf-only")
+"""What of a stranger's files may be read: xacro, which runs code, or plain URDF only."""
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A URDF as XML, xacro expanded, entities refused.
+
+    Attributes:
+        label: The file as error messages name it.
+        path: Where it was read from.
+        root: The `<robot>` element.
+        notes: What was normalised while reading.
+    """
+
+    label: str
+    path: Path
+    root: etree._Element
+    notes: tuple[str, ...] = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the XML as text, so that robots can be sent to other processes."""
+        return _restore, (self.label, self.path, etree.tostring(self.root), self.notes)
+
+
+def _restore(label: str, path: Path, text: bytes, notes: tuple[str, ...]) -> Document:
+    return Document(label, path, etree.fromstring(text, xml_parser()), notes)
+
+
+def packaged_robots() -> dict[str, Path]:
+    """Return the robots that ship with pinbound, by name.
+
+    Example:
+        >>> sorted(packaged_robots())
+        ['minervabot_v3', 'palletizer']
+    """
+    here = Path(__file__).resolve()
+    folders = (here.parents[1] / "robots", here.parents[3] / "urdf")
+    suffix = ".urdf.xacro"
+    return {
+        file.name.removesuffix(suffix): file
+        for folder in folders
+        if folder.is_dir()
+        for file in sorted(folder.glob("*" + suffix))
+    }
+
+
+def read_document(
+    robot: str | Path,
+    xacro_args: Mapping[str, str] | None = None,
+    package_dirs: Sequence[str | Path] = (),
+    trust: str = "xacro",
+) -> Document:
+    """Read a packaged robot, a `.urdf` or a `.xacro`, or the text of a URDF, without resolving any entity.
+
+    Args:
+        robot: A name of `packaged_robots`, or a path, or the text of a URDF, which begins with `<`.
+        xacro_args: Arguments of the xacro file; each must be declared in it, or in what it includes.
+        package_dirs: Folders of ROS packages, for `$(find name)`.
+        trust: `"xacro"`, or `"urdf-only"`, which refuses xacro files, but for those that ship with pinbound.
+
+    Returns:
+        The document, xacro expanded.
+
+    Raises:
+        InputError: If there is no such file, or if it is not well-formed XML, or if xacro refuses it.
+    """
+    if trust not in TRUST:
+        raise refusal("trust", f"{trust!r} is no kind of trust", f"Valid: {', '.join(TRUST)}")
+    if isinstance(robot, str) and robot.lstrip().startswith("<"):
+        return _from_text(robot, xacro_args)
+    path = _locate(robot)
+    if path.suffix.lower() == ".xacro":
+        if trust == "urdf-only" and path not in packaged_robots().values():
+            remedy = "Expand it yourself where that may do no harm, or trust it: trust='xacro', --trust xacro"
+            raise refusal(path.name, "is a xacro file, which can run code, and trust is 'urdf-only'", remedy)
+        parse_file(path)  # what is wrong with the file itself is said with its own lines
+        ours = next(
+            iter(packaged_robots().values())
+        ).parent  # what $(find pinbound) means, unless somebody says otherwise
+        expanded = expand_xacro(path, xacro_args or {}, [*map(str, package_dirs), str(ours)])
+        label = f"{path.name} (as printed by xacro)"
+        root = parse_bytes(expanded.text.encode(), label)
+        return _without_default_namespace(Document(label, path, root, expanded.notes))
+    root = parse_file(path)
+    if xacro_args:
+        raise refusal(path.name, f"xacro_args {sorted(xacro_args)} given for a plain URDF", "leave them out")
+    return _without_default_namespace(Document(path.name, path, root))
+
+
+def _from_text(text: str, xacro_args: Mapping[str, str] | None) -> Document:
+    """Read the text of a URDF; files that it names are looked up from the working folder."""
+    if xacro_args:
+        raise refusal(URDF_TEXT, f"xacro_args {sorted(xacro_args)} given for the text of a URDF", "leave them out")
+    # A text is decoded already: the encoding that its declaration names is that of a file.
+    root = parse_bytes(_DECLARATION.sub("", text, count=1).encode(), URDF_TEXT)
+    return _without_default_namespace(Document(URDF_TEXT, Path.cwd() / URDF_TEXT, root))
+
+
+def _locate(robot: str | Path) -> Path:
+    packaged = packaged_robots()
+    if isinstance(robot, str) and robot in packaged:
+        return packaged[robot]
+    path = Path(robot)
+    if path.is_file():
+        return path
+    what = "is a folder, not a file" if path.is_dir() else "is neither a file nor a packaged robot"
+    raise refusal(str(robot), what, f"Give the path of a .urdf or .xacro file, or one of: {', '.join(packaged)}")
+
+
+def _without_default_namespace(document: Document) -> Document:
+    """Drop a default `xmlns` of the root: to a URDF reader it means nothing, to an XML reader it hides all.
+
+    Elements of that namespace that are written with a prefix stay in it: a URDF reader sees the prefix.
+    """
+    root = document.root
+    namespace = etree.QName(root).namespace
+    if namespace is None or root.prefix is not None:
+        return document
+    for element in root.iter(f"{{{namespace}}}*"):
+        if element.prefix is None:
+            element.tag = etree.QName(element).localname
+    return replace(document, notes=(*document.notes, f"the default namespace {namespace!r} was dropped"))

@@ -1,0 +1,124 @@
+"""Links and joints together: one tree, mimic joints that follow something, axes that are nearly parallel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+from pinbound.exceptions import Problems, name_hint
+from pinbound.model.kinematics import Joint, Link
+from pinbound.tolerances import PARALLEL, REDUCTION
+
+__all__ = ["check_mimics", "check_tree", "listed", "note_nearly_parallel"]
+
+_NAMED = 4
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return the first names and how many more there are.
+
+    Example:
+        >>> listed(["a", "b", "c", "d", "e", "f"])
+        'a, b, c, d and 2 more'
+    """
+    every = list(names)
+    return ", ".join(every[:_NAMED]) + (f" and {len(every) - _NAMED} more" if len(every) > _NAMED else "")
+
+
+def check_mimics(
+    joints: Mapping[str, Joint], problems: Problems, places: Mapping[str, tuple[int | None, str | None]]
+) -> list[str]:
+    """Refuse mimic joints that follow nothing that moves, or themselves; return what stock readers get wrong.
+
+    `places` holds line and file of those that are said elsewhere than in the URDF.
+    """
+    notes, still = list[str](), list[str]()
+    moving = {name: joint for name, joint in joints.items() if joint.moves}
+    for name, joint in joints.items():
+        if joint.mimic is None:
+            continue
+        if name not in moving:
+            still.append(repr(name))
+            continue
+        primary = joint.mimic.primary
+        if primary in moving:
+            _note_follower(joint, moving[primary], notes)
+            continue
+        kind = f"a {joints[primary].type} joint" if primary in joints else "no joint of this robot"
+        message = f"joint {name!r} follows {primary!r}, which is {kind}"
+        problems.add(message, name_hint(primary, moving), *places.get(name, (joint.line, None)))
+    if still:
+        notes.append(f"a <mimic> of a joint that is fixed, floating or planar does nothing: {listed(still)}")
+    for name, joint in joints.items():
+        if name in _followed(joint, joints):
+            message = f"joint {name!r} follows itself, through other followers"
+            problems.add(message, "Let one joint of the cycle be free", *places.get(name, (joint.line, None)))
+    return notes
+
+
+def _note_follower(joint: Joint, primary: Joint, notes: list[str]) -> None:
+    """Say what stock readers refuse or get wrong about a follower, and pinbound does not."""
+    if primary.mimic is not None:
+        notes.append(f"joint {joint.name!r} follows {primary.name!r}, itself a follower: the chain is flattened")
+    if (joint.type == "continuous") != (primary.type == "continuous"):
+        notes.append(f"{joint.type} joint {joint.name!r} follows {primary.type} joint {primary.name!r}")
+    if joint.mimic is not None and joint.mimic.multiplier == 0.0:
+        notes.append(f"joint {joint.name!r} follows {primary.name!r} times 0: it stands still")
+
+
+def _followed(joint: Joint, joints: Mapping[str, Joint]) -> set[str]:
+    """Return every joint that this one follows, directly or not."""
+    names: set[str] = set()
+    step: Joint | None = joint
+    while step is not None and step.mimic is not None and step.mimic.primary not in names:
+        names.add(step.mimic.primary)
+        step = joints.get(step.mimic.primary)
+    return names
+
+
+def check_tree(links: Mapping[str, Link], joints: Mapping[str, Joint], problems: Problems) -> None:
+    """Refuse what is not one tree of links."""
+    parent_joint: dict[str, Joint] = {}
+    for joint in joints.values():
+        first = parent_joint.setdefault(joint.child, joint)
+        if first is not joint:
+            message = f"link {joint.child!r} is the child of two joints, {first.name!r} and {joint.name!r}"
+            remedy = "A URDF is a tree: keep one, and say the other as <pinbound:closure>"
+            problems.add(message, remedy, joint.line)
+    roots = [name for name in links if name not in parent_joint]
+    if links and len(roots) != 1:
+        found = ", ".join(map(repr, roots)) or "none: the joints form a cycle"
+        message = f"the robot needs one root link, and has {len(roots)} ({found})"
+        problems.add(message, "Connect all links by joints into one tree", 1)
+        return
+    for link in links.values():
+        seen, name = {link.name}, link.name
+        while name in parent_joint:
+            name = parent_joint[name].parent
+            if name in seen:
+                problems.add(f"link {link.name!r} hangs on a cycle of joints", "Cut the cycle", link.line)
+                break
+            seen.add(name)
+
+
+def note_nearly_parallel(joints: Mapping[str, Joint]) -> list[str]:
+    """Name successive axes that nearly have one direction: they are taken as written, not as perhaps meant."""
+    below = {joint.child: joint for joint in joints.values()}
+    found: list[str] = []
+    for joint in joints.values():
+        if not joint.moves:
+            continue
+        direction, step = joint.rotation @ joint.axis, below.get(joint.parent)
+        for _ in range(len(joints)):
+            if step is None or step.moves:
+                break
+            direction, step = step.rotation @ direction, below.get(step.parent)
+        if step is None or not step.moves:
+            continue
+        (ax, ay, az), (bx, by, bz) = step.axis.tolist(), direction.tolist()
+        angle = math.hypot(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+        if REDUCTION < angle < PARALLEL:
+            found.append(f"{step.name!r} and {joint.name!r} ({angle:.2g} rad)")
+    if found:
+        return [f"axes that are nearly parallel are taken as written: {listed(found)}"]
+    return []

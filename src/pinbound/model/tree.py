@@ -1,0 +1,218 @@
+"""The tree of links: ancestors, paths, and the helper links that a boundary does not see."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.model.coupling import Coupling
+from pinbound.model.urdf import Joint, Kinematics, Link
+from pinbound.tolerances import REDUCTION
+from pinbound.values import FrozenDict
+
+__all__ = ["Tree"]
+
+_Vector = NDArray[np.float64]
+
+_TURNING = ("revolute", "continuous")
+_FREEDOMS = {"planar": 3, "floating": 6}
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Links and joints of one robot, with the marked links known.
+
+    Attributes:
+        kinematics: The checked links and joints.
+        marked_links: Links that carry a marked point; these are never helpers.
+
+    Example:
+        >>> from pinbound.model.document import packaged_robots, read_document
+        >>> from pinbound.exceptions import Problems
+        >>> from pinbound.model.urdf import read_kinematics
+        >>> document = read_document("minervabot_v3")
+        >>> tree = Tree(read_kinematics(document, Problems(document.label)))
+        >>> tree.common_ancestor("link_3", "link_16")
+        'link_2'
+        >>> sorted(tree.helpers)
+        ['drive_rod_level', 'level']
+    """
+
+    kinematics: Kinematics
+    marked_links: Collection[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        """Keep the names of marked links as they are now."""
+        object.__setattr__(self, "marked_links", frozenset(self.marked_links))
+
+    @cached_property
+    def links(self) -> FrozenDict[str, Link]:
+        """Links by name, in file order."""
+        return FrozenDict({link.name: link for link in self.kinematics.links})
+
+    @cached_property
+    def parent_joint(self) -> FrozenDict[str, Joint]:
+        """The joint above each link; the root has none."""
+        return FrozenDict({joint.child: joint for joint in self.kinematics.joints})
+
+    @cached_property
+    def children(self) -> FrozenDict[str, tuple[Joint, ...]]:
+        """The joints below each link, sorted by name: the order in which Pinocchio visits them."""
+        children: dict[str, list[Joint]] = {name: [] for name in self.links}
+        for joint in sorted(self.kinematics.joints, key=lambda joint: joint.name):
+            children[joint.parent].append(joint)
+        return FrozenDict({name: tuple(joints) for name, joints in children.items()})
+
+    @cached_property
+    def root(self) -> str:
+        """The link without a parent."""
+        return next(name for name in self.links if name not in self.parent_joint)
+
+    def walk(self) -> Iterator[tuple[Link, Joint | None, int]]:
+        """Yield each link with the joint above it and its depth, depth first, siblings by joint name."""
+        stack: list[tuple[str, Joint | None, int]] = [(self.root, None, 0)]
+        while stack:
+            name, joint, depth = stack.pop()
+            yield self.links[name], joint, depth
+            stack += [(below.child, below, depth + 1) for below in reversed(self.children[name])]
+
+    @cached_property
+    def moving_joints(self) -> tuple[Joint, ...]:
+        """Joints with one coordinate, in the order of `robot.model`."""
+        return tuple(joint for _, joint, _ in self.walk() if joint is not None and joint.moves)
+
+    @cached_property
+    def helpers(self) -> frozenset[str]:
+        """Links that only carry a second joint at one place.
+
+        A helper has no inertia, no geometry, no marked point, a joint above and joints below, and is joined at
+        zero offset: either its own joint or all joints below it have a zero origin.
+        """
+        return frozenset(name for name in self.links if self._is_helper(name))
+
+    def _is_helper(self, name: str) -> bool:
+        link, above, below = self.links[name], self.parent_joint.get(name), self.children[name]
+        if link.has_inertia or link.has_geometry or name in self.marked_links or above is None or not below:
+            return False
+        return not np.any(above.translation) or not any(np.any(joint.translation) for joint in below)
+
+    def lineage(self, link: str) -> list[str]:
+        """Return the links from `link` up to the root, both included."""
+        names = [link]
+        while names[-1] in self.parent_joint:
+            names.append(self.parent_joint[names[-1]].parent)
+        return names
+
+    def visible_lineage(self, link: str) -> list[str]:
+        """Return the lineage without helper links (the link itself stays)."""
+        return [name for name in self.lineage(link) if name == link or name not in self.helpers]
+
+    def common_ancestor(self, link_a: str, link_b: str) -> str:
+        """Return the lowest link, helpers aside, from which both links descend (or that is one of them)."""
+        above_b = set(self.visible_lineage(link_b))
+        return next(name for name in self.visible_lineage(link_a) if name in above_b)
+
+    def descent(self, ancestor: str, link: str) -> list[Joint]:
+        """Return the joints from `ancestor` down to `link`, in that order."""
+        joints: list[Joint] = []
+        while link != ancestor:
+            joint = self.parent_joint[link]
+            joints.append(joint)
+            link = joint.parent
+        return joints[::-1]
+
+    def path_between(self, link_a: str, link_b: str) -> list[Joint]:
+        """Return the joints between two links: up from `link_a`, then down to `link_b`."""
+        above_b = set(self.lineage(link_b))
+        meeting = next(name for name in self.lineage(link_a) if name in above_b)
+        return [*reversed(self.descent(meeting, link_a)), *self.descent(meeting, link_b)]
+
+    def motions_between(self, link_a: str, link_b: str, branches: bool = False) -> list[list[tuple[Joint, float]]]:
+        """Return the moving joints between two links, those together that turn about one axis at one place.
+
+        Two turns that follow each other down (or up) the tree at one place about one axis are one turn by the sum of
+        their angles, each with the sign that is returned. A parallelogram's elbow is such a place: `-q2` and `q3` turn
+        the forearm by `q3 - q2` against the upper arm. Two links that turn about one axis beside each other, both on
+        one link below them, are two motions, unless `branches` is set. A planar or floating joint stands alone, and so
+        does each sliding joint.
+        """
+        found: list[list[tuple[Joint, float]]] = []
+        last: tuple[_Vector, _Vector, float] | None = None
+        for joint, sign, axis, place, scale in self._axes_between(link_a, link_b):
+            one_way = last is not None and (branches or last[2] == sign)
+            if joint.type not in _TURNING:
+                found.append([(joint, sign)])
+                last = None
+            elif last is not None and one_way and _same_axis(last[:2], (axis, place), scale):
+                found[-1].append((joint, sign * float(np.sign(axis @ last[0]))))
+            else:
+                found.append([(joint, sign)])
+                last = axis, place, sign
+        return found
+
+    def _axes_between(self, link_a: str, link_b: str) -> Iterator[tuple[Joint, float, _Vector, _Vector, float]]:
+        """Yield each moving joint from a to b: joint, sign, axis and place in a's frame at zero, length so far."""
+        above_b = set(self.lineage(link_b))
+        meeting = next(name for name in self.lineage(link_a) if name in above_b)
+        rotation, place, scale = np.eye(3), np.zeros(3), 0.0
+        for joint in reversed(self.descent(meeting, link_a)):
+            if joint.type != "fixed":
+                yield joint, -1.0, rotation @ joint.axis, place, scale
+            rotation = rotation @ joint.rotation.T
+            place = place - rotation @ joint.translation
+            scale += float(np.linalg.norm(joint.translation))
+        for joint in self.descent(meeting, link_b):
+            place = place + rotation @ joint.translation
+            rotation = rotation @ joint.rotation
+            scale += float(np.linalg.norm(joint.translation))
+            if joint.type != "fixed":
+                yield joint, 1.0, rotation @ joint.axis, place, scale
+
+    def degrees_between(self, link_a: str, link_b: str, coupling: Coupling | None = None) -> int:
+        """Return how many degrees of freedom lie between two links; 0: they never move against each other.
+
+        Each of the motions of `motions_between` is one, a planar joint three, a floating joint six.
+
+        Args:
+            link_a: One link.
+            link_b: The other.
+            coupling: `theta = S q + o`; with it, motions that no coordinate moves are not counted: a mimic joint of
+                multiplier 0, or turns that cancel.
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> [robot.tree.degrees_between("link_2", name) for name in ("link_1", "link_3", "link_21", "link_6")]
+            [1, 1, 1, 2]
+        """
+        if coupling is not None and not any(
+            self._freedoms(motion, coupling) for motion in self.motions_between(link_a, link_b, branches=True)
+        ):
+            return 0
+        return sum(self._freedoms(motion, coupling) for motion in self.motions_between(link_a, link_b))
+
+    @staticmethod
+    def _freedoms(motion: list[tuple[Joint, float]], coupling: Coupling | None) -> int:
+        joint = motion[0][0]
+        if coupling is None or not joint.moves:
+            return _FREEDOMS.get(joint.type, 1)
+        total = sum(sign * coupling.row(one.name)[0] for one, sign in motion)
+        return int(np.any(np.abs(total) > REDUCTION))
+
+    def are_adjacent(self, link_a: str, link_b: str, coupling: Coupling | None = None) -> bool:
+        """Return whether two links are neighbours: exactly one degree of freedom lies between them.
+
+        Fixed joints do not count, and masses, geometry and names of the links between do not matter.
+        """
+        return self.degrees_between(link_a, link_b, coupling) == 1
+
+
+def _same_axis(first: tuple[_Vector, _Vector], second: tuple[_Vector, _Vector], scale: float) -> bool:
+    """Return whether two axes are parallel and pass through the same origin, up to the rounding of folded constants."""
+    across = float(np.max(np.abs(np.cross(first[0], second[0]))))
+    apart = float(np.linalg.norm(first[1] - second[1]))
+    return across <= REDUCTION and apart <= REDUCTION * scale

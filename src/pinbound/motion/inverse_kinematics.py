@@ -1,0 +1,293 @@
+"""Inverse kinematics of one point of one link: damped least squares within all joint limits, followers' too.
+
+With e = target - p(q) and J = dp/dq each step minimises
+
+    |J dq - e|^2 + damping |dq|^2   subject to   c_k . dq = 0 for the limits k that hold the step back,
+
+and is cut where it meets the next limit. The damping follows the residual (Levenberg-Marquardt), so the iteration is
+quadratic near a target in reach and calm near singular places. Boundaries are not looked at: a path may leave the
+feasible region, and `pinbound.region.membership` says where. `docs/inverse-kinematics.md` derives the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinbound.evaluate import numeric
+from pinbound.exceptions import DimensionError, UnknownNameError
+from pinbound.model.coupling import GuardedLimit, LinearLimit, as_configurations
+from pinbound.path.chain import Chain
+from pinbound.path.relative import absolute_chain
+from pinbound.robot.home import nearest_within, ways_to_keep
+from pinbound.robot.robot import Robot
+from pinbound.tolerances import LIMIT, REACHED
+from pinbound.values import Value
+
+__all__ = ["Ending", "InverseKinematics", "solve_ik"]
+
+Array = NDArray[np.float64]
+
+_CALM = 1e-13  # rad or m: steps below this no longer change anything
+
+
+class Ending(Enum):
+    """Why the iteration for one target ended."""
+
+    REACHED = "reached"
+    HELD_BY_LIMITS = "held back by joint limits"
+    OUT_OF_REACH = "no nearer configuration around here"
+    ITERATIONS = "out of iterations"
+    NO_TARGET = "the target is not finite"
+
+
+@dataclass(frozen=True, eq=False)
+class InverseKinematics(Value):
+    """Configurations found for a sequence of targets.
+
+    Attributes:
+        q: (N, n) the configurations [rad or m]; where not reached, the nearest found.
+        residuals: (N,) distance from frame to target [m].
+        reached: (N,) whether the residual is within the tolerance.
+        iterations: (N,) steps taken.
+        endings: Why each iteration ended.
+        restarts: (N,) how many other starts were tried: above 0 the path may have jumped to another branch.
+        limits: For each target, the joints whose limits held the last step back.
+    """
+
+    q: Array
+    residuals: Array
+    reached: NDArray[np.bool_]
+    iterations: NDArray[np.int64]
+    restarts: NDArray[np.int64]
+    endings: tuple[Ending, ...]
+    limits: tuple[tuple[str, ...], ...]
+
+    def text(self) -> str:
+        """Return a report for people: one line if all is reached, else one line a failure."""
+        count = len(self.q)
+        lines = [f"{int(self.reached.sum())} of {count} targets reached"]
+        for i in np.flatnonzero(~self.reached):
+            held = f" ({', '.join(self.limits[i])})" if self.limits[i] else ""
+            lines.append(f"target {i}: {self.endings[i].value}{held}, {1e3 * self.residuals[i]:.6g} mm away")
+        return "\n".join(lines)
+
+
+def solve_ik(
+    robot: Robot,
+    link: str,
+    targets: ArrayLike,
+    start: ArrayLike | None = None,
+    xyz: Sequence[float] = (0.0, 0.0, 0.0),
+    max_iterations: int = 200,
+    tolerance: float = REACHED,
+    restarts: int = 12,
+    seed: int = 0,
+) -> InverseKinematics:
+    """Find configurations that bring a point of a link to its targets, each started from the last one reached.
+
+    A local method can end beside a target that is in reach. Then it starts again from `start` and from random
+    places within the limits (within half a turn or half a metre of `start` where there are none).
+
+    Args:
+        robot: The robot.
+        link: The link whose point is meant.
+        targets: (3,) or (N, 3) positions in the root link's frame [m].
+        start: (n,) where to start; home by default. It must be within the joint limits.
+        xyz: (3,) the point in the link's frame [m].
+        max_iterations: For each target.
+        tolerance: [m] residual at which a target counts as reached.
+        restarts: How many other starts to try at most, for each target; 0 keeps a path on its branch.
+        seed: Of the random starts.
+
+    Returns:
+        The result, failures included: a target out of reach is no exception.
+
+    Raises:
+        UnknownNameError: If there is no such link.
+        DimensionError: If targets or start have another shape, or the start is out of limits or not finite.
+        UnsupportedError: If a floating or planar joint lies between the root and the link.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> found = solve_ik(robot, "link_6", [[0.15, 0.05, 0.12], [0.9, 0.0, 0.1]])
+        >>> found.reached.tolist(), found.endings[1].name
+        ([True, False], 'OUT_OF_REACH')
+        >>> bool(np.linalg.norm(robot.positions("link_6", found.q[0]) - [0.15, 0.05, 0.12]) < 1e-10)
+        True
+    """
+    if link not in robot.tree.links:
+        raise UnknownNameError("link", link, robot.tree.links)
+    goals = np.asarray(targets, dtype=np.float64)
+    if goals.ndim not in (1, 2) or goals.shape[-1] != 3:
+        raise DimensionError(f"targets have shape {goals.shape}; give (3,) or (N, 3) positions [m]")
+    x, y, z = (float(value) for value in xyz)
+    chain = absolute_chain(robot.tree, robot.coupling, link, (x, y, z))
+    solver = _Solver(chain, *_limit_rows(robot), max_iterations, tolerance)
+    q = np.array(robot.home if start is None else as_configurations(start, robot.coordinates))
+    inside = q.ndim == 1 and np.all(solver.A @ q <= solver.b + LIMIT) and _broken(robot, q) is None
+    if not inside:
+        raise DimensionError(f"the start {q.tolist()} is not one configuration within all joint limits")
+    starts = [q, *_random_starts(robot, q, max(restarts - 1, 0), seed)][:restarts]
+    answers, tried = list[_Answer](), list[int]()
+    for goal in goals.reshape(-1, 3):
+        best, count = _solved(robot, solver, q, goal), 0
+        for other in starts if np.all(np.isfinite(goal)) else ():
+            if best.ending is Ending.REACHED:
+                break
+            count += 1
+            best = min(best, _solved(robot, solver, other, goal), key=lambda one: one.residual)
+        answers.append(best)
+        tried.append(count)
+        q = best.q if best.ending is Ending.REACHED else q
+    return InverseKinematics(
+        q=np.clip(np.array([one.q for one in answers]).reshape(-1, len(q)), robot.lower, robot.upper),  # of rounding
+        residuals=np.array([one.residual for one in answers]),
+        reached=np.array([one.ending is Ending.REACHED for one in answers], dtype=np.bool_),
+        iterations=np.array([one.iterations for one in answers], dtype=np.int64),
+        restarts=np.array(tried, dtype=np.int64),
+        endings=tuple(one.ending for one in answers),
+        limits=tuple(one.limits for one in answers),
+    )
+
+
+def _random_starts(robot: Robot, q: Array, count: int, seed: int) -> list[Array]:
+    """Return configurations within all joint limits; fewer than `count` if followers' limits leave little room."""
+    lower, upper = np.maximum(robot.lower, q - np.pi), np.minimum(robot.upper, q + np.pi)
+    slides = np.array([not robot.turns(name) for name in robot.coordinates], dtype=np.bool_)
+    lower[slides], upper[slides] = np.maximum(lower, q - 0.5)[slides], np.minimum(upper, q + 0.5)[slides]
+    A, b, _ = _limit_rows(robot)
+    drawn = np.random.default_rng(seed).uniform(lower, upper, (20 * count, len(q)))
+    return list(drawn[np.all(drawn @ A.T <= b, axis=1) & robot.intervals.hold(drawn)][:count])
+
+
+def _broken(robot: Robot, q: Array) -> GuardedLimit | None:
+    """Return the first end of a guarded rule that q breaks."""
+    return next((one for one in robot.guarded_limits if not one.holds_at(q.tolist())), None)
+
+
+def _solved(robot: Robot, solver: _Solver, start: Array, goal: Array, more: tuple[LinearLimit, ...] = ()) -> _Answer:
+    """Return the answer within guarded rules too.
+
+    Where the answer breaks one, each way to keep it is a limit, with which the target is tried again.
+    """
+    found = solver.solve(start, goal)
+    broken = _broken(robot, found.q) if np.all(np.isfinite(goal)) else None
+    if broken is None:
+        return found
+    residual = float(np.linalg.norm(goal - numeric.positions(solver.chain, start[None])[0]))
+    answers = [_Answer(start, residual, found.iterations, Ending.HELD_BY_LIMITS, (broken.rule,))]
+    for way in ways_to_keep(broken):
+        limits, loose = (*robot.linear_limits, *more, way), np.ones(len(start), dtype=np.bool_)
+        begin = nearest_within(limits, robot.guarded_limits, start, loose)
+        if begin is not None:
+            answers.append(_solved(robot, solver.within(way), begin, goal, (*more, way)))
+    return min(answers, key=lambda one: one.residual)
+
+
+def _limit_rows(robot: Robot) -> tuple[Array, Array, tuple[str, ...]]:
+    """Return `A q <= b` for all joint limits, and the joint of each row."""
+    return _rows(robot.linear_limits, len(robot.coordinates))
+
+
+def _rows(limits: Sequence[LinearLimit], n: int) -> tuple[Array, Array, tuple[str, ...]]:
+    rows, bounds, names = list[Array](), list[float](), list[str]()
+    for limit in limits:
+        for sign, end in ((1.0, limit.upper), (-1.0, limit.lower)):
+            if np.isfinite(end) and np.any(limit.coefficients):
+                rows.append(sign * limit.coefficients)
+                bounds.append(sign * (end - limit.offset))
+                names.append(limit.joint)
+    return np.array(rows).reshape(-1, n), np.array(bounds), tuple(names)
+
+
+@dataclass(frozen=True)
+class _Answer:
+    q: Array
+    residual: float
+    iterations: int
+    ending: Ending
+    limits: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Solver:
+    """One chain with its limits `A q <= b`."""
+
+    chain: Chain
+    A: Array
+    b: Array
+    names: tuple[str, ...]
+    max_iterations: int
+    tolerance: float
+
+    def within(self, limit: LinearLimit) -> _Solver:
+        """Return the solver with one more limit."""
+        A, b, names = _rows([limit], self.A.shape[1])
+        return replace(self, A=np.vstack((self.A, A)), b=np.append(self.b, b), names=(*self.names, *names))
+
+    def solve(self, start: Array, goal: Array) -> _Answer:
+        if not np.all(np.isfinite(goal)):
+            return _Answer(start, float("nan"), 0, Ending.NO_TARGET)
+        q, error = start, goal - numeric.positions(self.chain, start[None])[0]
+        damping, held = 1e-3, list[int]()
+        for iteration in range(self.max_iterations):
+            residual = float(np.linalg.norm(error))
+            if residual <= self.tolerance:
+                return _Answer(q, residual, iteration, Ending.REACHED)
+            J = numeric.derivative(self.chain, q[None])[0]
+            step, held = self._step(q, J, error, damping * residual**2 + 1e-30)
+            if float(np.max(np.abs(step), initial=0.0)) <= _CALM:
+                return self._stopped(q, residual, iteration, held)
+            ahead = q + step
+            error_ahead = goal - numeric.positions(self.chain, ahead[None])[0]
+            if float(np.linalg.norm(error_ahead)) < residual:
+                q, error, damping = ahead, error_ahead, max(damping / 4.0, 1e-6)
+            else:
+                damping *= 8.0
+                if damping > 1e18:
+                    return self._stopped(q, residual, iteration, held)
+        residual = float(np.linalg.norm(error))
+        ending = Ending.REACHED if residual <= self.tolerance else Ending.ITERATIONS
+        return _Answer(q, residual, self.max_iterations, ending, self._held_names(held))
+
+    def _stopped(self, q: Array, residual: float, iteration: int, held: list[int]) -> _Answer:
+        ending = Ending.HELD_BY_LIMITS if held else Ending.OUT_OF_REACH
+        return _Answer(q, residual, iteration, ending, self._held_names(held))
+
+    def _held_names(self, held: list[int]) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(self.names[k] for k in held))
+
+    def _step(self, q: Array, J: Array, error: Array, damping: float) -> tuple[Array, list[int]]:
+        """Return the damped step along the limits that it would break, cut at the next limit; and those limits."""
+        slack = self.b - self.A @ q
+        held = list[int]()
+        while True:
+            free = _null_space(self.A[held])
+            stacked = np.vstack((J @ free, np.sqrt(damping) * np.eye(free.shape[1])))
+            wanted = np.concatenate((error, np.zeros(free.shape[1])))
+            step = free @ np.linalg.lstsq(stacked, wanted, rcond=None)[0]  # least norm: no column needs to matter
+            rate = self.A @ step
+            rate[held] = 0.0
+            broken = [k for k in np.flatnonzero((slack <= LIMIT) & (rate > 1e-15)) if k not in held]
+            if not broken:
+                break
+            held.append(int(max(broken, key=lambda k: rate[k])))
+        growing = rate > 0.0
+        room = np.min(slack[growing] / rate[growing], initial=1.0)
+        return max(float(room), 0.0) * step, held
+
+
+def _null_space(A: Array) -> Array:
+    """Return an orthonormal basis (n, n - rank) of the directions along all rows' limits."""
+    n = A.shape[1]
+    if not len(A):
+        return np.eye(n)
+    _, sizes, vectors = np.linalg.svd(A, full_matrices=True)
+    rank = int(np.sum(sizes > 1e-12 * sizes[0]))
+    return vectors[rank:].T

@@ -1,0 +1,392 @@
+"""The reduced relative path: the one idea that every interpreter reads.
+
+Between two marks lies a path in the tree: up from a's link to the lowest common ancestor, down to b's. With constant
+rotations folded away it is a chain (`path/chain.py`), reduced until nothing is left in it that does not change the
+distance.
+
+A marked segment or box is a point that slides along its link: while the chain is reduced, each of its parameters is one
+more coordinate, and afterwards a *direction*, the chain's derivative by it. `docs/segments.md` derives that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.annotations import Mark, Measure, Shape
+from pinbound.exceptions import UnsupportedError
+from pinbound.model.coupling import Coupling
+from pinbound.model.tree import Tree
+from pinbound.model.urdf import MOVING_TYPES, Joint
+from pinbound.path.chain import Chain, Swept, drop_head, reduce_chain, rotation_matrix, split
+from pinbound.tolerances import REDUCTION
+from pinbound.values import Value
+
+__all__ = ["Form", "Kind", "RelativePath", "absolute_chain", "direction_chain", "minimal_chain", "relative_path"]
+
+Array = NDArray[np.float64]
+
+_CLOSED = 2  # directions up to which the nearest points have a closed form, over parallelograms
+
+
+class Kind(Enum):
+    """How two links lie to each other in the tree, helper links aside."""
+
+    CONSECUTIVE = "consecutive"
+    NON_CONSECUTIVE = "non-consecutive"
+    BRANCHED = "branched"
+    COINCIDENT_BRANCHED = "coincident branched"
+
+
+class Form(Enum):
+    """Which case a path is, decided once: how an interpreter gets its separation."""
+
+    CONSTANT = "constant"
+    """Of no coordinate: two points that nothing moves to each other."""
+    ONE_ANGLE = "one effective angle"
+    """Two points, or a point and a plane, and one effective angle, no slide."""
+    SMOOTH = "smooth"
+    """Two points, a point across a line, or a point above a plane."""
+    PIECEWISE = "piecewise"
+    """The least of smooth functions in closed form: two directions at most, or a height."""
+    SEARCHED = "searched"
+    """The nearest points are searched for, by their vertices."""
+
+
+@dataclass(frozen=True, eq=False)
+class RelativePath(Value):
+    """The path between two marks, reduced.
+
+    Attributes:
+        kind: How the two links lie to each other.
+        ancestor: The lowest common ancestor link, helpers aside.
+        branch_a: `x_a(q)`, mark a in the ancestor's frame.
+        branch_b: `x_b(q)`, mark b in the ancestor's frame; `r = x_a - x_b` is the paper's vector.
+        swept: Chain and directions of the same norm as r in which the fewest coordinates and rotations are left.
+        frame: Position i of `minimal` in whose frame the vector has the fewest rotated terms.
+        across: Rows that take from r, in the frame at position 0, what counts: (2, 3) what lies across a line,
+            (1, 3) the height above a plane. None: all of it.
+        upright: Unit direction of the line, or normal of the plane, in the ancestor's frame; None without one.
+        measure: The distance, the distance across a line, or the height above a plane.
+        first_is_b: Whether the line or plane is mark b.
+    """
+
+    kind: Kind
+    ancestor: str
+    branch_a: Swept
+    branch_b: Swept
+    swept: Swept
+    frame: int
+    across: Array | None = None
+    upright: Chain | None = None
+    measure: Measure = Measure.DISTANCE
+    first_is_b: bool = False
+
+    @cached_property
+    def form(self) -> Form:
+        """Which case it is."""
+        if self.swept.directions:
+            closed = self.is_signed or (len(self.swept.directions) <= _CLOSED and self.swept.is_zonotope)
+            return Form.PIECEWISE if closed else Form.SEARCHED
+        chain = self.minimal
+        if not chain.coordinates:
+            return Form.CONSTANT
+        turns_once = chain.rotations == 1 and not np.any(chain.slides)
+        return Form.ONE_ANGLE if turns_once and self.measure is not Measure.ACROSS else Form.SMOOTH
+
+    @property
+    def minimal(self) -> Chain:
+        """The chain of the two marks' own points: of two points, all that there is."""
+        return self.swept.chain
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it lies between two points."""
+        return not self.swept.directions and self.across is None
+
+    @property
+    def is_solid(self) -> bool:
+        """Whether the marks span bodies that may overlap, so that their distance stays zero: boxes, prisms, hulls.
+
+        Across a line a body is seen as an area, which two directions span.
+        """
+        spanned = 2 if self.measure is Measure.ACROSS else 3
+        return not self.is_signed and len(self.swept.directions) >= spanned
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether it measures a height above a plane, which may be negative, and not a distance."""
+        return self.across is not None and len(self.across) == 1
+
+
+def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:
+    """Derive the reduced relative path between two marks.
+
+    Args:
+        tree: The robot's tree.
+        coupling: `theta = S q + o`.
+        a: First mark.
+        b: Second mark; one of the two at most may be a line or a plane.
+
+    Returns:
+        Kind, ancestor and reduced chains.
+
+    Raises:
+        UnsupportedError: If a floating or planar joint lies between the two links.
+    """
+    ancestor = tree.common_ancestor(a.link, b.link)
+    down = {mark.link: tree.descent(ancestor, mark.link) for mark in (a, b)}
+    first = b if b.shape.is_unbounded else a
+    across = _across(first.shape)
+    minimal = _minimal(tree, coupling, a, b, across)
+    ends_at_ancestor = not _moves(down[b.link]) and _moves(down[a.link])
+    return RelativePath(
+        kind=_kind(tree, ancestor, a.link, b.link),
+        ancestor=ancestor,
+        branch_a=_branch(coupling, down[a.link], _placed(a, a, b), reach=a.shape.reach),
+        branch_b=_branch(coupling, down[b.link], _placed(b, a, b), reach=b.shape.reach),
+        swept=split(minimal, len(coupling.coordinates), (a.shape.corners, b.shape.corners)),
+        frame=0 if across is not None else _best_frame(minimal, last_is_ancestor=ends_at_ancestor),
+        across=across,
+        upright=_upright(coupling, down[first.link], first.shape),
+        measure=first.shape.measure,
+        first_is_b=first is b,
+    )
+
+
+def minimal_chain(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> Swept:
+    """Return `relative_path(tree, coupling, a, b).swept` alone, in a third of the time.
+
+    Raises:
+        UnsupportedError: If a floating or planar joint lies between the two links.
+    """
+    across = _across(b.shape if b.shape.is_unbounded else a.shape)
+    corners = a.shape.corners, b.shape.corners
+    return split(_minimal(tree, coupling, a, b, across), len(coupling.coordinates), corners)
+
+
+def _minimal(tree: Tree, coupling: Coupling, a: Mark, b: Mark, across: Array | None) -> Chain:
+    ancestor = tree.common_ancestor(a.link, b.link)
+    first, last = (b, a) if b.shape.is_unbounded else (a, b)  # a line or plane is constant where the walk starts
+    down_first, down_last = tree.descent(ancestor, first.link), tree.descent(ancestor, last.link)
+    shared = sum(x is y for x, y in zip(down_first, down_last, strict=False))
+    between = _Builder(coupling)
+    for joint in reversed(down_first[shared:]):
+        between.up(joint)
+    for joint in down_last[shared:]:
+        between.down(joint)
+    head, tail = (_placed(mark, a, b) for mark in (first, last))
+    return drop_head(between.chain(tail, head, (last.shape.reach, first.shape.reach)), across)
+
+
+def _placed(mark: Mark, *both: Mark) -> Array:
+    """Return a mark as columns (3, 1 + k): its point, and the directions of both marks, those of the other zero."""
+    directions = [one.shape.directions if one is mark else np.zeros_like(one.shape.directions) for one in both]
+    return np.vstack((mark.shape.origin[None], *directions)).T
+
+
+def _across(first: Shape) -> Array | None:
+    """Return the rows by which a line or plane measures r, which leads from what is measured to it."""
+    unit = first.normal
+    if unit is None:
+        return None
+    if first.measure is Measure.HEIGHT:
+        return -unit[None]
+    one: Any = np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))])
+    one /= np.linalg.norm(one)
+    other: Any = np.cross(unit, one)
+    return np.stack((one, other))
+
+
+def _branch(
+    coupling: Coupling, joints: Sequence[Joint], placed: Array, held: bool = False, reach: float | None = None
+) -> Swept:
+    """Return a point and its directions (3, 1 + k) of the last joint's link, in the ancestor's frame."""
+    builder = _Builder(coupling, held)
+    for joint in joints:
+        builder.down(joint)
+    reaches = None if reach is None else (reach, 0.0)
+    return split(reduce_chain(builder.chain(placed, reaches=reaches)), len(coupling.coordinates))
+
+
+def _upright(coupling: Coupling, joints: Sequence[Joint], shape: Shape) -> Chain | None:
+    if shape.normal is None:
+        return None
+    return _branch(coupling, joints, np.column_stack((np.zeros(3), shape.normal))).ways[0]
+
+
+def absolute_chain(tree: Tree, coupling: Coupling, link: str, xyz: Sequence[float], reduced: bool = True) -> Chain:
+    """Return the chain of a point's position in the root link's frame.
+
+    A joint of several coordinates (floating, planar) is held at its origin, as `Robot.model` holds it.
+
+    Args:
+        tree: The robot's tree.
+        coupling: `theta = S q + o`.
+        link: The link that the point is fixed to.
+        xyz: The point in the link's frame [m].
+        reduced: False leaves one rotation a joint, as Eq. (5) of the paper does.
+    """
+    builder = _Builder(coupling, held=True)
+    for joint in tree.descent(tree.root, link):
+        builder.down(joint)
+    chain = builder.chain(np.array(xyz, dtype=np.float64)[:, None])
+    return reduce_chain(chain) if reduced else chain
+
+
+def direction_chain(tree: Tree, coupling: Coupling, link: str, unit: Sequence[float]) -> Chain:
+    """Return the chain of a link's unit vector in the root link's frame: rotations alone, so that no length rounds it.
+
+    Joints of several coordinates are held at their origin, as `absolute_chain` does.
+    """
+    placed = np.column_stack((np.zeros(3), np.array(unit, dtype=np.float64)))
+    way = _branch(coupling, tree.descent(tree.root, link), placed, held=True).ways[0]
+    return replace(way, scale=1.0)
+
+
+def _moves(joints: list[Joint]) -> bool:
+    return any(joint.moves for joint in joints)
+
+
+def _kind(tree: Tree, ancestor: str, link_a: str, link_b: str) -> Kind:
+    branches = [tree.visible_lineage(link) for link in (link_a, link_b)]
+    depths = [branch.index(ancestor) for branch in branches]
+    if min(depths) == 0:
+        return Kind.CONSECUTIVE if max(depths) <= 1 else Kind.NON_CONSECUTIVE
+    first = [branch[depth - 1] for branch, depth in zip(branches, depths, strict=True)]
+    offsets = [_offset_at_zero(tree, ancestor, link) for link in first]
+    scale = max(float(np.linalg.norm(offset)) for offset in offsets)
+    coincident = float(np.linalg.norm(offsets[0] - offsets[1])) <= REDUCTION * scale
+    return Kind.COINCIDENT_BRANCHED if coincident else Kind.BRANCHED
+
+
+def _offset_at_zero(tree: Tree, ancestor: str, link: str) -> Array:
+    """Return the origin of a link's joint in the ancestor's frame; helper links between have zero offsets."""
+    position, rotation = np.zeros(3), np.eye(3)
+    for joint in tree.descent(ancestor, link):
+        position, rotation = position + rotation @ joint.translation, rotation @ joint.rotation
+    return position
+
+
+class _Builder:
+    """Collect joints along a path into a chain, constant rotations folded into what follows them."""
+
+    def __init__(self, coupling: Coupling, held: bool = False) -> None:
+        """Start at a link's frame; joints of several coordinates are left at their origin (`held`), or refused."""
+        self.coupling, self.held = coupling, held
+        self.rotation = np.eye(3)
+        n = len(coupling.coordinates)
+        self.offsets: list[Array] = [np.zeros(3)]
+        self.slides: list[Array] = [np.zeros((3, n))]
+        self.axes: list[Array] = []
+        self.coefficients: list[Array] = []
+        self.scale = 0.0
+
+    def down(self, joint: Joint) -> None:
+        """Step from parent to child: origin, then motion."""
+        self._constant(joint.rotation, joint.translation)
+        self._motion(joint, 1.0)
+
+    def up(self, joint: Joint) -> None:
+        """Step from child to parent: inverse motion, then inverse origin."""
+        self._motion(joint, -1.0)
+        self._constant(joint.rotation.T, -joint.rotation.T @ joint.translation)
+
+    def _constant(self, rotation: Array, translation: Array) -> None:
+        self.scale += float(np.linalg.norm(translation))
+        self.offsets[-1] = self.offsets[-1] + self.rotation @ translation
+        self.rotation = self.rotation @ rotation
+
+    def _motion(self, joint: Joint, sign: float) -> None:
+        if joint.type == "fixed":
+            return
+        if joint.type not in MOVING_TYPES:
+            if self.held:
+                return
+            message = f"joint {joint.name!r} is {joint.type} and lies between the two points of a boundary"
+            raise UnsupportedError(f"{message}; take points on one side of it, or model it by single joints")
+        coefficients, offset = self.coupling.row(joint.name)
+        axis = self.rotation @ joint.axis
+        if joint.type == "prismatic":
+            self.slides[-1] = self.slides[-1] + sign * np.outer(axis, coefficients)
+            self.offsets[-1] = self.offsets[-1] + axis * (sign * offset)
+            self.scale += abs(offset)
+            return
+        self.axes.append(axis)
+        self.coefficients.append(sign * coefficients)
+        self.offsets.append(np.zeros(3))
+        self.slides.append(np.zeros_like(self.slides[0]))
+        if offset:
+            self.rotation = self.rotation @ rotation_matrix(joint.axis, sign * offset)
+
+    def chain(self, tail: Array, head: Array | None = None, reaches: tuple[float, float] | None = None) -> Chain:
+        """Return the position of `tail` (3, 1 + k), or `head` minus it; k parameters follow the coordinates.
+
+        `reaches` are bounds of how far tail and head may be from their links' origins [m]; by default with all
+        parameters in [0, 1].
+        """
+        if reaches is None:
+            reaches = _farthest(tail), 0.0 if head is None else _farthest(head)
+        n, k, more = self.slides[0].shape[1], len(self.axes), tail.shape[1] - 1
+        blocks = np.zeros((k + 1, 3, 1 + n + more))
+        blocks[:, :, 0], blocks[:, :, 1 : n + 1] = self.offsets, self.slides
+        blocks[-1] += _columns(self.rotation @ tail, n)
+        scale = self.scale + reaches[0]
+        if head is not None:
+            blocks = -blocks
+            blocks[0] += _columns(head, n)
+            scale += reaches[1]
+        coefficients = np.zeros((k, n + more))
+        if k:
+            coefficients[:, :n] = self.coefficients
+        axes = np.array(self.axes).reshape(k, 3)
+        return Chain(blocks[:, :, 0].copy(), blocks[:, :, 1:].copy(), axes, coefficients, scale)
+
+
+def _columns(placed: Array, n: int) -> Array:
+    """Return a point and its directions as first and last columns, those of n coordinates between them."""
+    return np.hstack((placed[:, :1], np.zeros((3, n)), placed[:, 1:]))
+
+
+def _farthest(placed: Array) -> float:
+    """Return a bound of how far a point may be from its link's origin while it slides [m]."""
+    return float(np.linalg.norm(placed[:, 0]) + np.linalg.norm(placed[:, 1:], axis=0).sum())
+
+
+def _best_frame(chain: Chain, last_is_ancestor: bool) -> int:
+    """Return the position in whose frame the fewest offsets are rotated, then the fewest coordinates occur.
+
+    Between equals an end of the chain that does not turn in the ancestor's frame wins, and then the first.
+    """
+    used = np.any(chain.offsets, axis=1) | np.any(chain.slides, axis=(1, 2))
+    turning = _coordinates_between(chain)[:, used]
+    rotated, coordinates = np.count_nonzero(turning, axis=1).tolist(), np.sum(turning, axis=1).tolist()
+    k = chain.rotations
+
+    def cost(position: int) -> tuple[int, int, bool, int]:
+        return rotated[position], coordinates[position], last_is_ancestor and position != k, position
+
+    return min(range(k + 1), key=cost)
+
+
+def _coordinates_between(chain: Chain) -> NDArray[np.int64]:
+    """Count the coordinates in the angle between any two positions, (k + 1, k + 1); turns about one axis merged."""
+    k, axes = chain.rotations, chain.axes
+    crossed = np.abs(np.cross(axes[:, None], axes[None])).max(axis=2, initial=0.0) if k else np.zeros((0, 0))
+    parallel, signs = crossed <= REDUCTION, np.sign(axes @ axes.T)
+    counts = np.zeros((k + 1, k + 1), dtype=np.int64)
+    for start in range(k):
+        first, before, total = start, 0, np.zeros(chain.coefficients.shape[1])
+        for position in range(start, k):
+            if not parallel[first, position]:
+                before += int(np.count_nonzero(np.abs(total) > REDUCTION))
+                first, total = position, np.zeros_like(total)
+            total = total + signs[first, position] * chain.coefficients[position]
+            counts[start, position + 1] = before + int(np.count_nonzero(np.abs(total) > REDUCTION))
+    return counts + counts.T

@@ -1,0 +1,81 @@
+"""A chain with some coordinates held: constants folded, what no longer turns dropped.
+
+A held rotation C is constant, and `C R(u, phi) = R(C u, phi) C`, so it moves into the axes and offsets behind it. A
+boundary that has many effective angles in the robot may have one, or none, in a plane of two coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.path.chain import Chain, drop_head, rotation_matrix, split
+from pinbound.path.relative import RelativePath
+
+__all__ = ["restrict", "restrict_path"]
+
+Array = NDArray[np.float64]
+
+
+def restrict(chain: Chain, at: Array, keep: Sequence[int], across: Array | None = None) -> Chain:
+    """Return a reduced chain over the coordinates `keep` with the same norm, the others held as in `at`.
+
+    Args:
+        chain: Over n coordinates.
+        at: (n,) [rad or m].
+        keep: Indices of the coordinates that stay, in their new order.
+        across: Rows that take from the vector what counts; None: all of it.
+
+    Example:
+        >>> axes, slides = np.array([[0.0, 1.0, 0.0]] * 2), np.zeros((3, 3, 2))
+        >>> offsets = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0], [0.0, 0.0, 3.0]])
+        >>> arm = Chain(offsets, slides, axes, np.eye(2), 6.0)
+        >>> restrict(arm, np.array([0.0, 0.5]), [0]).rotations
+        1
+    """
+    kept = list(keep)
+    held = np.where(np.isin(np.arange(len(at)), kept), 0.0, at)
+    turn, scale = np.eye(3), chain.scale
+    offsets: list[Array] = []
+    slides: list[Array] = []
+    axes: list[Array] = []
+    coefficients: list[Array] = []
+    for index in range(chain.rotations + 1):
+        moves = index == 0
+        if index:
+            axis, c = chain.axes[index - 1], chain.coefficients[index - 1]
+            moves = bool(np.any(c[kept]))
+            if moves:
+                axes.append(turn @ axis)
+                coefficients.append(c[kept])
+            turn = turn @ rotation_matrix(axis, float(c @ held))
+        slid = chain.slides[index] @ held
+        scale += float(np.linalg.norm(slid))
+        block, slide = turn @ (chain.offsets[index] + slid), turn @ chain.slides[index][:, kept]
+        if moves:
+            offsets.append(block)
+            slides.append(slide)
+        else:
+            offsets[-1] = offsets[-1] + block
+            slides[-1] = slides[-1] + slide
+    shape = (-1, len(kept))
+    stacked = np.array(axes).reshape(-1, 3), np.array(coefficients).reshape(shape)
+    return drop_head(Chain(np.array(offsets), np.array(slides), *stacked, scale), across)
+
+
+def restrict_path(path: RelativePath, at: Array, keep: Sequence[int]) -> RelativePath:
+    """Return a path over the coordinates `keep` with the same separation, the others held as in `at` (n,).
+
+    Its branches are left as they are: over all coordinates.
+    """
+    chain, n, k = path.minimal, len(at), len(path.swept.directions)
+    ways = np.array(path.swept.directions).reshape(k, *chain.offsets.shape)
+    slides = np.concatenate((chain.slides, np.moveaxis(ways, 0, 2)), axis=2)
+    coefficients = np.pad(chain.coefficients, ((0, 0), (0, k)))
+    whole = Chain(chain.offsets, slides, chain.axes, coefficients, chain.scale)
+    parameters = range(n, n + k)
+    reduced = restrict(whole, np.append(at, np.zeros(k)), [*keep, *parameters], path.across)
+    return replace(path, swept=split(reduced, len(keep), path.swept.corners), frame=0)

@@ -1,0 +1,373 @@
+"""Robot: what users hold; `loading.load` makes it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinbound.annotations import Annotations
+from pinbound.boundaries.boundary_set import BoundarySet
+from pinbound.coverage import Coverage
+from pinbound.coverage.bodies import collision_bodies
+from pinbound.evaluate import numeric
+from pinbound.exceptions import (
+    DimensionError,
+    PinboundError,
+    UnknownNameError,
+    UnsupportedError,
+    name_hint,
+)
+from pinbound.loops.closures import Closure
+from pinbound.model.coupling import Coupling, GuardedLimit, Intervals, LinearLimit, as_configurations
+from pinbound.model.document import Document
+from pinbound.model.pinocchio_model import build_model
+from pinbound.model.tree import Tree
+from pinbound.path.relative import absolute_chain
+from pinbound.robot.model_view import ModelView, read_model
+from pinbound.values import Value
+
+__all__ = ["Robot", "refuse_conditions"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Robot(Value):
+    """A robot with its coupling, closures and boundaries. Made by `load`; never changed afterwards.
+
+    Attributes:
+        document: The XML that it was read from.
+        tree: Links and joints.
+        annotations: What was marked on it.
+        coupling: `theta = S q + o`.
+        linear_limits: Limits of all tree joints, and rules without conditions, said of q.
+        closures: Closed loops, each proven to close.
+        boundaries: The boundaries, in order.
+        home: (n,) a feasible configuration [rad or m].
+        notes: What was normalised on loading.
+        package_dirs: Folders in which `package://` is looked up.
+        again: Makes the robot anew with more annotations; what `with_annotations` asks.
+        guarded_limits: Ends of rules that bind where conditions hold, said of q.
+    """
+
+    document: Document
+    tree: Tree
+    annotations: Annotations
+    coupling: Coupling
+    linear_limits: tuple[LinearLimit, ...]
+    closures: tuple[Closure, ...]
+    boundaries: BoundarySet
+    home: Array
+    notes: tuple[str, ...]
+    package_dirs: tuple[str, ...] = ()
+    again: Callable[[Robot, Any], Robot] | None = None
+    guarded_limits: tuple[GuardedLimit, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return name and counts."""
+        counts = f"{len(self.boundaries)} boundaries, {len(self.closures)} closures"
+        return f"<Robot {self.name}: coordinates {', '.join(self.coordinates)}; {counts}>"
+
+    @property
+    def name(self) -> str:
+        """The robot's name in its URDF."""
+        return self.tree.kinematics.name
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the active joints, in q's order."""
+        return self.coupling.coordinates
+
+    @cached_property
+    def lower(self) -> Array:
+        """(n,) lower limits of the active joints themselves [rad or m]; -inf where there is none, and of axes."""
+        return self._ends("lower")
+
+    @cached_property
+    def upper(self) -> Array:
+        """(n,) upper limits of the active joints themselves [rad or m]; inf where there is none, and of axes."""
+        return self._ends("upper")
+
+    def _ends(self, end: str) -> Array:
+        joints = {joint.name: float(getattr(joint, end)) for joint in self.tree.moving_joints}
+        nothing = -math.inf if end == "lower" else math.inf  # of an axis, which is no joint
+        values = np.array([joints.get(name, nothing) for name in self.coordinates])
+        values.flags.writeable = False
+        return values
+
+    @cached_property
+    def intervals(self) -> Intervals:
+        """All limits and rules as one value, whose `hold(Q)` says which configurations keep them."""
+        return Intervals.of(self.linear_limits, len(self.coordinates), guarded=self.guarded_limits)
+
+    def turns(self, joint: str) -> bool:
+        """Return whether the value of a joint, or of an axis, is an angle [rad], not a length [m]."""
+        joint = next((axis.instead_of for axis in self.annotations.axes if axis.name == joint), joint)
+        return any(one.name == joint and one.type != "prismatic" for one in self.tree.moving_joints)
+
+    @property
+    def model(self) -> Any:
+        """The `pinocchio.Model` of the whole tree, one coordinate a moving joint, in `coupling.joints`' order.
+
+        Each access returns a copy of its own: what is changed in it changes nothing here.
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> robot.model.nq == len(robot.coupling.joints) == 11
+            True
+        """
+        return self._model.copy()
+
+    @cached_property
+    def _model(self) -> Any:
+        model = build_model(self.document, self.tree.kinematics)
+        if tuple(model.names)[1:] != self.coupling.joints:
+            raise PinboundError(f"Pinocchio orders the joints as {tuple(model.names)[1:]}, not {self.coupling.joints}")
+        return model
+
+    @cached_property
+    def coverage(self) -> Coverage:
+        """Which bodies are held by marks, which pairs of links are watched, left out and why, or not watched.
+
+        Example:
+            >>> import pinbound as pb
+            >>> coverage = pb.load("minervabot_v3").coverage
+            >>> len(coverage.watched), len(coverage.in_part), coverage.is_complete
+            (0, 7, False)
+        """
+        bodies = collision_bodies(self)
+        return Coverage(self.tree, self.coupling, self.annotations, bodies, self.boundaries, self.closures)
+
+    def closure_residuals(self, Q: ArrayLike) -> Array:
+        """Return the gap of every closure, (n_closures,) or (N, n_closures) [m].
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> bool(robot.closure_residuals(robot.home).max() < 1e-15)
+            True
+        """
+        array = as_configurations(Q, self.coordinates)
+        rows = array if array.ndim > 1 else array[None]
+        residuals = np.array([closure.residuals(rows) for closure in self.closures]).reshape(-1, len(rows)).T
+        return residuals if array.ndim > 1 else residuals[0]
+
+    def positions(self, link: str, Q: ArrayLike, xyz: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
+        """Return where a point of a link is, in the root link's frame: (3,) or (N, 3) [m].
+
+        Floating and planar joints are held at their origin, as `model` holds them.
+
+        Args:
+            link: Name of the link.
+            Q: One q (n,) or many (N, n).
+            xyz: The point in the link's frame [m].
+
+        Raises:
+            UnknownNameError: If there is no such link.
+
+        Example:
+            >>> import pinbound as pb
+            >>> pb.load("minervabot_v3").positions("link_6", [0.0, 0.0, 0.0]).round(5).tolist()
+            [0.12943, 0.0, 0.14859]
+        """
+        if link not in self.tree.links:
+            raise UnknownNameError("link", link, self.tree.links)
+        x, y, z = (float(value) for value in xyz)
+        chain = absolute_chain(self.tree, self.coupling, link, (x, y, z))
+        array = as_configurations(Q, self.coordinates)
+        return numeric.positions(chain, array) if array.ndim > 1 else numeric.positions(chain, array[None])[0]
+
+    def operation_counts(self, boundary: str) -> tuple[int, int]:
+        """Return how many operations the minimal form of a boundary's vector has, and how many Eq. (5) unreduced.
+
+        Sums, products, sines and cosines are counted as SymPy prints them; nothing is shared between terms.
+
+        Example:
+            >>> import pinbound as pb
+            >>> pb.load("minervabot_v3").operation_counts("beta_5")
+            (18, 111)
+        """
+        from pinbound.evaluate import symbolic
+
+        found = self.boundaries[boundary]
+        place_a, place_b = (
+            absolute_chain(self.tree, self.coupling, mark.link, mark.shape.origin.tolist(), reduced=False)
+            for mark in (found.point_a, found.point_b)
+        )
+        unreduced = symbolic.unreduced_vector(place_a, place_b, self.coordinates)
+        return symbolic.operations(found.expression()), symbolic.operations(unreduced)
+
+    def with_annotations(self, more: Any) -> Robot:
+        """Return the robot with more annotations, as if they had been in its files, which are not read again.
+
+        Marks on the root link are fixed to the world: a table, a wall, a conveyor. Everything is checked as on loading:
+        home must be free of the new boundaries, too.
+
+        Args:
+            more: `Annotations`, or the path of a sidecar or .srdf, or a sequence of these.
+
+        Raises:
+            InputError: If anything is wrong with them: all faults at once.
+            UnsupportedError: If the robot was not made by `load`.
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> table = pb.Plane("table", "base_link", (0.0, 0.0, -0.05), (0.0, 0.0, 1.0))
+            >>> tool = pb.Point("tool", "link_6", (0.0, 0.0, 0.0), radius=0.01)
+            >>> more = pb.Annotations.of([table, tool], [pb.BoundaryMark("above", "tool", "table")])
+            >>> robot.with_annotations(more).boundaries.names[-2:]
+            ('beta_10', 'above')
+        """
+        if self.again is None:
+            raise UnsupportedError("this robot was not made by load(), so that it cannot be made anew; load() its file")
+        return self.again(self, more)
+
+    def export(self, kind: str, path: str | Path, boundaries: Sequence[str] | str | None = None) -> tuple[Path, ...]:
+        """Write the boundaries for other programs; the same robot gives the same bytes.
+
+        ``"c"``: C99 without dependencies, `path` (ending in .c) and a header beside it that states units and order:
+        signed clearances, and their Jacobian. ``"json"``: the reduced chains as data, with the formula that evaluates
+        them.
+
+        Args:
+            kind: ``"c"`` or ``"json"``.
+            path: The file; one that exists is replaced.
+            boundaries: Names of boundaries; None: all.
+
+        Returns:
+            The files that were written.
+
+        Raises:
+            UnknownNameError: If there is no such kind, or no boundary of a name.
+            UnsupportedError: If C is asked for of boxes, prisms or hulls, whose nearest points are searched for, or
+                JSON of hulls and cylinders, or JSON of a robot with rules that have conditions.
+        """
+        from pinbound.export import c_files, chains_record, is_closed, signed_nodes
+
+        chosen = self.boundaries if boundaries is None else self.boundaries.select(boundaries)
+        file, names = Path(path), chosen.names
+        rules, marks = [b.rule for b in chosen], [(b.point_a.name, b.point_b.name) for b in chosen]
+        units = [(name, "rad" if self.turns(name) else "m") for name in self.coordinates]
+        if kind == "json":
+            refuse_conditions(self, "A list of limits")
+            record = chains_record(
+                self.name, units, self.home.tolist(), self.linear_limits, list(zip(names, marks, rules, strict=True))
+            )
+            file.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+            return (file,)
+        if kind != "c":
+            raise UnknownNameError("kind of export", kind, ("c", "json"))
+        searched = [name for name, rule in zip(names, rules, strict=True) if not is_closed(rule)]
+        if searched:
+            said = (
+                f"the nearest points of {', '.join(searched)} are searched for (boxes, prisms): no straight-line code"
+            )
+            raise UnsupportedError(f"{said}; name the other boundaries, or cover these bodies by capsules")
+        if file.suffix != ".c":
+            raise DimensionError(f"{file.name} does not end in .c; the header takes the same name, ending in .h")
+        nodes = signed_nodes(rules, marks, len(self.coordinates), chosen.common)
+        header, source = c_files(nodes, self.name, units, names, file.stem)
+        file.write_text(source, encoding="ascii")
+        file.with_suffix(".h").write_text(header, encoding="ascii")
+        return file, file.with_suffix(".h")
+
+    def on(self, model: Any) -> ModelView:
+        """Return the boundaries as a user's own `pinocchio.Model` asks for them: by its q, with gradients over its v.
+
+        The model may have a free flyer, continuous joints as (cos, sin), mimic joints of its own (`mimic=False`) or
+        not, and locked joints (`pinocchio.buildReducedModel`), whose values are read from it. That it is a model of
+        this robot is proved on binding. The model is not changed and not kept.
+
+        Raises:
+            DimensionError: If it is no model of this robot, or locks mimic joints whose primaries move.
+
+        Example:
+            >>> import pinbound as pb, numpy as np
+            >>> robot = pb.load("minervabot_v3")
+            >>> view = robot.on(robot.model)
+            >>> q = robot.to_pinocchio(robot.model, robot.home)
+            >>> view.clearances(q).shape, view.gradients(q).shape
+            ((10,), (10, 11))
+        """
+        joints = read_model(self.tree, self.coupling, model, self.home)
+        return ModelView.of(self.boundaries, self.coupling, joints, self.home)
+
+    def from_pinocchio(self, model: Any, q: ArrayLike, near: ArrayLike | None = None) -> Array:
+        """Return this robot's Q of q of a user's own model: the way back from `to_pinocchio`.
+
+        Args:
+            model: As for `on`. Bind it once (`on`) where many q come one by one.
+            q: (model.nq,) or (N, model.nq).
+            near: (n,) next to which angles are taken that the model knows by cos and sin only: windings are not known
+                there. Default: home.
+
+        Returns:
+            (n,) or (N, n).
+
+        Raises:
+            DimensionError: If it is no model of this robot, q has another shape, or a mimic joint is not where its
+                primary puts it.
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> robot.from_pinocchio(robot.model, robot.to_pinocchio(robot.model, [0.1, 0.2, 0.3])).tolist()
+            [0.1, 0.2, 0.3]
+        """
+        return self.on(model).configurations(q, near)
+
+    def to_pinocchio(self, model: Any, Q: ArrayLike) -> Array:
+        """Return q of a model that the user built from this URDF, matched by joint name.
+
+        Works for `mimic=True` and `mimic=False`, for continuous joints (cos, sin), and for a model with a free
+        flyer at its root, whose coordinates are left neutral.
+
+        Args:
+            model: A `pinocchio.Model`; it is not changed.
+            Q: One q (n,) or many (N, n) of this robot.
+
+        Returns:
+            (model.nq,) or (N, model.nq).
+
+        Raises:
+            DimensionError: If the model has a joint of one coordinate that this robot does not have.
+        """
+        import pinocchio
+
+        theta = self.coupling.expand(Q)
+        neutral: Array = cast(Any, pinocchio).neutral(model)
+        full = np.broadcast_to(neutral, (*theta.shape[:-1], len(neutral))).copy()
+        for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
+            nq, nv = int(joint.nq), int(joint.nv)
+            if nv != 1 or "Mimic" in joint.shortname():
+                continue
+            if name not in self.coupling.joints:
+                hint = name_hint(name, self.coupling.joints)
+                raise DimensionError(f"the model's joint {name!r} is none of {self.name!r}. {hint}")
+            value = theta[..., self.coupling.joints.index(name)]
+            columns = (value,) if nq == 1 else (np.cos(value), np.sin(value))
+            for step, column in enumerate(columns):
+                full[..., joint.idx_q + step] = column
+        return full
+
+
+def refuse_conditions(robot: Robot, answer: str) -> None:
+    """Refuse rules with conditions, for an answer that takes every limit to hold everywhere.
+
+    Raises:
+        UnsupportedError: If the robot has one, with its name.
+    """
+    if robot.guarded_limits:
+        first = robot.guarded_limits[0].rule
+        message = f"{answer} cannot say that rule {first!r} holds only where its condition does"
+        raise UnsupportedError(f"{message}. Leave the condition out: the rule is then kept everywhere")
