@@ -11,7 +11,8 @@ import pinbound
 
 PACKAGE = Path(pinbound.__file__).parent
 FLOORS = [
-    ("exceptions", "tolerances", "units", "values"),
+    ("exceptions", "tolerances", "typing"),
+    ("units", "values"),
     ("geometry", "machine", "tables"),
     ("model",),
     ("annotations",),

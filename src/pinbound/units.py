@@ -6,11 +6,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+
+from pinbound.typing import Array
 
 __all__ = ["amount", "area_name", "factors", "names", "shown"]
-
-Array = NDArray[np.float64]
 
 _SHOWN = {"rad": (180.0 / math.pi, "deg"), "m": (1e3, "mm")}
 
@@ -35,7 +34,7 @@ def factors(units: Sequence[str]) -> Array:
     return np.array([_SHOWN[unit][0] for unit in units])
 
 
-def shown(values: NDArray[np.float64] | Sequence[float], units: Sequence[str]) -> Array:
+def shown(values: Array | Sequence[float], units: Sequence[str]) -> Array:
     """Return values (..., k), a column a unit, as people read them."""
     return np.asarray(values, dtype=np.float64) * factors(units)
 

@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.adapters.shared import Polytope, SafeSteps, optional
 from pinbound.exceptions import DimensionError, name_hint
@@ -15,10 +15,9 @@ from pinbound.model.pinocchio_model import placements
 from pinbound.robot.model_view import ModelJoints, ModelView
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import SAME_ROBOT
+from pinbound.typing import Array
 
 __all__ = ["PolytopeLimit", "StepLimit", "view_of"]
-
-Array = NDArray[np.float64]
 
 _Limit: Any = optional("mink", "Limit", "mink")
 

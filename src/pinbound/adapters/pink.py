@@ -10,15 +10,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.adapters.shared import Polytope, SafeSteps, optional
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.robot.robot import Robot
+from pinbound.typing import Array
 
 __all__ = ["BoundaryBarrier", "PolytopeLimit", "StepLimit"]
-
-Array = NDArray[np.float64]
 
 _Limit: Any = optional("pink.limits", "Limit", "pin-pink")
 _Barrier: Any = optional("pink.barriers", "Barrier", "pin-pink")

@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.adapters.steps import StepBounds, StepRows
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
@@ -15,10 +15,9 @@ from pinbound.model.coupling import real_array
 from pinbound.region import Region
 from pinbound.robot.model_view import ModelView
 from pinbound.robot.robot import Robot
+from pinbound.typing import Array
 
 __all__ = ["Polytope", "SafeSteps", "optional"]
-
-Array = NDArray[np.float64]
 
 
 def optional(module: str, name: str, package: str) -> Any:

@@ -19,7 +19,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.boundaries.boundary import Boundary, one_configuration
 from pinbound.bounds.bounds import box_terms
@@ -29,12 +29,10 @@ from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.model.coupling import real_array
 from pinbound.robot.robot import Robot, refuse_conditions
 from pinbound.tolerances import INFLATION, LIMIT, STEP_BOX, UNIT_ROUNDOFF
+from pinbound.typing import Array, Indices
 from pinbound.values import Value
 
 __all__ = ["StepBounds", "StepRows"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _FEW = 8  # pairs of vertices that have a row each; of more, one row with the loss of the others
 

@@ -15,16 +15,14 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.geometry import gjk
 from pinbound.tolerances import EXTREME
+from pinbound.typing import Array, Ints
 from pinbound.values import Value, read_only
 
 __all__ = ["Measure", "Shape", "cube_corners", "extreme_vertices", "hull", "unbounded", "zonotope"]
 
-Array = NDArray[np.float64]
-Ints = NDArray[Any]
 
 _DEEP = 1e-9  # of a hull of unit extent: further inside all facets, a point is no vertex, rounded or not
 

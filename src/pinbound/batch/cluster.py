@@ -13,13 +13,11 @@ import urllib.parse
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pinbound.batch.evaluation import Evaluation, Statistics
 from pinbound.batch.job import write_chunk
 from pinbound.batch.sources import Source
 from pinbound.exceptions import InputError, MachineError, Problem, UnsupportedError
+from pinbound.typing import Array
 
 __all__ = ["results"]
 
@@ -167,7 +165,5 @@ def _make(evaluation: Evaluation, source: Source, index: int, size: int) -> tupl
     return _evaluate(evaluation, Q, index, size)
 
 
-def _evaluate(
-    evaluation: Evaluation, Q: NDArray[np.float64], index: int, size: int
-) -> tuple[int, tuple[bytes, Statistics]]:
+def _evaluate(evaluation: Evaluation, Q: Array, index: int, size: int) -> tuple[int, tuple[bytes, Statistics]]:
     return index, write_chunk(evaluation, Q, index * size)

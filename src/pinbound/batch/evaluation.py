@@ -20,10 +20,9 @@ from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
 from pinbound.tables.columnar import load_arrow
 from pinbound.tolerances import LIMIT
+from pinbound.typing import Array, Flags
 
 __all__ = ["BINS", "COLUMNS", "VERDICTS", "Evaluation", "Statistics", "evaluation_of"]
-
-Array = NDArray[np.float64]
 
 COLUMNS = ("coordinates", "clearances", "smallest", "region", "verdict")
 """Groups of columns that can be asked for; `row` is always there."""
@@ -177,7 +176,7 @@ class Evaluation:
             statistics = self._statistics(statistics, clearances[finite])
         return arrow.table(out), statistics
 
-    def _inside(self, region: Region, Q: Array) -> NDArray[np.bool_]:
+    def _inside(self, region: Region, Q: Array) -> Flags:
         """Return `region.contains(Q)`, False for rows of another slice; those outside its box need no closer look."""
         inside = np.zeros(len(Q), dtype=np.bool_)
         if region.is_empty:

@@ -22,17 +22,16 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.batch import files
 from pinbound.batch.evaluation import BINS, VERDICTS, Evaluation, Statistics
 from pinbound.batch.sources import Source
 from pinbound.exceptions import MachineError
 from pinbound.tables.columnar import load_arrow
+from pinbound.typing import Array
 
 __all__ = ["Outcome", "run", "write_chunk"]
 
-Array = NDArray[np.float64]
 Advance = Callable[[int], None]
 
 FORMAT = 2

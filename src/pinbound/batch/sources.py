@@ -13,15 +13,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.exceptions import InputError, Problem, name_hint
 from pinbound.tables import Table, open_table
 from pinbound.tables.arrays import NpyTable
+from pinbound.typing import Array
 
 __all__ = ["FileSource", "GridSource", "RandomSource", "SobolSource", "Source", "open_source"]
-
-Array = NDArray[np.float64]
 
 _BLOCK = 1 << 16
 """Rows a random block: block b has its own seed, so that any chunk can be made without those before it."""

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.annotations import Mark
 from pinbound.boundaries.spans import checked_window
@@ -21,11 +21,10 @@ from pinbound.limits import outwards, univariate
 from pinbound.model.coupling import as_configurations, linear_text
 from pinbound.path.relative import Kind, RelativePath
 from pinbound.tolerances import ROOT
+from pinbound.typing import Array, Flags
 from pinbound.values import Value
 
 __all__ = ["Boundary", "ContactAngle", "Penetration", "checked_window", "one_configuration"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -383,7 +382,7 @@ class Boundary(Value):
             span = outwards.around(self.path, index, coordinate, q, self.rule.distance, within) or (value, value)
         return -math.inf if span[0] <= low else span[0], math.inf if span[1] >= high else span[1]
 
-    def spans(self, coordinate: str, Q: Array, within: tuple[float, float], clear: NDArray[np.bool_]) -> Array:
+    def spans(self, coordinate: str, Q: Array, within: tuple[float, float], clear: Flags) -> Array:
         """Return what `span` says for each of many q (N, n): (N, 2), NaN where q itself is not `clear` (N,)."""
         index, (low, high) = self.robot_coordinates.index(coordinate), within
         value = Q[:, index]

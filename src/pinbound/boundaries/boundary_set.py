@@ -25,13 +25,12 @@ from pinbound.contact import SignedKernel
 from pinbound.evaluate import separation
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.model.coupling import GuardedLimit, LinearLimit, as_configurations
+from pinbound.typing import Array
 
 if TYPE_CHECKING:
     from pinbound.kernel import Backend, CommonMark, Kernel, MixedKernel
 
 __all__ = ["BoundarySet", "CoordinateLimits", "Smallest"]
-
-Array = NDArray[np.float64]
 
 
 def _as_usual(threads: Any, backend: Any) -> bool:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pinbound.exceptions import DimensionError
 from pinbound.model.coupling import GuardedLimit, LinearLimit
+from pinbound.typing import Array
 
 __all__ = [
     "CoordinateLimits",
@@ -24,8 +25,6 @@ __all__ = [
     "linear_spans",
     "tighten",
 ]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.path.chain import Chain
 from pinbound.tolerances import INFLATION
+from pinbound.typing import Array, Indices
 
 __all__ = [
     "Bundle",
@@ -35,9 +35,6 @@ __all__ = [
     "one_angle",
     "over_box",
 ]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)

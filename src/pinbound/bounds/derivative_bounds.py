@@ -15,13 +15,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.path.chain import Chain
+from pinbound.typing import Array
 
 __all__ = ["LeverArms", "lever_arms", "line_bounds"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

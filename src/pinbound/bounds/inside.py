@@ -17,14 +17,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.bounds.vertices import Corners
+from pinbound.typing import Array, Indices
 
 __all__ = ["ball", "disc"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _ROUNDING = 1e-12  # relative to the body: what rounding can make of a distance from a triangle, slivers included
 _WHOLE = 0.1  # how far from a whole number a sum of angles may be: rounding is far below, another number far above

@@ -11,16 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.bounds.bounds import Bundle
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
 from pinbound.tolerances import EVALUATION, FOLDING, REDUCTION_ROUNDOFFS, REDUCTION_SLIDES, UNIT_ROUNDOFF
+from pinbound.typing import Array
 
 __all__ = ["Walks", "rounding_bound", "walks"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

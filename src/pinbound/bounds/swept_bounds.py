@@ -23,7 +23,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.bounds.bounds import Bundle, Expansion, Terms, box_terms, bundle, lever_arms, motion_terms
 from pinbound.bounds.inside import ball, disc
@@ -35,6 +34,7 @@ from pinbound.evaluate.minimum_norm import nearest_hulls, nearest_in_tables
 from pinbound.path.chain import Chain
 from pinbound.path.relative import Form, RelativePath
 from pinbound.tolerances import INFLATION, REDUCTION, UNIT_ROUNDOFF
+from pinbound.typing import Array, Flags, Indices
 
 __all__ = [
     "Bounds",
@@ -47,13 +47,9 @@ __all__ = [
     "swept_bundle",
 ]
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-
 _PROJECTING = 96
 """Unit roundoffs, relative to the length of a path with its furthest vertices: a unit vector, its products with the
 ways and of these with a corner, the nearest t (32); what a hull's vertices were moved by when it was made (64)."""
-
 
 _FLAT = 3  # rows of a path with two ways, which span no body
 _FEW = 16  # pairs of corners that are looked at one by one
@@ -84,11 +80,11 @@ class SweptBundle:
     arms: Array
     turns: Array
     corners: Corners
-    zonotope: NDArray[np.bool_]
+    zonotope: Flags
     across: Array
     normal: Array
     flat: Array
-    is_signed: NDArray[np.bool_]
+    is_signed: Flags
     reach: Array
 
     @cached_property

@@ -17,14 +17,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.tolerances import INFLATION, REDUCTION
+from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["Corners", "Side", "corners_of"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _MOST_NUMBERS = 1 << 21  # of a table of rows and vertices at a time, to bound memory
 _TABLE = 3  # ways of a body that stands in the table
@@ -84,15 +81,15 @@ class Corners:
     spread: Array
     middle: Array
     scatter: Array
-    searched: NDArray[np.bool_]
+    searched: Flags
     pairs: tuple[tuple[Array, Array], ...]
-    wide: NDArray[np.bool_]
+    wide: Flags
     table: Array
     bodies: Array
     slots: Indices
 
     @cached_property
-    def members(self) -> NDArray[np.bool_]:
+    def members(self) -> Flags:
         """Which pairs have each side, (sides, m)."""
         return np.array([np.any(self.which == number, axis=1) for number in range(len(self.sides))])
 

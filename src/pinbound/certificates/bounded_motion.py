@@ -8,17 +8,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.bounds.bounds import Expansion
 from pinbound.exceptions import DimensionError
 from pinbound.model.coupling import real_array
 from pinbound.tolerances import SAMPLE_ROUNDOFFS, UNIT_ROUNDOFF
+from pinbound.typing import Array, Indices
 
 __all__ = ["BoundedMotion", "BoundedTrajectory"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _PROBES = 65
 _BETWEEN = 192

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.boundaries.boundary import Boundary, one_configuration
 from pinbound.certificates.constraints import families, needs_limits, unplaced
@@ -19,12 +19,9 @@ from pinbound.certificates.trajectory import refuse_far
 from pinbound.exceptions import DimensionError
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import FARTHEST
+from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["certified_box", "certify_box"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Flags = NDArray[np.bool_]
 
 _BATCH = 2**13
 _NARROWEST = 2.0**-40

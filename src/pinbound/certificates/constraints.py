@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.bounds.bounds import (
@@ -35,12 +35,9 @@ from pinbound.evaluate import numeric
 from pinbound.exceptions import UnknownNameError, UnsupportedError
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import LIMIT, UNIT_ROUNDOFF
+from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["families", "far_sides", "needs_limits", "select", "signed_clearances", "unplaced"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Flags = NDArray[np.bool_]
 
 _ANYWHERE = 1e9  # metres: larger than any path, and still finite
 

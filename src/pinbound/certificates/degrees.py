@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.robot.robot import Robot
+from pinbound.typing import Array
 
 __all__ = ["look_like_degrees"]
 
 _TURN = 2.0 * math.pi
 
 
-def look_like_degrees(robot: Robot, Q: NDArray[np.float64]) -> tuple[str, ...]:
+def look_like_degrees(robot: Robot, Q: Array) -> tuple[str, ...]:
     """Return a note if most of what is not zero in Q (N, n) is beyond a turn, though the joint may not turn so far.
 
     Only revolute joints count whose own limits lie within a turn to either side; zero is zero in both units.

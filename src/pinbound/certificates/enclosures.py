@@ -5,16 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pinbound.bounds.bounds import Expansion
+from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["Enclosure", "Family", "OneAngleFamily"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

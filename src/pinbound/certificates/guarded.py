@@ -17,17 +17,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.bounds.bounds import Expansion
 from pinbound.certificates.enclosures import Enclosure, Family
 from pinbound.model.coupling import GuardedLimit, LinearLimit
 from pinbound.tolerances import LIMIT
+from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["GuardedLimits", "pieces"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 def pieces(guarded: Sequence[GuardedLimit]) -> list[tuple[str, LinearLimit, bool]]:
@@ -61,7 +58,7 @@ class GuardedLimits:
     names: tuple[str, ...]
     plain: Family
     members: Indices
-    beyond: NDArray[np.bool_]
+    beyond: Flags
 
     @classmethod
     def of(cls, plain: Family, guarded: Sequence[GuardedLimit]) -> GuardedLimits:

@@ -11,15 +11,12 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.bounds.bounds import Expansion
 from pinbound.tolerances import UNIT_ROUNDOFF
+from pinbound.typing import Array, Indices
 
 __all__ = ["Polynomials", "Trajectory"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _RESTRICTING = 8
 """Unit roundoffs per degree, relative to the largest control point: two runs of de Casteljau's scheme."""

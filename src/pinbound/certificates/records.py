@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = [
@@ -23,8 +23,6 @@ __all__ = [
     "Reason",
     "Verdict",
 ]
-
-Array = NDArray[np.float64]
 
 
 class Verdict(Enum):

@@ -11,18 +11,15 @@ import time
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.bounds.bounds import Expansion
 from pinbound.certificates.enclosures import Enclosure, Family, OneAngleFamily
 from pinbound.certificates.polynomials import Polynomials, Trajectory
 from pinbound.certificates.records import Budget, Contact, Finding, OpenPart, Reason, Verdict
 from pinbound.tolerances import FIRST_CONTACT
+from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["Meter", "Search"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _BATCH = 2**14
 _NARROWEST = 2.0**-48
@@ -62,7 +59,7 @@ class _Parts:
     def __len__(self) -> int:
         return len(self.piece)
 
-    def take(self, rows: NDArray[np.bool_] | slice) -> _Parts:
+    def take(self, rows: Flags | slice) -> _Parts:
         return _Parts(self.piece[rows], self.which[rows], self.a[rows], self.b[rows])
 
     def cut(self) -> _Parts:

@@ -12,16 +12,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.certificates.polynomials import Polynomials
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.model.coupling import real_array
 from pinbound.tolerances import CONVERSION, UNIT_ROUNDOFF
+from pinbound.typing import Array, Indices
 
 __all__ = ["from_spline"]
-
-Array = NDArray[np.float64]
 
 _HIGHEST = 50
 """Degree. The work of a part of a motion grows with its square; what people use ends near 10."""
@@ -101,7 +99,7 @@ def _of_bspline(spline: Any, n: int) -> tuple[Array, tuple[Array, Array], Array]
     return np.stack(columns, axis=1), (a, b - a), np.abs(local).max(axis=1)
 
 
-def _polar(local: Array, t: Array, spans: NDArray[np.intp], arguments: Sequence[Array]) -> Array:
+def _polar(local: Array, t: Array, spans: Indices, arguments: Sequence[Array]) -> Array:
     """Return the polar form (K, n) at k arguments (K,) in the spans' own intervals, by de Boor's scheme."""
     points, k = local, len(arguments)
     for level, u in enumerate(arguments, start=1):

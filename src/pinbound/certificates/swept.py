@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.bounds.bounds import Expansion
@@ -21,11 +20,9 @@ from pinbound.bounds.swept_bounds import (
 )
 from pinbound.certificates.enclosures import Enclosure
 from pinbound.evaluate import separation
+from pinbound.typing import Array, Indices
 
 __all__ = ["SweptBoundaries", "swept_boundaries"]
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.certificates.bounded_motion import BoundedMotion, BoundedTrajectory
 from pinbound.certificates.polynomials import Polynomials, Trajectory
@@ -14,10 +14,9 @@ from pinbound.certificates.splines import from_spline
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.model.coupling import as_configurations, real_array
 from pinbound.tolerances import FARTHEST
+from pinbound.typing import Array
 
 __all__ = ["BoundedMotion", "Polynomials", "Trajectory", "as_trajectory", "refuse_far"]
-
-Array = NDArray[np.float64]
 
 
 def as_trajectory(motion: Any, coordinates: Sequence[str], times: ArrayLike | None = None) -> Trajectory:

@@ -49,7 +49,6 @@ Width = Annotated[
     float, typer.Option(help="Side of the cells that enclose contacts of boxes and prisms that turn by several angles.")
 ]
 
-
 Pairs = Annotated[
     bool, typer.Option("--pairs", help="List every pair of links with bodies: watched, left out, or not.")
 ]

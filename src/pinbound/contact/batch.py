@@ -12,20 +12,18 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.contact.rule import ContactRule
 from pinbound.contact.stops import StopKernel
 from pinbound.evaluate import separation
 from pinbound.model.coupling import GuardedLimit, Intervals, LinearLimit
+from pinbound.typing import AnyArray, Array, Ints
 from pinbound.values import read_only
 
 if TYPE_CHECKING:
     from pinbound.kernel import Backend, CommonMark, Kernel, MixedKernel, Pair
 
 __all__ = ["SignedKernel"]
-
-Array = NDArray[Any]
 
 
 class SignedKernel:
@@ -69,7 +67,7 @@ class SignedKernel:
         return tuple(Pair(rule.path, rule.distance, names) for rule, names in zip(self.rules, self.marks, strict=True))
 
     @cached_property
-    def thresholds(self) -> NDArray[np.float64]:
+    def thresholds(self) -> Array:
         """(m,) [m]: what is taken off the separation; of stops zero."""
         return read_only(np.array([0.0 if rule.stop else rule.distance for rule in self.rules]))
 
@@ -90,7 +88,7 @@ class SignedKernel:
             chosen = self._stops.prepare(mode, dtype)
         return chosen
 
-    def free(self, Q: NDArray[np.float64], limits: bool, threads: int = 1, backend: Backend = "auto") -> Array:
+    def free(self, Q: Array, limits: bool, threads: int = 1, backend: Backend = "auto") -> AnyArray:
         """Return which rows (N,) have positive signed clearances alone, and are within all joint limits."""
         from pinbound.kernel import check_choices
 
@@ -101,7 +99,7 @@ class SignedKernel:
             found &= least > 0.0
         return found
 
-    def one(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def one(self, q: Array) -> Array:
         """Return the signed clearances (m,) of one configuration, by plain Python where that is faster."""
         values = q.tolist()
         areas = self.kernel.one(q, "clearances") if len(self.areas) else np.empty(0)
@@ -112,7 +110,7 @@ class SignedKernel:
         found[self.stops] = [stop.signed_at(values) for stop in self._chosen]
         return found
 
-    def one_is_free(self, q: NDArray[np.float64], limits: bool) -> bool:
+    def one_is_free(self, q: Array, limits: bool) -> bool:
         """Return what `free` does for one configuration."""
         if not (self._within if limits else self._open).holds_at(q.tolist()):
             return False
@@ -121,13 +119,13 @@ class SignedKernel:
 
     def rows(
         self,
-        Q: NDArray[np.float64],
+        Q: Array,
         mode: str = "clearances",
-        out: Array | None = None,
+        out: AnyArray | None = None,
         threads: int = 1,
         backend: Backend = "auto",
         dtype: Any = np.float64,
-    ) -> Array:
+    ) -> AnyArray:
         """Return the signed clearances (N, m), or with the mode ``"gradients"`` their gradients (N, m, n)."""
         from pinbound.kernel.engine import buffer, check_choices, real
 
@@ -146,13 +144,13 @@ class SignedKernel:
 
     def smallest(
         self,
-        Q: NDArray[np.float64],
+        Q: Array,
         with_index: bool = True,
-        out: Array | None = None,
+        out: AnyArray | None = None,
         threads: int = 1,
         backend: Backend = "auto",
         dtype: Any = np.float64,
-    ) -> tuple[Array, NDArray[np.int64]]:
+    ) -> tuple[AnyArray, Ints]:
         """Return each row's smallest signed clearance (N,) and which boundary has it; NaN and -1 if one is NaN."""
         if not len(self.stops):
             return self.kernel.smallest(Q, with_index, out, threads, backend, dtype)

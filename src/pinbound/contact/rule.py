@@ -26,7 +26,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.evaluate import separation
 from pinbound.limits import univariate
@@ -35,11 +34,10 @@ from pinbound.model.coupling import combination
 from pinbound.path.chain import Swept
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import REDUCTION, STOP_MISS
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["ContactRule", "Stop", "contact_distance", "stop_fault"]
-
-Array = NDArray[np.float64]
 
 _TURN = 2.0 * math.pi
 

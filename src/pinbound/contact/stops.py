@@ -18,11 +18,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.contact.rule import ContactRule
 from pinbound.model.coupling import combination
 from pinbound.path.relative import RelativePath
+from pinbound.typing import AnyArray, Array, Indices, Ints
 from pinbound.values import read_only
 
 if TYPE_CHECKING:
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from pinbound.kernel.program import Program
 
 __all__ = ["StopKernel"]
-
-Array = NDArray[Any]
 
 _SURE = 32.0
 """Machine epsilons, relative to `A (1 + |phi|)`: beyond them the sign of a computed clearance is sure."""
@@ -45,10 +43,10 @@ class _Rules:
 
     rules: tuple[ContactRule, ...]
 
-    def signed(self, path: RelativePath, Q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def signed(self, path: RelativePath, Q: Array) -> Array:
         return self._of(path).signed(Q)
 
-    def gradients(self, path: RelativePath, Q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gradients(self, path: RelativePath, Q: Array) -> Array:
         return self._of(path).gradients(Q)
 
     def _of(self, path: RelativePath) -> ContactRule:
@@ -95,9 +93,7 @@ class StopKernel:
         m = len(values)
         return Program(graph, vectors, tuple(values), (True,) * m, (0.0,) * m, self.n, is_common=False)
 
-    def rows(
-        self, Q: NDArray[np.float64], mode: str, out: Array | None, threads: int, backend: Backend, dtype: Any
-    ) -> Array:
+    def rows(self, Q: Array, mode: str, out: AnyArray | None, threads: int, backend: Backend, dtype: Any) -> AnyArray:
         """Return the signed clearances (N, k), or with the mode ``"gradients"`` their gradients (N, k, n)."""
         is_slope = mode == "gradients"
         if is_slope:
@@ -115,8 +111,8 @@ class StopKernel:
         return found
 
     def smallest(
-        self, Q: NDArray[np.float64], with_index: bool, out: Array | None, threads: int, backend: Backend, dtype: Any
-    ) -> tuple[Array, NDArray[np.int64]]:
+        self, Q: Array, with_index: bool, out: AnyArray | None, threads: int, backend: Backend, dtype: Any
+    ) -> tuple[AnyArray, Ints]:
         """Return each row's smallest signed clearance (N,) and which stop has it; NaN and -1 if one is NaN."""
         least, index = self._kernel.smallest(Q, with_index, out, threads, backend, dtype)
         extent = _extent(Q)
@@ -131,16 +127,16 @@ class StopKernel:
                 index[rows] = np.where(np.any(np.isnan(signed), axis=1), -1, np.argmin(signed, axis=1))
         return least, index
 
-    def _sure(self, extent: NDArray[np.float64], kind: np.dtype[Any]) -> NDArray[np.float64]:
+    def _sure(self, extent: Array, kind: np.dtype[Any]) -> Array:
         """Return above which size (k,) the sign of a computed clearance is sure while it is finite [m]."""
         largest = np.where(np.isfinite(extent), np.abs(extent), 0.0).max(axis=0)
         reach = np.array([np.abs(stop.coefficients) @ largest for stop in self._stops])
         size = np.array([stop.amplitude for stop in self._stops])
         return _SURE * float(np.finfo(kind).eps) * size * (1.0 + reach)
 
-    def _far(self, Q: NDArray[np.float64], extent: NDArray[np.float64]) -> list[NDArray[np.intp]]:
+    def _far(self, Q: Array, extent: Array) -> list[Indices]:
         """Return the rows at which each stop's angle is more than a turn beyond home's gap."""
-        found: list[NDArray[np.intp]] = []
+        found: list[Indices] = []
         with np.errstate(invalid="ignore", over="ignore"):
             for stop in self._stops:
                 low, high = stop.gap[0] - _TURN, stop.gap[1] + _TURN
@@ -154,14 +150,14 @@ class StopKernel:
         return found
 
 
-def _extent(Q: NDArray[np.float64]) -> NDArray[np.float64]:
+def _extent(Q: Array) -> Array:
     """Return the least and the largest value of each coordinate (2, n); NaN if one is, zero of no rows."""
     if not len(Q):
         return np.zeros((2, Q.shape[1]))
     return np.array([[column.min(), column.max()] for column in Q.T]).reshape(-1, 2).T
 
 
-def _kept_free(values: NDArray[np.float64], kind: np.dtype[Any]) -> NDArray[np.float64]:
+def _kept_free(values: Array, kind: np.dtype[Any]) -> Array:
     """Return clearances of which no positive one becomes zero as a number of this kind: free stays free."""
     return np.where(values > 0.0, np.maximum(values, np.finfo(kind).tiny), values)
 

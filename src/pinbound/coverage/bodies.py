@@ -13,16 +13,15 @@ from typing import Literal, Protocol
 
 import numpy as np
 from lxml import etree
-from numpy.typing import NDArray
 
 from pinbound.exceptions import Problems, name_hint
 from pinbound.model.document import Document, parse_floats
 from pinbound.path.chain import rotation_matrix
 from pinbound.tolerances import LARGEST_BODY
+from pinbound.typing import Array
 
 __all__ = ["SHAPES", "Body", "LinkBodies", "collision_bodies", "read_bodies"]
 
-Array = NDArray[np.float64]
 Source = Literal["collision", "visual"]
 
 SHAPES = ("sphere", "box", "cylinder", "capsule")

@@ -13,16 +13,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations import Mark, Point, Segment, Sweep
 from pinbound.coverage.bodies import SHAPES, Body
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.tolerances import REDUCTION, SAME_BODY
+from pinbound.typing import Array
 
 __all__ = ["By", "Cover", "cover", "covers"]
 
-Array = NDArray[np.float64]
 By = Literal["bodies", "spheres"]
 
 _MOST_SPHERES = 64

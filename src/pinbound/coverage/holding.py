@@ -15,17 +15,15 @@ from itertools import combinations, product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations import Mark, Shape
 from pinbound.coverage.bodies import Body
 from pinbound.coverage.unions import spheres_over
 from pinbound.evaluate.closest import nearest, nearest_of_hulls
 from pinbound.tolerances import HELD
+from pinbound.typing import Array
 
 __all__ = ["holders", "holds", "holds_points", "is_known"]
-
-Array = NDArray[np.float64]
 
 _SOLID = 3  # dimensions
 _ROUND = 32  # corners of the polygon around a cylinder's rim

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations import Mark
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
 from pinbound.path.chain import rotation_matrix
+from pinbound.typing import Array
 
 __all__ = ["Poses"]
-
-Array = NDArray[np.float64]
 
 _COUNT = 64
 

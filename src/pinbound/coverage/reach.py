@@ -14,7 +14,6 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations import Mark, Sweep
 from pinbound.limits import univariate
@@ -23,11 +22,9 @@ from pinbound.model.tree import Tree
 from pinbound.path.chain import Swept
 from pinbound.path.relative import RelativePath, minimal_chain
 from pinbound.tolerances import NEVER_MEETS
+from pinbound.typing import Array, Flags
 
 __all__ = ["MOST_PATHS", "Reach", "least_separation"]
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 MOST_PATHS = 20
 """Pairs of marks of one pair of links that are looked at one by one, a millisecond each."""

@@ -7,7 +7,6 @@ from functools import cached_property
 from itertools import combinations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations import Annotations, LeftOutMark, Mark
 from pinbound.boundaries.boundary import Boundary
@@ -30,6 +29,7 @@ from pinbound.loops.closures import Closure, joint_errors
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
 from pinbound.tolerances import SAME_BODY
+from pinbound.typing import Flags
 from pinbound.values import FrozenDict
 
 __all__ = ["Coverage"]
@@ -180,7 +180,7 @@ class _Survey:
         self.tree, self.coupling, self.annotations, self.all_bodies = tree, coupling, annotations, tuple(bodies)
         self.reaches: dict[tuple[str, str], Reach] = {}
         self.bases: dict[tuple[str, str], tuple[Basis | None, str]] = {}
-        self.apart: dict[tuple[str, str], NDArray[np.bool_]] = {}
+        self.apart: dict[tuple[str, str], Flags] = {}
 
     @cached_property
     def bodies(self) -> dict[str, list[Body]]:
@@ -345,7 +345,7 @@ class _Survey:
                 settled[row, column] = self._reach(a, b).never_meet([marks_a[row]], [marks_b[column]])
         return sum(any(bool(np.all(settled[chosen])) for chosen in options) for options in choices)
 
-    def _apart(self, a: str, b: str) -> NDArray[np.bool_]:
+    def _apart(self, a: str, b: str) -> Flags:
         """Return which marks of two links are proven apart by the chain between them, (marks of a, marks of b)."""
         if (a, b) not in self.apart:
             nothing = np.zeros((len(self.marks[a]), len(self.marks[b])), dtype=np.bool_)

@@ -10,14 +10,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.tolerances import HELD, SAME_BODY
+from pinbound.typing import Array, Flags
 
 __all__ = ["spheres_over"]
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 _MOST_BOXES = 8_000
 """Boxes that a proof may take; a body that needs more is not proven to be held."""

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.coverage.bodies import SHAPES, Body, collision_bodies
@@ -22,11 +21,10 @@ from pinbound.crosscheck.engine import Engine, blocks, body_shapes, sample
 from pinbound.crosscheck.sweep import sweep
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import CROSSCHECK_BODY, CROSSCHECK_STOP
+from pinbound.typing import Array, Flags
 from pinbound.values import Value
 
 __all__ = ["BodyLevel", "LinkPair", "check_bodies"]
-
-Array = NDArray[np.float64]
 
 _MOST_WAYS = 200
 
@@ -202,7 +200,7 @@ def _least_clearance(boundaries: Sequence[Boundary], Q: Array) -> Array:
     return least
 
 
-def _largest(choices: Sequence[tuple[NDArray[np.bool_], Array, Array]]) -> tuple[float, Array | None]:
+def _largest(choices: Sequence[tuple[Flags, Array, Array]]) -> tuple[float, Array | None]:
     """Return the largest positive value over several masked arrays, with its configuration; 0 and None without."""
     value, q = 0.0, None
     for mask, values, Q in choices:

@@ -13,18 +13,16 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.boundaries.boundary import Boundary, ContactAngle
 from pinbound.crosscheck.engine import Engine, is_iterated, pair_engine, sample, tolerances_of
 from pinbound.limits.univariate import AllowedArcs
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import CROSSCHECK_ANGLE, CROSSCHECK_GRAZING, CROSSCHECK_POINT, CROSSCHECK_SOLID
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["BoundaryLevel", "RayCheck", "check_contacts"]
-
-Array = NDArray[np.float64]
 
 _COARSE = 97  # nodes of a scan along a ray; a contact thinner than that is looked for again, where it is claimed
 _FINE = 129

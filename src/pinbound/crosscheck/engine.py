@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations import Mark, Measure
 from pinbound.annotations import Shape as MarkShape
@@ -17,6 +16,7 @@ from pinbound.coverage.bodies import Body
 from pinbound.exceptions import UnsupportedError
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import CROSSCHECK_INFLATION, CROSSCHECK_POINT, CROSSCHECK_SOLID, REDUCTION
+from pinbound.typing import Array, Flags
 from pinbound.values import Value
 
 __all__ = [
@@ -33,8 +33,6 @@ __all__ = [
     "tolerances_of",
     "within_limits",
 ]
-
-Array = NDArray[np.float64]
 
 _BLOCK = 20_000
 _UNLIMITED_SLIDE = 1.0  # metres: how far a slide without limits is sampled
@@ -260,7 +258,7 @@ def sample(robot: Robot, count: int, rng: np.random.Generator) -> Array:
     return np.concatenate(drawn)[:count]
 
 
-def within_limits(robot: Robot, Q: Array) -> NDArray[np.bool_]:
+def within_limits(robot: Robot, Q: Array) -> Flags:
     """Return which rows (N,) satisfy the limits of all tree joints, followers too."""
     return robot.intervals.hold(Q)
 

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.crosscheck.engine import blocks, is_iterated, point_engine, sample, tolerances_of
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import CLOSURE, CROSSCHECK_POINT, CROSSCHECK_SOLID
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["PointLevel", "check_points"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.coverage.bodies import collision_bodies
 from pinbound.crosscheck.engine import Engine, body_shapes, point_engine, within_limits
@@ -21,11 +20,10 @@ from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import CROSSCHECK_BODY, CROSSCHECK_STOP, REGION_ACCURACY
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["RegionLevel", "check_region"]
-
-Array = NDArray[np.float64]
 
 _NODES = 20_000  # over the region's area: sets the step of the grid
 _MOST_NODES = 10 * _NODES

@@ -10,16 +10,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.coverage.bodies import Body
 from pinbound.crosscheck.engine import Engine
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import CROSSCHECK_STOP
+from pinbound.typing import Array
 
 __all__ = ["approach_speed", "sweep"]
-
-Array = NDArray[np.float64]
 
 _FLOOR = CROSSCHECK_STOP / 2  # metres: the least step, so that near misses are passed; no deeper contact is skipped
 _MOST_STEPS = 5000

@@ -15,14 +15,12 @@ only choose badly between candidates that are equal to rounding. `docs/segments.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.evaluate.minimum_norm import nearest_corners, nearest_hulls
 from pinbound.tolerances import UNIT_ROUNDOFF
+from pinbound.typing import Array
 
 __all__ = ["lowest", "nearest", "nearest_of_hulls", "overlap", "overlap_in_plane"]
-
-Array = NDArray[np.float64]
 
 _PARALLEL = 1e-8  # sine, below which rounding makes the normal of two ways
 _FACE = 64  # unit roundoffs, relative to the furthest corner over the least sine: a unit normal and its products

@@ -18,17 +18,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.evaluate import numeric, separation
 from pinbound.geometry.gjk import nearest_vertices
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import DEPTH, EQUALLY_NEAR
+from pinbound.typing import Array, Indices
 from pinbound.values import Value
 
 __all__ = ["Penetration", "penetrations", "signed_distances", "signed_gradients"]
-
-Array = NDArray[np.float64]
 
 _MOST_ROUNDS = 100
 _SAME = 1e-12  # 1 - cos of an angle of 1.4e-6 rad: normals nearer than that are of one face, cut into triangles
@@ -103,7 +101,7 @@ def signed_gradients(path: RelativePath, Q: Array) -> Array:
     return found
 
 
-def _overlapping(path: RelativePath, apart: Array) -> NDArray[np.intp]:
+def _overlapping(path: RelativePath, apart: Array) -> Indices:
     return np.flatnonzero(apart == 0.0) if not path.is_signed else np.empty(0, dtype=np.intp)
 
 
@@ -120,7 +118,7 @@ def _placed(path: RelativePath, Q: Array) -> _Placed:
     return _Placed(w, np.array(ways).reshape(len(ways), *w.shape), unit)
 
 
-def _deepest_of(path: RelativePath, Q: Array, rows: NDArray[np.intp]) -> list[tuple[int, _Deepest]]:
+def _deepest_of(path: RelativePath, Q: Array, rows: Indices) -> list[tuple[int, _Deepest]]:
     if not len(rows):
         return []
     placed = _placed(path, Q[rows])

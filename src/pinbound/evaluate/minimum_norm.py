@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.geometry import gjk
+from pinbound.typing import Array, Indices
 
 __all__ = ["nearest_corners", "nearest_hulls", "nearest_in_tables"]
 
-Array = NDArray[np.float64]
 
 _WORTH_LOADING, _WORTH_COMPILING = 2_000, 50_000  # rows: 20 ms, and half a second, in NumPy
 _TABLE = 3  # ways of a body whose vertices stand in a table
@@ -108,7 +108,7 @@ def nearest_in_tables(
         for number, (first, many) in enumerate(kinds.astype(np.intp).tolist()):
             sides.append((side, table[first : first + many], kind, number))
 
-    def support(v: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+    def support(v: Array, rows: Indices) -> tuple[Array, Array, Array]:
         along, t = np.einsum("nki,ni->nk", ways[rows], v), np.zeros((len(rows), 2 * _TABLE))
         for side, corners, kind, number in sides:
             mine, columns = np.flatnonzero(kind[rows] == number), slice(_TABLE * side, _TABLE * (side + 1))
@@ -135,7 +135,7 @@ _rows: dict[int, int] = {}
 
 
 def _in_numpy(w: Array, ways: Array) -> tuple[Array, Array]:
-    def support(v: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+    def support(v: Array, rows: Indices) -> tuple[Array, Array, Array]:
         corner = (np.einsum("kni,ni->nk", ways[:, rows], v) < 0.0).astype(np.float64)
         x = w[rows] + np.einsum("nk,kni->ni", corner, ways[:, rows])
         return x, np.einsum("ni,ni->n", x, v), corner

@@ -10,9 +10,9 @@ derivative along (`(x)` is the outer product over coordinates, `sym` adds its tr
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.path.chain import Chain
+from pinbound.typing import Array
 
 __all__ = [
     "along",
@@ -26,8 +26,6 @@ __all__ = [
     "positions",
     "unit",
 ]
-
-Array = NDArray[np.float64]
 
 
 def positions(chain: Chain, Q: Array) -> Array:

@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.path.chain import Chain
+from pinbound.typing import Array
 
 __all__ = ["Arrows", "arrows"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

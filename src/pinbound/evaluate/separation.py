@@ -18,16 +18,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.evaluate import numeric
 from pinbound.evaluate.closest import lowest, nearest, nearest_of_hulls
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import OVERLAP, UNIT_ROUNDOFF
+from pinbound.typing import Array
 
 __all__ = ["gradients", "hessians", "measured", "nearest_points", "parameters", "separations", "vectors"]
-
-Array = NDArray[np.float64]
 
 _FACE = 64  # unit roundoffs of the path's length: vertices this near to the lowest are of one face
 _SPANNED = 1e-9  # relative: directions in which a face leads less far do not count as its own

@@ -15,12 +15,12 @@ from typing import Any, cast
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
 from pinbound.exceptions import UnsupportedError
 from pinbound.path.chain import Chain, Swept, are_parallel
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import SYMBOLIC_DIGITS
+from pinbound.typing import Array
 
 __all__ = [
     "LimitExpressions",
@@ -36,7 +36,6 @@ __all__ = [
     "unreduced_vector",
 ]
 
-Array = NDArray[np.float64]
 sp = cast(Any, sympy)  # SymPy carries only part of its types
 
 

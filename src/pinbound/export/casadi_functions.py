@@ -11,16 +11,14 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.contact import ContactRule
 from pinbound.exceptions import UnsupportedError
 from pinbound.export.nodes import SignedNodes, is_closed, signed_nodes
 from pinbound.kernel import CommonMark
+from pinbound.typing import Array
 
 __all__ = ["casadi_function"]
-
-Array = NDArray[np.float64]
 
 _kept: list[Any] = []  # CasADi does not keep a callback's Python object alive
 

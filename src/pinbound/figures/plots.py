@@ -12,13 +12,13 @@ from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pinbound import units
 from pinbound.annotations import Mark
 from pinbound.boundaries.boundary import Boundary
 from pinbound.region import Edge, Region
 from pinbound.robot.robot import Robot
+from pinbound.typing import Array
 
 __all__ = [
     "PALETTE",
@@ -31,7 +31,6 @@ __all__ = [
     "without_math",
 ]
 
-Array = NDArray[np.float64]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F6000", "#000000")

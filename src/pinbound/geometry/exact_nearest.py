@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.typing import Array
+
 __all__ = ["nearest_exactly"]
 
-Array = NDArray[np.float64]
 Whole = tuple[int, int, int]
 
 _MOST_ROUNDS = 1_000  # a bound for what ends by itself

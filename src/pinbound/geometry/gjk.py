@@ -14,15 +14,14 @@ from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.geometry.exact_nearest import nearest_exactly
 from pinbound.tolerances import UNIT_ROUNDOFF
+from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["AGREE", "INSIDE", "MOST_ROUNDS", "nearest_vertices", "reach", "search", "settled"]
 
-Array = NDArray[np.float64]
-Support = Callable[[Array, NDArray[np.intp]], tuple[Array, Array, Array]]
+Support = Callable[[Array, Indices], tuple[Array, Array, Array]]
 
 MOST_ROUNDS = 60
 AGREE = 8.0 * UNIT_ROUNDOFF  # relative to the furthest corner: both bounds differ by no more
@@ -54,7 +53,7 @@ def nearest_vertices(w: Array, directions: Array, corners: tuple[Array, Array]) 
     a, b = corners
     split = a.shape[1]
 
-    def support(v: Array, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+    def support(v: Array, rows: Indices) -> tuple[Array, Array, Array]:
         base, ways = w[rows], directions[:, rows]
         along = np.einsum("kni,ni->nk", ways, v)
         first, second = along[:, :split] @ a.T, along[:, split:] @ b.T
@@ -133,7 +132,7 @@ def search(w: Array, ways: Array, support: Support, start: Array, scale: Array) 
     return t, bound
 
 
-def _nearest_in_hull(points: Array, used: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _nearest_in_hull(points: Array, used: Flags) -> tuple[Array, Array]:
     """Return the weights (N, 4) of the hull's point nearest to the origin, and how deep inside four it lies (N,).
 
     The point is the nearest of a corner, an edge or a face: all fourteen are tried at once.

@@ -18,6 +18,8 @@ from pinbound.kernel.source import kernel_source, scalar_source
 from pinbound.kernel.vectorised import LinearProgram, VectorisedProgram
 from pinbound.machine.compiled import MachineCode, compile_source, has_numba
 from pinbound.tolerances import LONGEST, LONGEST_SINGLE
+from pinbound.typing import AnyArray as Array
+from pinbound.typing import Ints
 from pinbound.values import read_only
 
 __all__ = [
@@ -32,7 +34,6 @@ __all__ = [
     "representable",
 ]
 
-Array = NDArray[Any]
 Backend = Literal["auto", "compiled", "numpy"]
 
 BACKENDS = ("auto", "compiled", "numpy")
@@ -157,7 +158,7 @@ class Kernel:
         threads: int = 1,
         backend: Backend = "auto",
         dtype: Any = np.float64,
-    ) -> tuple[Array, NDArray[np.int64]]:
+    ) -> tuple[Array, Ints]:
         """Return each row's smallest clearance (N,) and which boundary has it (N,); NaN and -1 if one is NaN."""
         kind = self._kind(dtype, threads, backend)
         least = buffer(out, (len(Q),), kind, columns=False, source=Q)

@@ -22,10 +22,9 @@ from pinbound.machine.compiled import MachineCode, compile_source, is_kept
 from pinbound.machine.hull_source import HEAD, NODE, PAIR, STATE, WORK, hull_source
 from pinbound.path.chain import Chain
 from pinbound.tolerances import KERNEL_CONSTANT, OVERLAP, REDUCTION, UNIT_ROUNDOFF
+from pinbound.typing import Array, Ints
 
 __all__ = ["HullTables", "is_ready", "prepare_hulls", "tables_of"]
-
-Array = NDArray[np.float64]
 
 _LANES = 8  # vertices that are looked at together
 _AGREE = 8.0 * UNIT_ROUNDOFF  # relative to the furthest vertex: both bounds differ by no more
@@ -62,7 +61,7 @@ class HullTables:
     room: int
     columns: tuple[int, ...]
 
-    def run(self, Q: Array, mode: str, out: Array, index: NDArray[np.int64]) -> int:
+    def run(self, Q: Array, mode: str, out: Array, index: Ints) -> int:
         """Fill rows and return how many numbers were not finite.
 
         Args:

@@ -28,10 +28,11 @@ from pinbound.kernel.program import CommonMark, Pair, Reference
 from pinbound.machine.compiled import has_numba
 from pinbound.path.relative import Form
 from pinbound.tolerances import LONGEST
+from pinbound.typing import AnyArray as Array
+from pinbound.typing import Indices, Ints
 
 __all__ = ["MixedKernel", "kernel_of"]
 
-Array = NDArray[Any]
 
 _WORTH_LOADING, _WORTH_COMPILING = 1_000, 300_000
 """Searches, pairs times rows, from which loading machine code (20 ms), or compiling it (some seconds), pays."""
@@ -62,7 +63,7 @@ def _is_straight(pair: Pair) -> bool:
 class MixedKernel:
     """Evaluates a set as `Kernel` does, the nearest points of some of its boundaries by a search."""
 
-    def __init__(self, kernel: Kernel, pairs: tuple[Pair, ...], searched: NDArray[np.intp]) -> None:
+    def __init__(self, kernel: Kernel, pairs: tuple[Pair, ...], searched: Indices) -> None:
         """Hold the kernel of all pairs but those at the places `searched`."""
         self.kernel, self.pairs, self.searched = kernel, pairs, searched
         self.n = kernel.n
@@ -117,7 +118,7 @@ class MixedKernel:
     def _search(self, Q: NDArray[np.float64], mode: str, threads: int, backend: Backend) -> tuple[Array, Array]:
         """Return what `mode` asks of the searched boundaries, one row a configuration, and places for smallest ones."""
         found, places = np.empty((0, 0)), np.zeros(len(Q), dtype=np.int64)
-        bad: NDArray[np.intp] = np.arange(len(Q))
+        bad: Indices = np.arange(len(Q))
         if self._runs_compiled(len(Q), backend) and self._hulls is not None:
             tables, data = self._hulls, np.require(Q, np.float64, ["C", "A"])
             width = len(self.searched) * (self.n if mode == "gradients" else 1)
@@ -179,7 +180,7 @@ class MixedKernel:
         threads: int = 1,
         backend: Backend = "auto",
         dtype: Any = np.float64,
-    ) -> tuple[Array, NDArray[np.int64]]:
+    ) -> tuple[Array, Ints]:
         """Return each row's smallest clearance (N,) and which boundary has it (N,); NaN and -1 if one is NaN."""
         least, index = self.kernel.smallest(Q, with_index, out, threads, backend, dtype)
         if with_index:

@@ -25,17 +25,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.kernel.nearest import cross, lowest, nearest
 from pinbound.kernel.scalars import Graph, Vector
 from pinbound.path.chain import Chain
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import KERNEL_CONSTANT, REDUCTION
+from pinbound.typing import Array
 
 __all__ = ["CommonMark", "Pair", "Program", "Reference", "compile_program"]
 
-Array = NDArray[np.float64]
 Angle = tuple[float, ...]
 
 

@@ -15,14 +15,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.kernel.program import Program
 from pinbound.kernel.scalars import Graph
+from pinbound.typing import Array
 
 __all__ = ["LinearProgram", "VectorisedProgram", "has_fast_tan"]
-
-Array = NDArray[np.float64]
 
 _L2_BYTES = 1 << 20
 """A common L2 cache; measured, half and twice as much are slower."""

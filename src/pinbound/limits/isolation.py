@@ -20,7 +20,6 @@ from fractions import Fraction
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.bounds.derivative_bounds import line_bounds
 from pinbound.evaluate import numeric
@@ -28,11 +27,9 @@ from pinbound.exceptions import UnsupportedError
 from pinbound.path.chain import Chain
 from pinbound.path.restriction import restrict
 from pinbound.tolerances import CONTOUR_ROUNDING, ROOT
+from pinbound.typing import Array
 
 __all__ = ["MOST_TURNS", "arcs", "around", "check_turns", "common_period", "holding", "outward", "wrapped"]
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 MOST_TURNS = 10_000.0
 """Turns of the fastest angle over which contacts are listed: more are some 20,000 intervals, which nobody reads."""

@@ -8,14 +8,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.limits.univariate import allowed_arcs_table
 from pinbound.path.relative import RelativePath
+from pinbound.typing import Array
 
 __all__ = ["around", "arounds", "is_closed"]
-
-Array = NDArray[np.float64]
 
 
 def is_closed(path: RelativePath, index: int) -> bool:

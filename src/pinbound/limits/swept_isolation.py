@@ -15,7 +15,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.bounds.bounds import Expansion
 from pinbound.bounds.swept_bounds import Bounds, SweptBundle, along_motion, rounding_bound, swept_bundle
@@ -24,11 +23,9 @@ from pinbound.exceptions import UnsupportedError
 from pinbound.limits.isolation import check_turns, common_period, holding, outward, wrapped
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import PRECISION, ROOT
+from pinbound.typing import Array, Flags, Ints
 
 __all__ = ["arcs", "around", "smallest", "turn_arcs"]
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _PIECES = 5  # 2^5 pieces to begin with
 _FINEST = 50  # 2^50 steps in all
@@ -199,7 +196,7 @@ def _free(
     return _joined(kept, len(Q), low, high), _joined([*kept, *undecided], len(Q), low, high)
 
 
-def _inside_stretches(row: Ints, start: Ints, size: int, flat: NDArray[np.bool_], many: int) -> NDArray[np.bool_]:
+def _inside_stretches(row: Ints, start: Ints, size: int, flat: Flags, many: int) -> Flags:
     """Return which pieces lie inside a long run of neighbours that all are at the threshold, its ends left out."""
     order = np.lexsort((start, row))
     flat = flat[order]
@@ -231,7 +228,7 @@ def _polished(
     for side in (0, 1):
         q, inside, wall = Q[rows], ends[:, side].copy(), walls[:, side]
 
-        def above(x: Array, q: Array = q) -> NDArray[np.bool_]:
+        def above(x: Array, q: Array = q) -> Flags:
             q[:, index] = x
             return separation.separations(path, q) > threshold
 
@@ -255,7 +252,7 @@ def _polished(
     return [_united(one, flags) for one, flags in zip(np.split(ends, cuts), np.split(joined, cuts), strict=True)]
 
 
-def _walls(free: Array, open_too: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _walls(free: Array, open_too: Array) -> tuple[Array, Flags]:
     """Return how far each end of free intervals (k, 2) may move (k, 2), and whether another free one begins there.
 
     That is up to where contact is proven: an end of the interval of `open_too` that holds it.
@@ -268,7 +265,7 @@ def _walls(free: Array, open_too: Array) -> tuple[Array, NDArray[np.bool_]]:
     return walls, beside
 
 
-def _united(intervals: Array, joined: NDArray[np.bool_]) -> Array:
+def _united(intervals: Array, joined: Flags) -> Array:
     """Return intervals (k, 2) that do not overlap: what was undecided between some of them is free after all."""
     found: list[Array] = []
     for place, one in enumerate(intervals):

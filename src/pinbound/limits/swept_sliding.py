@@ -15,17 +15,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.evaluate import closest, numeric, separation
 from pinbound.evaluate.closest import nearest
 from pinbound.geometry import gjk
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import CONTOUR_ROUNDING, REDUCTION, UNIT_ROUNDOFF
+from pinbound.typing import Array, Flags
 
 __all__ = ["intervals", "only_slides"]
-
-Array = NDArray[np.float64]
 
 _MOST_STEPS = 60  # of Newton; each bend of f costs one or two
 _MOST_HALVINGS = 64
@@ -117,7 +115,7 @@ def _end(
         if np.all(np.abs(step) <= 4.0 * UNIT_ROUNDOFF * scale):
             break
 
-    def apart(places: Array) -> NDArray[np.bool_]:
+    def apart(places: Array) -> Flags:
         """Ask what users ask, so that at the end and beyond it they are told the same."""
         rows = Q.copy()
         rows[:, index] = places

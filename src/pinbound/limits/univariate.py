@@ -19,12 +19,12 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.evaluate import numeric
 from pinbound.path.chain import Chain
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import REDUCTION
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = [
@@ -38,8 +38,6 @@ __all__ = [
     "one_angle_strips",
     "strip",
 ]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

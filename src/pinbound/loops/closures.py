@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations import ClosureMark, Mark, Point
 from pinbound.bounds.swept_bounds import swept_bundle
@@ -25,11 +24,10 @@ from pinbound.model.tree import Tree
 from pinbound.path.chain import Swept
 from pinbound.path.relative import RelativePath, relative_path
 from pinbound.tolerances import CLOSURE_SHARE, EXACT_LOOP, INFLATION, REDUCTION
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["Closure", "Deviation", "augmented", "close", "joint_errors", "place_error"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

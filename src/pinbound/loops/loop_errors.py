@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations import Annotations
 from pinbound.exceptions import Problems
@@ -23,10 +22,9 @@ from pinbound.loops.planar_loops import Parallelogram, Refusal, Side, apart_alon
 from pinbound.model.coupling import Coupling, LinearLimit, couple, linear_text
 from pinbound.model.tree import Tree
 from pinbound.tolerances import DEVIATION, EXACT_LOOP, LIMIT
+from pinbound.typing import Array
 
 __all__ = ["carry", "narrowed"]
-
-Array = NDArray[np.float64]
 
 _ROUNDS = 50
 _GROWTH = 1.0 + 1e-6

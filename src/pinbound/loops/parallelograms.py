@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations import Annotations, ClosureMark
 from pinbound.exceptions import Problems, UnsupportedError
@@ -20,11 +19,10 @@ from pinbound.loops.planar_loops import Refusal, parallelogram
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
 from pinbound.tolerances import REDUCTION
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["Settled", "couple_parallelogram", "passive_coordinates", "settle"]
-
-Array = NDArray[np.float64]
 
 _RESIDUAL_SAMPLES = 2000
 

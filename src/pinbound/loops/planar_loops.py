@@ -11,16 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.loops.closures import Closure
 from pinbound.path.chain import Chain
 from pinbound.tolerances import CLOSURE_SHARE, EXACT_LOOP, FLAT, INFLATION, REDUCTION
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["Parallelogram", "Refusal", "Side", "apart_along", "deviations", "parallelogram"]
-
-Array = NDArray[np.float64]
 
 _SIDES = 4
 _PAIRINGS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3), (1, 2)))

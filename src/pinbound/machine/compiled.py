@@ -24,13 +24,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.machine.object_cache import load_object, store_object
+from pinbound.typing import AnyArray
 
 __all__ = ["MachineCode", "compile_source", "has_numba", "is_kept"]
-
-Array = NDArray[Any]
 
 _SYMBOL = "pinbound_kernel"
 
@@ -72,7 +70,7 @@ class MachineCode:
     owner: Any
     """Keeps the memory of the code alive."""
 
-    def __call__(self, Q: Array, out: Array, index: Array) -> int:
+    def __call__(self, Q: AnyArray, out: AnyArray, index: AnyArray) -> int:
         """Fill rows and return how many numbers were not finite.
 
         Args:
@@ -196,5 +194,5 @@ def _llvm() -> Any:
     return llvm
 
 
-def _address(array: Array) -> int:
+def _address(array: AnyArray) -> int:
     return array.__array_interface__["data"][0]

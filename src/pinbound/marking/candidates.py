@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.exceptions import Problems, UnsupportedError
 from pinbound.loops.parallelograms import settle
@@ -22,10 +21,9 @@ from pinbound.robot.axes import new_coordinates
 from pinbound.robot.home import coordinate_ends
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import LIMIT
+from pinbound.typing import Array, Flags
 
 __all__ = ["can_be_home", "configuration_text", "draw", "home_entries", "within_limits"]
-
-Array = NDArray[np.float64]
 
 _FAR = {True: math.pi, False: 1.0}  # radians or metres from home, for a coordinate without limits
 _WIDEST = {True: 2 * math.pi, False: 10.0}  # radians or metres from home: no candidate is further away
@@ -33,7 +31,7 @@ _ROUNDS = 20
 _NARROW = 0.01  # of the widest limit: a limit that is narrower is walked along
 
 
-def within_limits(limits: Sequence[LinearLimit], Q: Array, guarded: Sequence[GuardedLimit] = ()) -> NDArray[np.bool_]:
+def within_limits(limits: Sequence[LinearLimit], Q: Array, guarded: Sequence[GuardedLimit] = ()) -> Flags:
     """Return which rows of Q (N, n) keep all limits, as `free` judges it."""
     return Intervals.of(limits, Q.shape[1], guarded=guarded).hold(Q)
 

@@ -13,7 +13,6 @@ from itertools import combinations
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations import MARK_KINDS, Annotations, BoundaryMark, LeftOutMark, Mark, RawItem, read_inline
 from pinbound.contact import contact_distance
@@ -27,11 +26,10 @@ from pinbound.marking.candidates import can_be_home, configuration_text, draw, h
 from pinbound.path.relative import relative_path
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import FOLDING, UNIT_ROUNDOFF
+from pinbound.typing import Array, Flags, Ints
 from pinbound.values import Value
 
 __all__ = ["SHAPES", "Proposal", "left_out_marks", "propose_marks"]
-
-Array = NDArray[np.float64]
 
 _SAMPLES = 500
 _FINEST = 0.01  # of a body's smallest measure: the excess to aim at where marks touch at home
@@ -185,7 +183,7 @@ class _Pair:
 
     a: Mark
     b: Mark
-    contact: NDArray[np.bool_]
+    contact: Flags
     gap: float
 
 
@@ -311,11 +309,11 @@ class _Home:
 
     chosen: int
     best: int
-    touching: NDArray[np.int64]
+    touching: Ints
     can_be_said: bool
 
 
-def _choose_home(judge: _Judge, touching: NDArray[np.int64]) -> _Home:
+def _choose_home(judge: _Judge, touching: Ints) -> _Home:
     """Choose today's home if the user has given it or no candidate is better; `touching` (N,) counts pairs."""
     robot = judge.robot
     inside = bool(within_limits(robot.linear_limits, robot.home[None], robot.guarded_limits)[0])

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.model.urdf import Joint, Mimic
 from pinbound.tolerances import FOLLOWS, LIMIT, UNIT_ROUNDOFF
+from pinbound.typing import Array, Flags
 from pinbound.values import Value
 
 __all__ = [
@@ -53,10 +54,10 @@ class Coupling(Value):
 
     coordinates: tuple[str, ...]
     joints: tuple[str, ...]
-    S: NDArray[np.float64]
-    offset: NDArray[np.float64]
+    S: Array
+    offset: Array
 
-    def expand(self, Q: ArrayLike) -> NDArray[np.float64]:
+    def expand(self, Q: ArrayLike) -> Array:
         """Return `theta = S q + o` for one q (n,) or many (N, n); shape (n_tree,) or (N, n_tree).
 
         Raises:
@@ -65,7 +66,7 @@ class Coupling(Value):
         with np.errstate(invalid="ignore"):  # a row that is not finite gives NaN, and no warning
             return as_configurations(Q, self.coordinates) @ self.S.T + self.offset
 
-    def row(self, joint: str) -> tuple[NDArray[np.float64], float]:
+    def row(self, joint: str) -> tuple[Array, float]:
         """Return the coefficients (n,) and the offset of one tree joint."""
         index = self.joints.index(joint)
         return self.S[index], float(self.offset[index])
@@ -81,7 +82,7 @@ class Coupling(Value):
         return linear_text(coefficients, self.coordinates, offset)
 
 
-def linear_text(coefficients: NDArray[np.float64], names: Sequence[str], offset: float = 0.0) -> str:
+def linear_text(coefficients: Array, names: Sequence[str], offset: float = 0.0) -> str:
     """Return `c . q + o` for people, positive terms first.
 
     Example:
@@ -109,16 +110,16 @@ class LinearLimit(Value):
     """
 
     joint: str
-    coefficients: NDArray[np.float64]
+    coefficients: Array
     offset: float
     lower: float
     upper: float
 
-    def values(self, Q: ArrayLike) -> NDArray[np.float64]:
+    def values(self, Q: ArrayLike) -> Array:
         """Return the joint's values `c . q + o` (N,) for Q (N, n) [rad or m]."""
         return combination(self.coefficients, np.asarray(Q, dtype=np.float64)) + self.offset
 
-    def holds(self, Q: ArrayLike) -> NDArray[np.bool_]:
+    def holds(self, Q: ArrayLike) -> Flags:
         """Return which rows (N,) of Q (N, n) keep the limit; see `Intervals` for what that means at its ends.
 
         Example:
@@ -168,11 +169,11 @@ class GuardedLimit(Value):
         return f"{self.rule} {'upper' if math.isfinite(self.limit.upper) else 'lower'}"
 
     @property
-    def uses(self) -> NDArray[np.bool_]:
+    def uses(self) -> Flags:
         """(n,) which coordinates it depends on."""
         return np.any([one.coefficients != 0.0 for one in (self.limit, *self.where)], axis=0)
 
-    def holds(self, Q: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def holds(self, Q: Array) -> Flags:
         """Return which rows (N,) of Q (N, n) keep it: the end holds, or a condition does not; False if not finite."""
         kept = self.limit.holds(Q)
         for condition in self.where:
@@ -201,10 +202,10 @@ class Intervals(Value):
         guarded: Ends of rules that bind under conditions only, all of which must hold, too.
     """
 
-    coefficients: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    is_sum: NDArray[np.bool_]
+    coefficients: Array
+    low: Array
+    high: Array
+    is_sum: Flags
     guarded: tuple[GuardedLimit, ...] = ()
 
     @classmethod
@@ -212,7 +213,7 @@ class Intervals(Value):
         cls,
         limits: Sequence[LinearLimit],
         n: int,
-        between: Sequence[tuple[NDArray[np.float64], tuple[float, float]]] = (),
+        between: Sequence[tuple[Array, tuple[float, float]]] = (),
         guarded: Sequence[GuardedLimit] = (),
     ) -> Intervals:
         """Return what joint limits allow, and open intervals `low < c . q < high`; rows of one c are intersected."""
@@ -252,7 +253,7 @@ class Intervals(Value):
         terms = [[(int(i), float(c[i])) for i in np.flatnonzero(c)] for c in self.coefficients]
         return list(zip(terms, self.low.tolist(), self.high.tolist(), self.is_sum.tolist(), strict=True))
 
-    def hold(self, Q: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def hold(self, Q: Array) -> Flags:
         """Return which rows (N,) of Q (N, n) are in all intervals; False for a row that is not finite."""
         found = np.ones(len(Q), dtype=np.bool_)
         for start in range(0, len(Q), _BLOCK):
@@ -271,9 +272,9 @@ class Intervals(Value):
         return found
 
 
-def combination(c: NDArray[np.float64], Q: NDArray[np.float64]) -> NDArray[np.float64]:
+def combination(c: Array, Q: Array) -> Array:
     """Return `c . q` (N,) for the rows of Q (N, n), term by term: a row's bits do not depend on the other rows."""
-    total: NDArray[np.float64] | None = None
+    total: Array | None = None
     for index in np.flatnonzero(c).tolist():
         factor, column = float(c[index]), Q[:, index]
         term = column if factor == 1.0 else factor * column
@@ -281,7 +282,7 @@ def combination(c: NDArray[np.float64], Q: NDArray[np.float64]) -> NDArray[np.fl
     return np.zeros(len(Q)) if total is None else total
 
 
-def real_array(values: Any, what: str) -> NDArray[np.float64]:
+def real_array(values: Any, what: str) -> Array:
     """Return values as float64; nothing that is not a real number passes for one.
 
     Raises:
@@ -311,7 +312,7 @@ def real_array(values: Any, what: str) -> NDArray[np.float64]:
         raise DimensionError(f"{what} is no array of numbers: {error}") from error
 
 
-def as_configurations(Q: ArrayLike, coordinates: Sequence[str]) -> NDArray[np.float64]:
+def as_configurations(Q: ArrayLike, coordinates: Sequence[str]) -> Array:
     """Return Q as float64 with last axis n, one (n,) or many (N, n); non-finite rows pass through.
 
     Raises:

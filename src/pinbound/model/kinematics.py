@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["JOINT_TYPES", "MOVING_TYPES", "Joint", "JointType", "Kinematics", "Link", "Mimic"]
@@ -59,9 +57,9 @@ class Joint(Value):
     type: JointType
     parent: str
     child: str
-    rotation: NDArray[np.float64]
-    translation: NDArray[np.float64]
-    axis: NDArray[np.float64]
+    rotation: Array
+    translation: Array
+    axis: Array
     lower: float
     upper: float
     mimic: Mimic | None = None

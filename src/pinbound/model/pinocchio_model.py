@@ -10,7 +10,6 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from lxml import etree
-from numpy.typing import NDArray
 
 from pinbound.exceptions import Problems
 from pinbound.model.coupling import couple
@@ -19,10 +18,10 @@ from pinbound.model.kinematics import Joint, Kinematics
 from pinbound.model.tree import Tree
 from pinbound.model.xml_text import local_name, refusal
 from pinbound.tolerances import AGREEMENT, UNIT_ROUNDOFF
+from pinbound.typing import Array
 
 __all__ = ["build_model", "compare_with_pinocchio", "placements"]
 
-Array = NDArray[np.float64]
 _UNBOUNDED = "1e9"  # urdfdom does not read "inf"; build_model puts the infinity back
 
 

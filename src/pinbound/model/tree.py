@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.model.coupling import Coupling
 from pinbound.model.urdf import Joint, Kinematics, Link
 from pinbound.tolerances import REDUCTION
+from pinbound.typing import Array
 from pinbound.values import FrozenDict
 
 __all__ = ["Tree"]
 
-_Vector = NDArray[np.float64]
+_Vector = Array
 
 _TURNING = ("revolute", "continuous")
 _FREEDOMS = {"planar": 3, "floating": 6}

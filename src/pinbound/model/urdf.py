@@ -12,7 +12,6 @@ from typing import Any, cast
 
 import numpy as np
 from lxml import etree
-from numpy.typing import NDArray
 
 from pinbound.exceptions import Problems, name_hint, printable
 from pinbound.model.document import Document, local_name, parse_floats
@@ -20,6 +19,7 @@ from pinbound.model.kinematics import JOINT_TYPES, MOVING_TYPES, Joint, JointTyp
 from pinbound.model.kinematics_checks import check_mimics, check_tree, listed, note_nearly_parallel
 from pinbound.model.normalise import unit_vector
 from pinbound.model.vocabulary import check_vocabulary, near_miss
+from pinbound.typing import Array
 
 __all__ = [
     "MOVING_TYPES",
@@ -203,7 +203,7 @@ class _Reader:
             return default
         return numbers
 
-    def _axis(self, element: etree._Element, kind: str, what: str) -> NDArray[np.float64]:
+    def _axis(self, element: etree._Element, kind: str, what: str) -> Array:
         default = (1.0, 0.0, 0.0)
         found = element.find("axis")
         if kind not in MOVING_TYPES:
@@ -297,7 +297,7 @@ def _line(element: etree._Element | None) -> int | None:
     return None if element is None else element.sourceline
 
 
-def _rotation(rpy: tuple[float, ...]) -> NDArray[np.float64]:
+def _rotation(rpy: tuple[float, ...]) -> Array:
     """Return `R_z(yaw) R_y(pitch) R_x(roll)`, the convention of URDF."""
     if not any(rpy):
         return np.eye(3)

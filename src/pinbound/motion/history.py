@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.certificates import signed_clearances
 from pinbound.certificates.trajectory import as_trajectory
@@ -18,11 +18,10 @@ from pinbound.robot.robot import Robot
 from pinbound.tables import open_table, read_table
 from pinbound.tables.text import TextTable
 from pinbound.tolerances import FOLLOWS
+from pinbound.typing import Array, Ints
 from pinbound.values import Value
 
 __all__ = ["Motion", "MotionHistory", "history", "read_motion"]
-
-Array = NDArray[np.float64]
 
 _TIME = "time"
 _MOST_FAULTS = 8
@@ -66,7 +65,7 @@ class MotionHistory(Value):
     clearances: Array
     mu: Array | None = None
     signed_distance: Array | None = None
-    places: NDArray[np.int64] | None = None
+    places: Ints | None = None
     unit: str = "rad"
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.evaluate import numeric
 from pinbound.exceptions import DimensionError, UnknownNameError
@@ -26,11 +26,10 @@ from pinbound.path.relative import absolute_chain
 from pinbound.robot.home import nearest_within, ways_to_keep
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import LIMIT, REACHED
+from pinbound.typing import Array, Flags, Ints
 from pinbound.values import Value
 
 __all__ = ["Ending", "InverseKinematics", "solve_ik"]
-
-Array = NDArray[np.float64]
 
 _CALM = 1e-13  # rad or m: steps below this no longer change anything
 
@@ -61,9 +60,9 @@ class InverseKinematics(Value):
 
     q: Array
     residuals: Array
-    reached: NDArray[np.bool_]
-    iterations: NDArray[np.int64]
-    restarts: NDArray[np.int64]
+    reached: Flags
+    iterations: Ints
+    restarts: Ints
     endings: tuple[Ending, ...]
     limits: tuple[tuple[str, ...], ...]
 

@@ -13,15 +13,13 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations.shapes import cube_corners
 from pinbound.tolerances import REDUCTION
+from pinbound.typing import Array, Flags
 from pinbound.values import Value
 
 __all__ = ["Chain", "Swept", "are_parallel", "drop_head", "reduce_chain", "rotation_matrix", "split"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,7 +239,7 @@ def _ordered(groups: list[_Group], last: _Group | None, scale: float) -> list[_G
     return [*first, next((group for group in kept if group.has(last.angle)), last)]
 
 
-def _moving(block: Array) -> NDArray[np.bool_]:
+def _moving(block: Array) -> Flags:
     return np.abs(block[:, 1:]) > REDUCTION
 
 

@@ -17,7 +17,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations import Mark, Measure, Shape
 from pinbound.exceptions import UnsupportedError
@@ -26,11 +25,10 @@ from pinbound.model.tree import Tree
 from pinbound.model.urdf import MOVING_TYPES, Joint
 from pinbound.path.chain import Chain, Swept, drop_head, reduce_chain, rotation_matrix, split
 from pinbound.tolerances import REDUCTION
+from pinbound.typing import Array, Ints
 from pinbound.values import Value
 
 __all__ = ["Form", "Kind", "RelativePath", "absolute_chain", "direction_chain", "minimal_chain", "relative_path"]
-
-Array = NDArray[np.float64]
 
 _CLOSED = 2  # directions up to which the nearest points have a closed form, over parallelograms
 
@@ -375,7 +373,7 @@ def _best_frame(chain: Chain, last_is_ancestor: bool) -> int:
     return min(range(k + 1), key=cost)
 
 
-def _coordinates_between(chain: Chain) -> NDArray[np.int64]:
+def _coordinates_between(chain: Chain) -> Ints:
     """Count the coordinates in the angle between any two positions, (k + 1, k + 1); turns about one axis merged."""
     k, axes = chain.rotations, chain.axes
     crossed = np.abs(np.cross(axes[:, None], axes[None])).max(axis=2, initial=0.0) if k else np.zeros((0, 0))

@@ -10,14 +10,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.path.chain import Chain, drop_head, rotation_matrix, split
 from pinbound.path.relative import RelativePath
+from pinbound.typing import Array
 
 __all__ = ["restrict", "restrict_path"]
-
-Array = NDArray[np.float64]
 
 
 def restrict(chain: Chain, at: Array, keep: Sequence[int], across: Array | None = None) -> Chain:

@@ -21,7 +21,6 @@ from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pinbound.exceptions import UnsupportedError
 from pinbound.region.cells import Grid, Searched
@@ -35,13 +34,12 @@ from pinbound.region.plane import Plane, Strips
 from pinbound.region.settling import Settled, settle
 from pinbound.region.tubes import Tubes
 from pinbound.tolerances import REGION_WIDTH, VERTEX
+from pinbound.typing import Array, Ints
 from pinbound.values import Value
 
 __all__ = ["Arrangement", "Corner", "Edge", "Unresolved", "arrange", "arranged_loops"]
 
-Array = NDArray[np.float64]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
-Ints = NDArray[np.int64]
 
 _BEYOND = 0.02  # curves are traced this much of the window beyond it: more than a bump that no corner sees
 assert _BEYOND > BUMP * (1.0 + 2.0 * _BEYOND)

@@ -19,7 +19,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.bounds.swept_bounds import SweptBundle, over_box, rounding_bound, swept_bundle
 from pinbound.evaluate import separation
@@ -28,13 +27,10 @@ from pinbound.path.relative import RelativePath
 from pinbound.region.deadline import Deadline
 from pinbound.region.plane import Curve, Plane
 from pinbound.tolerances import CONTOUR_ROUNDING
+from pinbound.typing import Array, Flags, Indices, Ints
 from pinbound.values import Value
 
 __all__ = ["Cells", "Grid", "Searched", "SeparationFunction", "decided", "pave"]
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 FINEST = 20  # halvings of a root cell at most: 1e-6 of it
 _ROOTS = 6  # root cells along the shorter side of the window, about
@@ -129,7 +125,7 @@ class Cells(Value):
         """Return the number of cells."""
         return len(self.corners)
 
-    def take(self, kept: Bools) -> Cells:
+    def take(self, kept: Flags) -> Cells:
         """Return some of the cells, with their boundaries."""
         number = np.cumsum(kept) - 1
         rows = kept[self.cell]
@@ -189,7 +185,7 @@ class Searched:
         return lower, upper
 
 
-def _chunks(rows: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+def _chunks(rows: Indices) -> list[Indices]:
     return [rows[start : start + _ROWS] for start in range(0, len(rows), _ROWS)]
 
 
@@ -247,7 +243,7 @@ def decided(searched: Searched, cells: Cells, deadline: Deadline | None = None) 
     return Cells(cells.corners[kept], cells.sizes[kept], number[cells.cell[open_]], cells.which[open_])
 
 
-def _needless(plane: Plane, low: Array, high: Array) -> Bools:
+def _needless(plane: Plane, low: Array, high: Array) -> Flags:
     """Return which cells (N,) lie as a whole, and well, beyond a limit or in the contact of one effective angle."""
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     found = np.zeros(len(low), dtype=bool)

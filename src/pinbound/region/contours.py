@@ -20,7 +20,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.bounds.derivative_bounds import LeverArms, lever_arms
 from pinbound.evaluate import numeric
@@ -30,12 +29,9 @@ from pinbound.path.chain import Chain
 from pinbound.region.deadline import Deadline
 from pinbound.region.smooth import Smooth
 from pinbound.tolerances import CONTOUR_ROUNDING, CONTOUR_TURN, VERTEX
+from pinbound.typing import Array, Flags, Ints
 
 __all__ = ["BUMP", "STRIDE", "ContactFunction", "Contour", "HeightFunction", "Traced", "box_sides", "chain_up", "trace"]
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 _ROOT = 4  # 2^4 root boxes a side
 _FINEST = 30  # 2^30 steps a side: 6e-9 rad in a window of one turn
@@ -247,7 +243,7 @@ def _subdivide(function: Smooth, origin: Array, step: Array, deadline: Deadline 
     return np.concatenate(kept), np.concatenate(sizes), unresolved
 
 
-def _classify(function: Smooth, middle: Array, half: Array) -> tuple[Bools, Bools]:
+def _classify(function: Smooth, middle: Array, half: Array) -> tuple[Flags, Flags]:
     value, gradient, length, slopes = function.parts(middle)
     scale = max(function.scale, function.arms.length + abs(function.threshold))
     span = float(function.arms.first @ half) + CONTOUR_ROUNDING * scale
@@ -383,7 +379,7 @@ def _refine(
     return chords[order], owner[order], error
 
 
-def _chord_bound(function: Smooth, chords: Array) -> tuple[Array, Bools]:
+def _chord_bound(function: Smooth, chords: Array) -> tuple[Array, Flags]:
     """Return a bound of the distance between chord and curve (C,), and whether it is proven.
 
     Over the disc of the chord's length s around its middle the gradient differs from the middle's by `d = M s`. With

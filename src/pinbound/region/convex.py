@@ -6,13 +6,12 @@ from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pinbound.tolerances import VERTEX
+from pinbound.typing import Array
 
 __all__ = ["convex_parts", "inner", "inscribed_polygon", "is_convex", "polygon_halfspaces"]
 
-Array = NDArray[np.float64]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
 _SEEDS = 8

@@ -15,7 +15,6 @@ from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pinbound.bounds.derivative_bounds import LeverArms
 from pinbound.evaluate import numeric
@@ -23,10 +22,10 @@ from pinbound.exceptions import UnsupportedError
 from pinbound.region.contours import trace
 from pinbound.region.planar_image import PlanarImage
 from pinbound.tolerances import REDUCTION
+from pinbound.typing import Array, Ints
 
 __all__ = ["FoldFunction", "Parts", "covered", "cut_along_folds", "subdivided"]
 
-Array = NDArray[np.float64]
 sh = cast(Any, shapely)  # newer functions than the stubs know
 
 _FOLD = 1e-5  # rad or m: how far a fold's polyline may be from it, which moves its image by the square of that
@@ -195,7 +194,7 @@ def _is_left(ring: Array) -> bool:
     return math.fsum(x[:-1] * y[1:] - x[1:] * y[:-1]) > 0.0
 
 
-def _winding(ring: Array, places: Array) -> NDArray[np.int64]:
+def _winding(ring: Array, places: Array) -> Ints:
     """Return how often a closed polyline winds about each place (N,): crossings of the ray to the right of it.
 
     Edges are sorted by their lower ends, so that each place looks at those alone that may be as high as it is.

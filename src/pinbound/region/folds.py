@@ -12,14 +12,12 @@ from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pinbound.region.planar_image import PlanarImage
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["Folds", "find_folds", "triangulate"]
-
-Array = NDArray[np.float64]
 
 gis = cast(Any, shapely)  # its stubs leave types open
 

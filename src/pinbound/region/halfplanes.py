@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.tolerances import IMPLIED, LIMIT, UNIT_ROUNDOFF, VERTEX
+from pinbound.typing import Array, Flags
 
 __all__ = ["HalfPlane", "Support", "intersect", "support"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +36,7 @@ class HalfPlane:
         """Make the value immutable."""
         self.normal.flags.writeable = False
 
-    def allows(self, X: Array) -> NDArray[np.bool_]:
+    def allows(self, X: Array) -> Flags:
         """Return whether points (N, 2) keep it: a contact is open; a limit may be passed by its rule's tolerance.
 
         The rounding of the sums is granted twice: what a joint's limit allows exactly is for `coupling.Intervals`.

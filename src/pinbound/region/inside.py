@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely import affinity
 
 from pinbound.exceptions import DimensionError, UnknownNameError
@@ -25,6 +25,7 @@ from pinbound.model.coupling import as_configurations
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.plane import Plane
 from pinbound.tolerances import ON_CONTOUR
+from pinbound.typing import Array, Flags
 
 if TYPE_CHECKING:
     from pinbound.region.shape import PlanarShape
@@ -41,8 +42,6 @@ __all__ = [
     "weighted",
 ]
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 gis_affinity = cast(Any, affinity)
 
@@ -66,9 +65,9 @@ class Reading:
     """
 
     points: Array
-    elsewhere: Bools
-    within: Bools
-    finite: Bools
+    elsewhere: Flags
+    within: Flags
+    finite: Flags
 
 
 def read_points(plane: Plane, Q: ArrayLike, order: Order | None = None) -> Reading:
@@ -140,7 +139,7 @@ def refuse_elsewhere(plane: Plane, reading: Reading) -> None:
     )
 
 
-def held(region: PlanarShape, points: Array) -> Bools:
+def held(region: PlanarShape, points: Array) -> Flags:
     """Return whether points (N, 2) are inside: limits belong to the region, contacts do not."""
     inside = np.zeros(len(points), dtype=bool)
     if region.is_empty:
@@ -186,7 +185,7 @@ def _depth(side: HalfPlane, X: Array, plane: Plane) -> Array:
     return (side.bound - X @ side.normal) / float(np.linalg.norm(side.normal * plane.scales))
 
 
-def _same_side(plane: Plane, X: Array, moved: Array) -> Bools:
+def _same_side(plane: Plane, X: Array, moved: Array) -> Flags:
     """Return whether no contact of one effective angle lies between two points, however thin it is."""
     same = np.ones(len(X), dtype=bool)
     for strip in plane.strips:

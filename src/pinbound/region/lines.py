@@ -8,18 +8,16 @@ from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pinbound.region.cells import SeparationFunction
 from pinbound.region.contours import Traced
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.sliding import SlidingFunction
+from pinbound.typing import Array, Ints
 from pinbound.values import Value
 
 __all__ = ["Line", "segment_owners", "vertex_owners"]
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
 

@@ -8,7 +8,6 @@ from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely import affinity
 
 from pinbound.bounds.derivative_bounds import lever_arms
@@ -23,6 +22,7 @@ from pinbound.region.arrangement import Corner, Edge
 from pinbound.region.deadline import Deadline
 from pinbound.region.plane import Plane
 from pinbound.tolerances import CONTOUR_ROUNDING, IMPLIED
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = [
@@ -34,7 +34,6 @@ __all__ = [
     "smallest_clearance",
 ]
 
-Array = NDArray[np.float64]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 gis_affinity = cast(Any, affinity)
 Loops = tuple[tuple[Edge, ...], ...]

@@ -17,18 +17,17 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.exceptions import DimensionError
 from pinbound.model.coupling import as_configurations
 from pinbound.region.region import Region
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import ON_CONTOUR
+from pinbound.typing import Array, Ints
 from pinbound.values import Value
 
 __all__ = ["Membership", "Place", "axis_membership", "classify", "projections", "region_membership"]
-
-Array = NDArray[np.float64]
 
 
 class Place(IntEnum):
@@ -149,7 +148,7 @@ def region_membership(
     return Membership(robot.coordinates, lower, upper, mu, mu_printed, distance, unit)
 
 
-def classify(signed_distance: ArrayLike, tolerance: float = ON_CONTOUR) -> NDArray[np.int64]:
+def classify(signed_distance: ArrayLike, tolerance: float = ON_CONTOUR) -> Ints:
     """Return the `Place` of each signed distance as an integer array: on the contour within `tolerance` [rad].
 
     Raises:

@@ -12,18 +12,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.exceptions import UnsupportedError
 from pinbound.model.coupling import GuardedLimit, LinearLimit
 from pinbound.region.halfplanes import HalfPlane, intersect
 from pinbound.robot.rules import condition_text
 from pinbound.tolerances import VERTEX
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["Obstacle", "obstacle_of", "obstacle_sides"]
 
-Array = NDArray[np.float64]
 _PLANE = 2
 
 

@@ -20,7 +20,6 @@ from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pinbound.annotations import Line as LineMark
 from pinbound.annotations import Mark, Point
@@ -37,10 +36,10 @@ from pinbound.region.lines import Line, segment_owners, vertex_owners
 from pinbound.region.plane import Curve, Plane
 from pinbound.region.sliding import SlidingFunction, only_slides, sliding_curves
 from pinbound.tolerances import CONTOUR_ROUNDING, REDUCTION
+from pinbound.typing import Array, Ints
 
 __all__ = ["Outline", "check_turns", "is_searched", "outline"]
 
-Array = NDArray[np.float64]
 _INSET = 0.015  # of the window's side: more than a bump that tracing may miss (BUMP), less than the rim around the box
 _FEW = 16  # vertices above a plane that are traced one by one
 _MOST_TURNS = 100  # periods of the angles in the window: beyond, tracing would only run out of its budget of boxes
@@ -212,7 +211,7 @@ def _between(plane: Plane, curve: Curve, lines: tuple[Line, ...], window: Array)
     return tuple(pieces)
 
 
-def _pieces(lines: tuple[Line, ...], points: Array, owner: NDArray[np.int64], rim: Array) -> list[Line]:
+def _pieces(lines: tuple[Line, ...], points: Array, owner: Ints, rim: Array) -> list[Line]:
     """Cut a polyline where its owner changes, and leave out what runs along the rim."""
     middle = 0.5 * (points[1:] + points[:-1])
     at_rim = np.any(np.abs(middle[:, None] - rim) <= REDUCTION * (1.0 + np.abs(rim)), axis=(1, 2))

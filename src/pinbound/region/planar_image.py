@@ -21,16 +21,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.evaluate import numeric
 from pinbound.exceptions import UnsupportedError
 from pinbound.path.chain import Chain, are_parallel, rotation_matrix
 from pinbound.tolerances import REDUCTION
+from pinbound.typing import Array
 
 __all__ = ["PlanarImage", "planar_image", "restrict"]
-
-Array = NDArray[np.float64]
 
 _PLANE = 2
 

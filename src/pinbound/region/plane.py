@@ -22,7 +22,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.evaluate import separation
@@ -35,12 +34,10 @@ from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.obstacles import Obstacle, obstacle_of
 from pinbound.region.window import box_of, slab
 from pinbound.robot.robot import Robot
+from pinbound.typing import Array, Flags
 from pinbound.values import Value
 
 __all__ = ["Curve", "Plane", "Strips", "plane_of"]
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _PLANE = 2
 _TURN = 2.0 * math.pi
@@ -62,7 +59,7 @@ class Strips(Value):
     angle: float
     half_width: float
 
-    def free(self, X: Array) -> Bools:
+    def free(self, X: Array) -> Flags:
         """Return whether points (N, 2) are out of contact; a line of zero width holds no point."""
         away = np.abs(np.remainder(X @ self.normal - self.angle + math.pi, _TURN) - math.pi)
         return away > self.half_width
@@ -96,7 +93,7 @@ class Curve:
     path: RelativePath
     threshold: float
 
-    def free(self, X: Array) -> Bools:
+    def free(self, X: Array) -> Flags:
         """Return whether points (N, 2) are out of contact."""
         return separation.separations(self.path, X) > self.threshold
 
@@ -170,14 +167,14 @@ class Plane:
     def _intervals(self) -> Intervals:
         return self.robot.intervals
 
-    def within(self, X: Array) -> Bools:
+    def within(self, X: Array) -> Flags:
         """Return whether points (N, 2) keep the limits of all joints, by the one rule (`Intervals`), and the window."""
         found = self._intervals.hold(self.lift(X))
         for side in (*self.box, *self.limits):
             found &= side.allows(X)
         return found
 
-    def free(self, X: Array) -> Bools:
+    def free(self, X: Array) -> Flags:
         """Return whether points (N, 2) are within all limits and out of all contacts, by the exact functions."""
         found = self.within(X)
         for contact in (*self.strips, *self.curves):

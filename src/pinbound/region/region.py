@@ -17,7 +17,6 @@ from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.region import convex, inside, margins
@@ -27,10 +26,10 @@ from pinbound.region.halfplanes import HalfPlane, intersect
 from pinbound.region.plane import Plane
 from pinbound.region.shape import PlanarShape
 from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET, REGION_WIDTH
+from pinbound.typing import Array
 
 __all__ = ["Corner", "Edge", "Region", "convex_region"]
 
-Array = NDArray[np.float64]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 Loops = tuple[tuple[Edge, ...], ...]
 

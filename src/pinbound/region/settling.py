@@ -13,7 +13,6 @@ from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pinbound.region.halfplanes import intersect
 from pinbound.region.lines import Line
@@ -22,8 +21,6 @@ from pinbound.region.tubes import Part, Tubes
 
 __all__ = ["Settled", "settle"]
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Block = tuple[Any, str]
 Draw = Callable[[Sequence[Line], Sequence[Block]], "tuple[Any, ...] | None"]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.exceptions import UnsupportedError
 from pinbound.region import convex, inside
 from pinbound.region.arrangement import Corner, Edge, Line, Unresolved
 from pinbound.region.halfplanes import HalfPlane, Support, intersect, support
 from pinbound.region.plane import Plane
+from pinbound.typing import Array
 from pinbound.values import read_only
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 __all__ = ["PlanarShape"]
 
-Array = NDArray[np.float64]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 Loops = tuple[tuple[Edge, ...], ...]
 

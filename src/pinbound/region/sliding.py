@@ -10,18 +10,15 @@ height over the chord bounds the distance of the two: rays are added until it is
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.evaluate.closest import nearest, nearest_of_hulls
 from pinbound.path.relative import RelativePath
 from pinbound.region.cells import SeparationFunction
 from pinbound.region.deadline import Deadline
 from pinbound.tolerances import CONTOUR_ROUNDING
+from pinbound.typing import Array, Flags
 
 __all__ = ["SlidingFunction", "only_slides", "sliding_curves"]
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _FIRST = 64  # rays to begin with
 _ROUNDS = 40
@@ -114,7 +111,7 @@ def _directions(angles: Array) -> Array:
     return np.stack((np.cos(angles), np.sin(angles)), axis=1)
 
 
-def _shoot(function: SlidingFunction, centre: Array, directions: Array, window: Array) -> tuple[Array, Bools]:
+def _shoot(function: SlidingFunction, centre: Array, directions: Array, window: Array) -> tuple[Array, Flags]:
     """Return where rays from a point in contact leave contact, or the window if that comes first, and which is it.
 
     f is convex along a ray, so a tangent from outside never passes the border: Newton and bisection in one bracket.
@@ -147,7 +144,7 @@ def _shoot(function: SlidingFunction, centre: Array, directions: Array, window: 
     return centre + high[:, None] * directions, on_curve
 
 
-def _heights(function: SlidingFunction, points: Array, on_curve: Bools) -> tuple[Array, Array]:
+def _heights(function: SlidingFunction, points: Array, on_curve: Flags) -> tuple[Array, Array]:
     """Return how high the triangle of the two tangents stands over each chord, and the chords' lengths."""
     following = np.roll(points, -1, axis=0)
     along = following - points
@@ -165,7 +162,7 @@ def _heights(function: SlidingFunction, points: Array, on_curve: Bools) -> tuple
     return np.where(flat, 0.0, np.where(sound, height, length)), length
 
 
-def _runs(points: Array, on_curve: Bools) -> tuple[Array, ...]:
+def _runs(points: Array, on_curve: Flags) -> tuple[Array, ...]:
     """Return the runs of points on the curve; the whole of it closed, if nothing leaves the window."""
     if np.all(on_curve):
         return (np.concatenate((points, points[:1])),)

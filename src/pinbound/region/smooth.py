@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pinbound.bounds.derivative_bounds import LeverArms
+from pinbound.typing import Array
 
 __all__ = ["Smooth"]
-
-Array = NDArray[np.float64]
 
 
 class Smooth(Protocol):

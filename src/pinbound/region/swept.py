@@ -19,7 +19,6 @@ from typing import Any, cast
 import numpy as np
 import shapely
 import shapely.affinity
-from numpy.typing import NDArray
 
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.path.chain import rotation_matrix
@@ -27,10 +26,10 @@ from pinbound.region.folds import triangulate
 from pinbound.region.workspace import Measure, Section
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import CHORD, MESH_CHORD, REDUCTION
+from pinbound.typing import Array, Ints
 
 __all__ = ["SweptBody", "swept_body"]
 
-Array = NDArray[np.float64]
 sh = cast(Any, shapely)
 
 _TURN = 2.0 * math.pi
@@ -188,7 +187,7 @@ def _moment(polygon: Any) -> float:
     return float(polygon.centroid.x * polygon.area) if not polygon.is_empty else 0.0
 
 
-def _sweep(polygon: Any, stations: int, is_closed: bool) -> tuple[Array, NDArray[np.int64]]:
+def _sweep(polygon: Any, stations: int, is_closed: bool) -> tuple[Array, Ints]:
     """Return the section's vertices (m, 2), and faces over `stations` copies of them; caps unless closed."""
     rings = [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
     vertices, faces, first = np.vstack(rings), list[Array](), 0

@@ -14,19 +14,16 @@ from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy import sparse
 
 from pinbound.region.cells import Searched, SeparationFunction, decided, pave
 from pinbound.region.contours import STRIDE, box_sides, chain_up
 from pinbound.region.deadline import Deadline
 from pinbound.region.lines import Line
+from pinbound.typing import Array, Flags, Ints
 
 __all__ = ["Doubts", "Part", "Tubes"]
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 csgraph = cast(Any, sparse.csgraph)
 
@@ -78,7 +75,7 @@ class Tubes:
         """Cut the plane into cells of the stated width."""
         self.searched, self.grid, self.deadline = searched, searched.grid, deadline
         self.cells = pave(searched, deadline)
-        self._signs: dict[int, tuple[Ints, Bools]] = {}
+        self._signs: dict[int, tuple[Ints, Flags]] = {}
         self._roots: dict[int, tuple[Any, Array]] = {}
         self.hidden = np.empty(0, dtype=np.int64)
 
@@ -103,7 +100,7 @@ class Tubes:
 
     def _trace(
         self, which: int, function: SeparationFunction, corners: Ints, sizes: Ints
-    ) -> tuple[tuple[Array, ...], Bools]:
+    ) -> tuple[tuple[Array, ...], Flags]:
         """Return the contours of one boundary, and whether there is one next to each of its cells, or contact."""
         if self.deadline is not None:
             self.deadline.check()
@@ -144,7 +141,7 @@ class Tubes:
         seen[owner[_crumbs(pairs, len(points))]] = False
         return chain_up(pairs, points[pairs], np.arange(len(pairs))), seen
 
-    def _contact(self, which: int, function: SeparationFunction, nodes: Ints) -> Bools:
+    def _contact(self, which: int, function: SeparationFunction, nodes: Ints) -> Flags:
         """Return whether corners are in contact; each is evaluated once."""
         known, values = self._signs.get(which, (np.empty(0, dtype=np.int64), np.empty(0, dtype=bool)))
         new = nodes[~np.isin(nodes, known)]
@@ -317,14 +314,14 @@ def _incidence(count: int, corners: int, cell: Ints, end: Ints) -> Any:
     return sparse.csr_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(size, size))
 
 
-def _restricted(graph: Any, usable: Bools) -> Any:
+def _restricted(graph: Any, usable: Flags) -> Any:
     """Return the graph without the edges of what is not usable."""
     whole = graph.tocoo()
     kept = usable[whole.row] & usable[whole.col]
     return sparse.csr_matrix((whole.data[kept], (whole.row[kept], whole.col[kept])), shape=graph.shape)
 
 
-def _crumbs(pairs: Ints, count: int) -> Bools:
+def _crumbs(pairs: Ints, count: int) -> Flags:
     """Return which pairs (P, 2) of `count` crossings are of curves so short that cells hardly see them."""
     graph = sparse.csr_matrix((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     curve: Ints = csgraph.connected_components(graph, directed=False)[1][pairs[:, 0]]
@@ -336,7 +333,7 @@ def _short(nodes: Ints) -> Any:
     return ((nodes // STRIDE) * ((1 << 26) + 1) + nodes % STRIDE).astype(np.float64)
 
 
-def _between(graph: Any, count: int, allowed: Bools, sources: Ints, targets: Ints) -> Ints:
+def _between(graph: Any, count: int, allowed: Flags, sources: Ints, targets: Ints) -> Ints:
     """Return the cells on the shortest ways (and those two cells longer) from some cells to others; none if no way."""
     usable = np.ones(graph.shape[0], dtype=bool)
     usable[:count] = allowed

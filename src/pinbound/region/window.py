@@ -11,15 +11,14 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.tolerances import WIDEST_WINDOW
+from pinbound.typing import Array
 
 __all__ = ["box_of", "slab"]
 
-Array = NDArray[np.float64]
 _PLANE = 2
 _ROUNDS = 4  # of propagating limits of both coordinates; each round can bound one more coordinate
 _SPARE = 0.01  # of its width: how much wider a box is made that only follows from limits of both coordinates

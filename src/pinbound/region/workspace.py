@@ -21,7 +21,6 @@ from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.path.chain import Chain, are_parallel
@@ -32,11 +31,11 @@ from pinbound.region.planar_image import PlanarImage, planar_image, restrict
 from pinbound.region.region import Region
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import CHORD, QUADRATURE, REDUCTION
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["Measure", "Section", "workspace_section"]
 
-Array = NDArray[np.float64]
 Integrand = Callable[[Array, Array], Array]
 sh = cast(Any, shapely)  # newer functions than the stubs know
 

@@ -6,10 +6,10 @@ from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pinbound.figures.plots import PALETTE
 from pinbound.robot.robot import Robot
+from pinbound.typing import Array
 
 __all__ = [
     "FILL",
@@ -28,7 +28,6 @@ __all__ = [
     "to_scale",
 ]
 
-Array = NDArray[np.float64]
 
 GREY, FILL = "#8A8A8A", "#DCEBF5"
 

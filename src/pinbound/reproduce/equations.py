@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.path.relative import Kind
@@ -14,10 +13,10 @@ from pinbound.reproduce.printed import BOUNDARIES
 from pinbound.reproduce.study import SEED, Study
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import SOLVES
+from pinbound.typing import Array
 
 __all__ = ["check_equations", "frame", "relative_frame"]
 
-Array = NDArray[np.float64]
 Frame = tuple[Array, Array]
 
 _COUNT = 2000

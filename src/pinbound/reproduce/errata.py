@@ -8,7 +8,6 @@ from typing import Any, cast
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pinbound.region import feasible_region
 from pinbound.region.membership import Place, axis_membership, region_membership
@@ -18,8 +17,6 @@ from pinbound.reproduce.study import PLANE, Study
 from pinbound.robot.loading import load
 
 __all__ = ["find_errata"]
-
-Array = NDArray[np.float64]
 
 
 def find_errata(study: Study, judged: Sequence[JudgedLimit]) -> tuple[Erratum, ...]:

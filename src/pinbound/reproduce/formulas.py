@@ -16,7 +16,6 @@ __all__ = ["limit_formula", "membership_formulas", "typeset"]
 
 sp = cast(Any, sympy)
 
-
 _SUBSCRIPTS = re.compile(r"\b(beta|mu|tan|[rRxzoq])_((?:max|min)|\d+(?:,\w+)?|[nkyz])\b")
 _GREEK = {"beta": "\u03b2", "mu": "\u03bc", "pi": "\u03c0"}
 _ALONE = re.compile(r"\b(?:beta|mu|pi)\b")

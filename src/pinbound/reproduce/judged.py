@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.reproduce.printed import BOUNDARIES, LIMITS, Constants, PrintedLimit
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import SOLVES
+from pinbound.typing import Array
 
 __all__ = ["JudgedLimit", "derived_limit", "judge_limits"]
-
-Array = NDArray[np.float64]
 
 _TURN = 2.0 * np.pi
 _OTHERS = np.linspace(-np.pi, np.pi, 361)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pinbound.figures.plots import PALETTE
 from pinbound.reproduce.drawing import (
@@ -22,10 +21,9 @@ from pinbound.reproduce.drawing import (
     to_scale,
 )
 from pinbound.reproduce.study import FACTOR, Study
+from pinbound.typing import Array, Flags
 
 __all__ = ["figure_13", "figure_14", "figure_15", "figure_18", "figure_19", "figure_20", "figure_21", "figure_22"]
-
-Array = NDArray[np.float64]
 
 
 def figure_13(study: Study) -> Any:
@@ -66,7 +64,7 @@ def _norms(study: Study, panels: tuple[tuple[str, str], ...]) -> Any:
     return figure
 
 
-def _classes(study: Study) -> list[tuple[NDArray[np.bool_], str, str, str]]:
+def _classes(study: Study) -> list[tuple[Flags, str, str, str]]:
     place = study.path.place
     return [(place == value, *style) for value, style in PLACE_STYLE.items()]
 

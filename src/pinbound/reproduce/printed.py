@@ -11,7 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from pinbound.typing import Array
 
 __all__ = [
     "BOUNDARIES",
@@ -24,7 +25,6 @@ __all__ = [
     "constants",
 ]
 
-Array = NDArray[np.float64]
 Constants = Mapping[str, float]
 Components = Callable[[Constants, Array, Array], tuple[Array, Array]]
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from pinbound.region import Region
 from pinbound.region.workspace import Section
@@ -23,10 +22,9 @@ from pinbound.reproduce.drawing import (
     to_scale,
 )
 from pinbound.reproduce.study import FACTOR, SAMPLES, SEED, Study
+from pinbound.typing import Array
 
 __all__ = ["figure_8", "figure_9", "figure_10", "figure_11", "figure_12", "figure_16", "figure_17"]
-
-Array = NDArray[np.float64]
 
 _CHORD = 1e-5
 _INSIDE, _OUTSIDE = "#1FB5AD", "#8E5BA6"  # turquoise and purple, as in the paper

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.boundaries.boundary import ContactAngle
 from pinbound.exceptions import UnsupportedError
@@ -20,11 +19,10 @@ from pinbound.region.workspace import Section, workspace_section
 from pinbound.reproduce.printed import BOUNDARIES, RECURSION, Constants, constants
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import AS_PRINTED
+from pinbound.typing import Array, Flags, Ints
 from pinbound.values import Value
 
 __all__ = ["FACTOR", "SAMPLES", "SEED", "TOOL", "Study", "ToolPath"]
-
-Array = NDArray[np.float64]
 
 TOOL = "link_6"
 TURN = "q1"
@@ -54,9 +52,9 @@ class ToolPath(Value):
     targets: Array
     solution: InverseKinematics
     membership: Membership
-    place: NDArray[np.int64]
+    place: Ints
     in_region: Array
-    corners: NDArray[np.int64]
+    corners: Ints
 
 
 @dataclass(frozen=True)
@@ -177,14 +175,14 @@ class Study:
         return lengths / lengths[-1], X, (lengths / lengths[-1])[::per_edge]
 
     @cached_property
-    def samples(self) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def samples(self) -> tuple[Array, Array, Flags]:
         """90,000 points (N, 2) in [-2 pi, 2 pi]^2, their norms (N, m) [m], whether they are in the region (N,)."""
         X = np.random.default_rng(SEED).uniform(-2 * np.pi, 2 * np.pi, (SAMPLES, 2))
         Q = self.configurations(X)
         return X, self.robot.boundaries.norms(Q), np.asarray(self.region.contains(Q))
 
     @cached_property
-    def summed_norms(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    def summed_norms(self) -> tuple[Array, Array, Array, Flags]:
         """A grid of q2, q3 [rad], the sum of normalised norms interpolated on it, and what of it lies in the region."""
         from scipy import interpolate
 

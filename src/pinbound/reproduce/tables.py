@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.evaluate import symbolic
 from pinbound.reproduce.equations import relative_frame
@@ -14,10 +13,9 @@ from pinbound.reproduce.judged import JudgedLimit
 from pinbound.reproduce.printed import BOUNDARIES, CONSTANTS, OFFSETS, RECURSION, PrintedBoundary
 from pinbound.reproduce.study import FACTOR, PLANE, SEED, TOOL, Study
 from pinbound.tolerances import SOLVES
+from pinbound.typing import Array, Flags
 
 __all__ = ["boundary_tables", "geometry_tables", "limits_table", "norms_table", "region_table", "workspace_table"]
-
-Array = NDArray[np.float64]
 
 _COUNT = 2000
 _MONTE_CARLO = 400_000
@@ -222,7 +220,7 @@ def workspace_table(study: Study) -> Table:
     ):
         low, high = region.vertices.min(axis=0), region.vertices.max(axis=0)
         X = np.random.default_rng(SEED).uniform(low, high, (_MONTE_CARLO, 2))
-        inside: NDArray[np.bool_] = np.asarray(region.contains(study.configurations(X)))
+        inside: Flags = np.asarray(region.contains(study.configurations(X)))
         size = float((high[0] - low[0]) * (high[1] - low[1]))
         weight = size * np.abs(section.map.determinant(X)) * inside
         for what, unit, scale, exact, draws in (

@@ -12,17 +12,16 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations import Axis
 from pinbound.exceptions import Problems, name_hint
 from pinbound.model.coupling import Coupling, GuardedLimit, LinearLimit
 from pinbound.tolerances import HOME
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["NewCoordinates", "joint_home", "new_coordinates"]
 
-Array = NDArray[np.float64]
 Matrix = list[list[Fraction]]
 
 

@@ -8,14 +8,12 @@ from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.model.coupling import GuardedLimit, Intervals, LinearLimit
 from pinbound.tolerances import BESIDE_CONDITION
+from pinbound.typing import Array, Flags
 
 __all__ = ["coordinate_ends", "feasible_start", "nearest_within", "ways_to_keep"]
-
-Array = NDArray[np.float64]
 
 
 def coordinate_ends(limits: Sequence[LinearLimit], n: int) -> Array:
@@ -74,7 +72,7 @@ def feasible_start(
 
 
 def nearest_within(
-    limits: Sequence[LinearLimit], guarded: Sequence[GuardedLimit], q: Array, loose: NDArray[np.bool_]
+    limits: Sequence[LinearLimit], guarded: Sequence[GuardedLimit], q: Array, loose: Flags
 ) -> Array | None:
     """Return the configuration within all limits, guarded ones too, that differs least from q; None if there is none.
 
@@ -97,7 +95,7 @@ def ways_to_keep(guarded: GuardedLimit) -> list[LinearLimit]:
     return [way for way in ways if math.isfinite(way.lower) or math.isfinite(way.upper)]
 
 
-def _nearest(limits: Sequence[LinearLimit], q: Array, loose: NDArray[np.bool_]) -> Array | None:
+def _nearest(limits: Sequence[LinearLimit], q: Array, loose: Flags) -> Array | None:
     """Return the configuration within all limits whose loose coordinates differ least from q; None if there is none.
 
     The change is `u - v` with u, v >= 0, and `sum(u + v)` is least.

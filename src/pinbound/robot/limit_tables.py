@@ -13,17 +13,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.robot.robot import Robot, refuse_conditions
 from pinbound.tolerances import TABLE
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["FORMATS", "LimitTable", "limit_table"]
-
-Array = NDArray[np.float64]
 
 _DECIMALS = 6  # of printed degrees: 1e-6 deg is far below any encoder
 _WITHIN = 1e-4  # of the last decimal: a whole degree in radians is none to the last bit; entries have a margin of 0.05

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations import Annotations, Mark, Measure, RawItem, raw_items, read_inline, validate
 from pinbound.boundaries.boundary import Boundary
@@ -38,13 +37,13 @@ from pinbound.robot.presets import FAMILY, PREFIX, find_model
 from pinbound.robot.robot import Robot
 from pinbound.robot.rules import rule_limits
 from pinbound.tolerances import CONTACT, HOME, LONGEST, NEAR_STOP
+from pinbound.typing import Array
 
 if TYPE_CHECKING:
     from pinbound.kernel import CommonMark
 
 __all__ = ["AnnotationSource", "load"]
 
-Array = NDArray[np.float64]
 AnnotationSource = str | Path | Annotations
 
 

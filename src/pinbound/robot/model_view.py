@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.boundaries.boundary_set import BoundarySet
 from pinbound.exceptions import DimensionError, name_hint
@@ -27,11 +27,10 @@ from pinbound.model.pinocchio_model import placements
 from pinbound.model.tree import Tree
 from pinbound.model.urdf import Joint
 from pinbound.tolerances import COUPLED, SAME_ROBOT, UNIT_CIRCLE
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["ModelJoints", "ModelView", "read_model"]
-
-Array = NDArray[np.float64]
 
 _TURN = 2.0 * math.pi
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.annotations import Annotations
 from pinbound.boundaries.boundary_set import BoundarySet
@@ -32,11 +32,10 @@ from pinbound.model.pinocchio_model import build_model
 from pinbound.model.tree import Tree
 from pinbound.path.relative import absolute_chain
 from pinbound.robot.model_view import ModelView, read_model
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["Robot", "refuse_conditions"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,15 +7,13 @@ from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.annotations import Condition, Rule
 from pinbound.exceptions import Problems, name_hint
 from pinbound.model.coupling import Coupling, GuardedLimit, LinearLimit, linear_text
+from pinbound.typing import Array
 
 __all__ = ["condition_text", "rule_limits"]
-
-Array = NDArray[np.float64]
 
 
 def rule_limits(

@@ -16,14 +16,12 @@ from typing import IO, Any
 
 import numpy as np
 from numpy.lib import format as npy
-from numpy.typing import NDArray
 
 from pinbound.exceptions import InputError, Problem
 from pinbound.tables.table import BLOCK, bad, check_names, pass_on
+from pinbound.typing import Array
 
 __all__ = ["NpyTable", "NpzTable"]
-
-Array = NDArray[np.float64]
 
 _ZIPPED = (b"PK\x03\x04", b"PK\x05\x06")
 """What NumPy looks for where an archive begins, with entries or without."""

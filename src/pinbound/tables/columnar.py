@@ -9,14 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.exceptions import InputError, Problem, UnsupportedError
 from pinbound.tables.table import BLOCK, bad, check_names, pass_on
+from pinbound.typing import Array
 
 __all__ = ["ParquetTable", "load_arrow"]
-
-Array = NDArray[np.float64]
 
 
 def load_arrow(module: str) -> Any:

@@ -13,13 +13,11 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.exceptions import InputError, Problem, blames_the_path
+from pinbound.typing import Array
 
 __all__ = ["BLOCK", "SUFFIXES", "Table", "bad", "check_names", "open_table", "pass_on", "read_table"]
-
-Array = NDArray[np.float64]
 
 BLOCK = 1 << 16
 """Most rows of one block that a reader yields."""

@@ -17,14 +17,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.exceptions import InputError, Problem
 from pinbound.tables.table import BLOCK, bad, check_names
+from pinbound.typing import Array
 
 __all__ = ["TextTable"]
-
-Array = NDArray[np.float64]
 
 _MOST_FAULTS = 8
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.ASCII | re.IGNORECASE)
