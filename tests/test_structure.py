@@ -27,7 +27,7 @@ FLOORS = [
     ("robot",),
     ("certificates",),
     ("marking", "region"),
-    ("adapters", "batch", "motion"),
+    ("adapters", "batch", "freespace", "motion"),
     ("figures",),
     ("crosscheck",),
     ("reproduce",),

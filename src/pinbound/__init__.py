@@ -56,6 +56,7 @@ if TYPE_CHECKING:
         signed_clearances,
     )
     from pinbound.crosscheck import CrossCheck, cross_check
+    from pinbound.freespace import FreePolytope, certified_polytope
     from pinbound.marking.propose import Proposal, propose_marks
     from pinbound.motion.history import Motion, MotionHistory, history, read_motion
     from pinbound.motion.inverse_kinematics import InverseKinematics, solve_ik
@@ -103,6 +104,7 @@ __all__ = [
     "DimensionError",
     "Edge",
     "FollowerMark",
+    "FreePolytope",
     "Hull",
     "InputError",
     "InverseKinematics",
@@ -139,6 +141,7 @@ __all__ = [
     "UnsupportedError",
     "Verdict",
     "certified_box",
+    "certified_polytope",
     "certify",
     "certify_box",
     "classify",
@@ -173,6 +176,8 @@ _LATER = {
     "certify": "pinbound.certificates",
     "certify_box": "pinbound.certificates",
     "signed_clearances": "pinbound.certificates",
+    "FreePolytope": "pinbound.freespace",
+    "certified_polytope": "pinbound.freespace",
     "InverseKinematics": "pinbound.motion.inverse_kinematics",
     "solve_ik": "pinbound.motion.inverse_kinematics",
     "Proposal": "pinbound.marking.propose",

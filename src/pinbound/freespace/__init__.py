@@ -1,0 +1,7 @@
+"""Free space in all coordinates, proven: polytopes, volumes, motions; `docs/free-space.md` has the argument."""
+
+from pinbound.freespace.faces import Face
+from pinbound.freespace.polytope import certified_polytope
+from pinbound.freespace.records import FreePolytope
+
+__all__ = ["Face", "FreePolytope", "certified_polytope"]

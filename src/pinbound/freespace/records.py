@@ -1,0 +1,185 @@
+"""What is known of a free polytope: its faces, a verdict, and what its geometry says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinbound.certificates.records import OpenBox, Verdict
+from pinbound.coverage import CoverageRecord
+from pinbound.exceptions import UnsupportedError
+from pinbound.freespace.faces import Face
+from pinbound.freespace.vertices import Factor, factors, product_edges, product_vertices, volume_of
+from pinbound.model.coupling import as_configurations
+from pinbound.tolerances import UNIT_ROUNDOFF
+from pinbound.values import Value
+
+__all__ = ["FreePolytope"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FreePolytope(Value):
+    """`{q : A q <= b}`, in all coordinates, and what was proven of it. Made by `certified_polytope`.
+
+    Attributes:
+        verdict: CERTIFIED: every q in it is free and within all limits, rounding included. VIOLATED: the q that was
+            asked about is not free, and the polytope is empty. UNDECIDED: `open_boxes` has what is left, and no q is
+            in it for `contains`. NOTHING_TO_CHECK: no boundary.
+        coverage: What the boundaries watch of the robot, and what they do not.
+        coordinates: Names of q's entries.
+        q: (n,) the configuration that was asked about.
+        faces: Its faces, named; in the order of the rows of A.
+        is_exact: Whether all faces are limits, rules, or contact angles in closed form. Otherwise some were placed by a
+            search.
+        violated: What q violates; None unless the verdict is VIOLATED.
+        open_boxes: What was not decided.
+        boxes: How many boxes times boundaries were bounded.
+        seconds: Wall time.
+        notes: What the verdict does not say.
+    """
+
+    verdict: Verdict
+    coverage: CoverageRecord
+    coordinates: tuple[str, ...]
+    q: Array
+    faces: tuple[Face, ...]
+    is_exact: bool
+    violated: str | None
+    open_boxes: tuple[OpenBox, ...]
+    boxes: int
+    seconds: float
+    notes: tuple[str, ...] = ()
+
+    def __bool__(self) -> bool:
+        """Refuse.
+
+        Raises:
+            TypeError: Always: a verdict has more values than two.
+        """
+        raise TypeError("a polytope is neither true nor false; compare its verdict with pb.Verdict.CERTIFIED")
+
+    def __repr__(self) -> str:
+        """Return verdict, faces and coverage."""
+        violated = "" if self.violated is None else f", {self.violated} violated"
+        exact = ", exact" if self.is_exact else ""
+        return f"<FreePolytope {self.verdict.value}: {len(self.faces)} faces{exact}{violated}; {self.coverage}>"
+
+    @cached_property
+    def A(self) -> Array:
+        """(m, n) outward normals of the faces."""
+        found = np.array([face.normal for face in self.faces]).reshape(-1, len(self.coordinates))
+        found.flags.writeable = False
+        return found
+
+    @cached_property
+    def b(self) -> Array:
+        """(m,) proven bounds [rad or m]: every q with A q <= b is free; less than the closed form by `Face.slack`."""
+        found = np.array([face.proven for face in self.faces], dtype=np.float64)
+        found.flags.writeable = False
+        return found
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the faces."""
+        return tuple(face.name for face in self.faces)
+
+    def contains(self, Q: ArrayLike) -> Any:
+        """Return whether q (n,), or each of Q (N, n), is proven free by this polytope.
+
+        So A q <= b, the rounding of A q counted against it, and the verdict is CERTIFIED.
+
+        Raises:
+            DimensionError: If the last axis is not n long.
+
+        Example:
+            >>> import pinbound as pb
+            >>> polytope = pb.certified_polytope(pb.load("minervabot_v3"), [0.0, 0.3, 0.3])
+            >>> polytope.contains([1.0, 0.3, 0.4]), polytope.contains([1.0, 0.3, 1.5])
+            (True, False)
+        """
+        array = as_configurations(Q, self.coordinates)
+        rows = array if array.ndim > 1 else array[None]
+        if self.verdict is Verdict.CERTIFIED:
+            with np.errstate(invalid="ignore"):
+                size = np.abs(rows) @ np.abs(self.A.T)
+                found = np.all(rows @ self.A.T + UNIT_ROUNDOFF * (len(self.coordinates) + 2) * size <= self.b, axis=1)
+            found &= np.all(np.isfinite(rows), axis=1)
+        else:
+            found = np.zeros(len(rows), dtype=np.bool_)
+        return found if array.ndim > 1 else bool(found[0])
+
+    @cached_property
+    def factors(self) -> tuple[Factor, ...]:
+        """The polytopes of which it is the product, from the closed forms of the faces (`Face.bound`)."""
+        if not self.faces:
+            return ()
+        return factors(self.A, np.array([face.bound for face in self.faces]))
+
+    @cached_property
+    def vertices(self) -> Array:
+        """(v, n) its vertices, solved from the closed forms of the faces that meet [rad or m].
+
+        Raises:
+            UnsupportedError: If faces tie more than four coordinates together.
+        """
+        if not self.faces:
+            return np.empty((0, len(self.coordinates)))
+        return product_vertices(self.factors, len(self.coordinates))
+
+    @cached_property
+    def edges(self) -> NDArray[np.intp]:
+        """(e, 2) its edges, as pairs of rows of `vertices`."""
+        return product_edges(self.factors) if self.faces else np.empty((0, 2), dtype=np.intp)
+
+    @property
+    def volume(self) -> float:
+        """Volume of `{A q <= bound}`, the closed forms [rad^n, metres where a joint slides]; see `volume_error`.
+
+        Raises:
+            UnsupportedError: If faces tie more than four coordinates together; `sampled_volume` estimates it.
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> polytope = pb.certified_polytope(robot, robot.home)
+            >>> width = robot.upper[0] - robot.lower[0]
+            >>> abs(polytope.volume - width * pb.feasible_region(robot).area) < 1e-10
+            True
+        """
+        return volume_of(self.factors)[0] if self.faces else 0.0
+
+    @property
+    def volume_error(self) -> float:
+        """A bound of the rounding error of `volume`."""
+        return volume_of(self.factors)[1] if self.faces else 0.0
+
+    def sampled_volume(self, samples: int = 200_000, seed: int = 0) -> tuple[float, float]:
+        """Return an estimate of the volume, and its standard error; factors of up to four coordinates are exact.
+
+        Args:
+            samples: In the smallest box around each factor that is estimated.
+            seed: Of the random numbers.
+        """
+        if not self.faces:
+            return 0.0, 0.0
+        value, relative, rng = 1.0, 0.0, np.random.default_rng(seed)
+        for part in self.factors:
+            try:
+                value *= part.volume[0]
+                continue
+            except UnsupportedError:
+                low, high = part.extent
+            inside, done = 0, 0
+            while done < samples:
+                X = rng.uniform(low, high, (min(samples - done, 1 << 15), len(low)))
+                inside, done = inside + int(np.count_nonzero(np.all(X @ part.A.T <= part.b, axis=1))), done + len(X)
+            share = inside / samples
+            value *= share * float(np.prod(high - low))
+            relative += (1.0 - share) / max(share * samples, 1e-300)
+        return value, value * float(np.sqrt(relative))

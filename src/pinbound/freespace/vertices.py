@@ -1,0 +1,225 @@
+"""Vertices, edges and volume of `{A q <= b}`: proposed by Qhull, solved from the faces that meet, and verified.
+
+Coordinates that no face ties to others are factors of a product: the polytope of MinervaBotV3 is an interval times a
+polygon. Each factor is taken alone, so that the volume is a product of exact areas and lengths.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.exceptions import UnsupportedError
+from pinbound.tolerances import UNIT_ROUNDOFF, VERTEX
+from pinbound.values import Value
+
+__all__ = ["Factor", "centre_of", "factors", "product_edges", "product_vertices", "volume_of"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_EXACT = 4
+"""Coordinates of a factor up to which its vertices are listed: 80 faces in seven make millions."""
+_MEETS = 64.0
+"""Times `tolerances.VERTEX`: a face this near to a vertex that Qhull proposes takes part in its solution."""
+
+
+@dataclass(frozen=True, eq=False)
+class Factor(Value):
+    """A polytope over some of the coordinates.
+
+    Attributes:
+        coordinates: Which.
+        faces: Which rows of A and b bound it.
+        A: (m, k) those rows.
+        b: (m,).
+    """
+
+    coordinates: Indices
+    faces: Indices
+    A: Array
+    b: Array
+
+    @cached_property
+    def vertices(self) -> Array:
+        """(v, k), each solved from the faces that meet in it; none if the polytope is empty or flat."""
+        return _vertices(self.A, self.b)
+
+    @cached_property
+    def extent(self) -> tuple[Array, Array]:
+        """Corners (k,), (k,) of the smallest box around it, by linear programs."""
+        from scipy.optimize import linprog
+
+        ends: list[float] = []
+        for j, sign in product(range(self.A.shape[1]), (1.0, -1.0)):
+            cost = sign * np.eye(self.A.shape[1])[j]
+            found = linprog(cost, self.A, self.b, bounds=[(None, None)] * self.A.shape[1], method="highs")
+            ends.append(sign * float(found.fun) if found.success else 0.0)
+        return np.array(ends[::2]), np.array(ends[1::2])
+
+    @cached_property
+    def edges(self) -> Indices:
+        """(e, 2) pairs of vertices: those whose common faces leave one direction."""
+        k, points = self.A.shape[1], self.vertices
+        meets = self.meets
+        if k == 1:
+            return np.array([[0, 1]] if len(points) == 2 else [], dtype=np.intp).reshape(-1, 2)
+        found: list[tuple[int, int]] = []
+        for i, j in combinations(range(len(points)), 2):
+            both = self.A[meets[i] & meets[j]]
+            if len(both) >= k - 1 and np.linalg.matrix_rank(both, tol=1e-9) == k - 1:
+                found.append((i, j))
+        return np.array(found, dtype=np.intp).reshape(-1, 2)
+
+    @cached_property
+    def meets(self) -> NDArray[np.bool_]:
+        """(v, m), which faces meet in each vertex."""
+        return _near(self.A, self.b, self.vertices)
+
+    @cached_property
+    def volume(self) -> tuple[float, float]:
+        """Volume, and a bound of its rounding error."""
+        points, k = self.vertices, self.A.shape[1]
+        if len(points) <= k:
+            return 0.0, 0.0
+        if k == 1:
+            low, high = float(points.min()), float(points.max())
+            return high - low, 4.0 * UNIT_ROUNDOFF * (abs(low) + abs(high))
+        from scipy.spatial import ConvexHull
+
+        hull = ConvexHull(points, qhull_options="Qt")
+        corners = points[hull.simplices] - points.mean(axis=0)  # (s, k, k): a cone over each triangle of the surface
+        parts = np.abs(np.linalg.det(corners)) / math.factorial(k)
+        # A vertex off by e moves each cone by at most its surface times e; determinants of k rows round so, too.
+        off = _residual(self.A, self.b, points, self.meets) + 16.0 * k * UNIT_ROUNDOFF * float(np.abs(points).max())
+        return float(np.sum(parts)), float(hull.area) * off + 64.0 * k * UNIT_ROUNDOFF * float(np.sum(parts))
+
+
+def _near(A: Array, b: Array, points: Array) -> NDArray[np.bool_]:
+    size = 1.0 + np.abs(points).max(axis=1, initial=0.0)
+    return np.abs(points @ A.T - b) <= _MEETS * VERTEX * np.linalg.norm(A, axis=1) * size[:, None]
+
+
+def _residual(A: Array, b: Array, points: Array, meets: NDArray[np.bool_]) -> float:
+    lengths = np.linalg.norm(A, axis=1)
+    return float(np.max(np.where(meets, np.abs(points @ A.T - b) / lengths, 0.0), initial=0.0))
+
+
+def _vertices(A: Array, b: Array) -> Array:
+    k = A.shape[1]
+    if k == 1:
+        a = A[:, 0]
+        high, low = np.min(b[a > 0.0] / a[a > 0.0]), np.max(b[a < 0.0] / a[a < 0.0])
+        return np.array([[low], [high]]) if low < high else np.empty((0, 1))
+    if k > _EXACT:
+        raise UnsupportedError(
+            f"vertices are listed of polytopes in up to {_EXACT} coordinates that faces tie together, and here are "
+            f"{k}; take .A and .b, or sampled_volume()"
+        )
+    centre, radius = centre_of(A, b)
+    if not radius > 0.0:
+        return np.empty((0, k))
+    from scipy.spatial import HalfspaceIntersection
+
+    proposed = HalfspaceIntersection(np.column_stack([A, -b]), centre).intersections
+    found: dict[tuple[int, ...], Array] = {}
+    lengths = np.linalg.norm(A, axis=1)
+    for point in proposed:
+        rows = np.flatnonzero(np.abs(A @ point - b) <= _MEETS * VERTEX * lengths * (1.0 + np.abs(point).max()))
+        if len(rows) < k:
+            continue
+        solved = np.linalg.lstsq(A[rows] / lengths[rows, None], b[rows] / lengths[rows], rcond=None)[0]
+        if np.all(A @ solved <= b + _MEETS * VERTEX * lengths * (1.0 + np.abs(solved).max())):
+            found[tuple(rows.tolist())] = solved + 0.0
+    points = np.array(list(found.values())).reshape(-1, k)
+    return points[np.lexsort(points.T[::-1])]
+
+
+def centre_of(A: Array, b: Array) -> tuple[Array, float]:
+    """Return the centre and radius of the largest ball in `{A x <= b}`; the radius is not positive if it is empty.
+
+    Example:
+        >>> A = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+        >>> centre, radius = centre_of(A, np.array([1.0, 1.0, 2.0, 0.0]))
+        >>> radius, bool(np.all(A @ centre <= [1.0, 1.0, 2.0, 0.0]))
+        (1.0, True)
+    """
+    from scipy.optimize import linprog
+
+    lengths = np.linalg.norm(A, axis=1)
+    k = A.shape[1]
+    found = linprog(
+        np.append(np.zeros(k), -1.0), np.column_stack([A, lengths]), b, bounds=[(None, None)] * (k + 1), method="highs"
+    )
+    if not found.success:
+        return np.zeros(k), -np.inf
+    return np.asarray(found.x[:k], dtype=np.float64), float(found.x[k])
+
+
+def factors(A: Array, b: Array) -> tuple[Factor, ...]:
+    """Return the polytopes of which `{A q <= b}` is the product, by the coordinates that faces tie together.
+
+    Example:
+        >>> A = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 1], [0, -1, 0], [0, 0, -1]])
+        >>> [factor.coordinates.tolist() for factor in factors(A, np.array([1.0, 0, 1, 0, 0]))]
+        [[0], [1, 2]]
+    """
+    n = A.shape[1]
+    group = np.arange(n)
+    for row in A:
+        used = np.flatnonzero(row)
+        for j in used[1:]:
+            group[group == group[j]] = group[used[0]]
+    found: list[Factor] = []
+    for label in dict.fromkeys(group.tolist()):
+        columns = np.flatnonzero(group == label)
+        rows = np.flatnonzero(np.any(A[:, columns] != 0.0, axis=1))
+        found.append(Factor(columns, rows, A[np.ix_(rows, columns)], b[rows]))
+    return tuple(found)
+
+
+def product_vertices(parts: Sequence[Factor], n: int) -> Array:
+    """Return the vertices (v, n) of a product."""
+    found = [np.concatenate(one) for one in product(*(part.vertices for part in parts))]
+    order = np.concatenate([part.coordinates for part in parts])
+    points = np.array(found).reshape(-1, n)
+    placed = np.empty_like(points)
+    placed[:, order] = points
+    return placed
+
+
+def product_edges(parts: Sequence[Factor]) -> Indices:
+    """Return the edges (e, 2) of a product, by rows of `product_vertices`: an edge of one, a vertex of the rest."""
+    counts = [len(part.vertices) for part in parts]
+    if not all(counts):
+        return np.empty((0, 2), dtype=np.intp)
+    found: list[tuple[int, int]] = []
+    for index, part in enumerate(parts):
+        others = [range(count) for i, count in enumerate(counts) if i != index]
+        for rest in product(*others):
+            for first, second in part.edges.tolist():
+                ends = [np.ravel_multi_index((*rest[:index], end, *rest[index:]), counts) for end in (first, second)]
+                found.append((int(ends[0]), int(ends[1])))
+    return np.array(found, dtype=np.intp).reshape(-1, 2)
+
+
+def volume_of(parts: Sequence[Factor]) -> tuple[float, float]:
+    """Return the volume of a product, and a bound of its rounding error.
+
+    Example:
+        >>> A = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 1], [0, -1, 0], [0, 0, -1]])
+        >>> volume, error = volume_of(factors(A, np.array([2.0, 0, 1, 0, 0])))
+        >>> abs(volume - 1.0) <= error < 1e-10
+        True
+    """
+    value, most = 1.0, 1.0
+    for part in parts:
+        volume, error = part.volume
+        value, most = value * volume, most * (volume + error)
+    return value, most - value + 4.0 * len(parts) * UNIT_ROUNDOFF * value
