@@ -1,6 +1,7 @@
 """The house: a room imports only from floors below it; heavy libraries load when first needed."""
 
 import ast
+import graphlib
 import subprocess
 import sys
 from pathlib import Path
@@ -73,6 +74,73 @@ def test_only_some_rooms_talk_to_engines(path: Path) -> None:
     for library, allowed in ONLY.items():
         if any(name == library or name.startswith(library + ".") for name in imports(path)):
             assert room(path.relative_to(PACKAGE).parts) in allowed
+
+
+def full_name(path: Path) -> str:
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def loaded(tree: ast.AST) -> list[str]:
+    """Return what a module imports when it loads or when it runs: all but what only a type checker reads."""
+    if isinstance(tree, ast.If) and "TYPE_CHECKING" in ast.unparse(tree.test):
+        return [name for node in tree.orelse for name in loaded(node)]
+    if isinstance(tree, ast.Import):
+        return [alias.name for alias in tree.names]
+    if isinstance(tree, ast.ImportFrom):
+        return [f"{tree.module}.{alias.name}" for alias in tree.names]
+    return [name for node in ast.iter_child_nodes(tree) for name in loaded(node)]
+
+
+def import_graph(trees: dict[str, ast.AST], rooms: set[str]) -> dict[str, set[str]]:
+    """Return which modules each module imports; what a room passes on is imported from where it is defined."""
+    passed_on = {
+        f"{room}.{alias.asname or alias.name}": f"{node.module}.{alias.name}"
+        for room in rooms
+        for node in ast.walk(trees[room])
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+
+    def defined(name: str) -> str:
+        while name in passed_on and name not in trees:
+            name = passed_on[name]
+        return name if name in trees else name.rpartition(".")[0]
+
+    return {
+        module: {found for name in loaded(tree) if (found := defined(name)) in trees and found != module}
+        for module, tree in trees.items()
+        if module not in rooms
+    }
+
+
+def test_no_module_imports_itself_through_others() -> None:
+    """Imports inside functions count: they happen, too. A room's `__init__`, which only passes names on, does not."""
+    trees: dict[str, ast.AST] = {full_name(path): ast.parse(path.read_text()) for path in FILES}
+    rooms = {full_name(path) for path in FILES if path.name == "__init__.py"}
+    for name in rooms - {"pinbound"}:
+        body = [node for node in ast.walk(trees[name]) if isinstance(node, ast.stmt)]
+        assert all(isinstance(node, ast.ImportFrom | ast.Expr | ast.Assign) for node in body), f"{name} has code"
+    graphlib.TopologicalSorter(import_graph(trees, rooms)).prepare()
+
+
+@pytest.mark.parametrize(
+    ("b", "is_circle"),
+    [
+        ("from room.a import f", True),
+        ("def g():\n    from room.a import f", True),
+        ("from room import f", True),
+        ("if TYPE_CHECKING:\n    from room.a import f", False),
+        ("from room.c import f", False),
+    ],
+)
+def test_circles_are_seen(b: str, is_circle: bool) -> None:
+    texts = {"room": "from room.a import f", "room.a": "from room.b import g", "room.b": b, "room.c": ""}
+    graph = graphlib.TopologicalSorter(import_graph({name: ast.parse(text) for name, text in texts.items()}, {"room"}))
+    if not is_circle:
+        return graph.prepare()
+    with pytest.raises(graphlib.CycleError):
+        graph.prepare()
 
 
 def asked_classes(tree: ast.AST) -> set[str]:

@@ -10,7 +10,6 @@ from pinbound.annotations.records import (
     FIELDS,
     MARK_KINDS,
     NAMESPACE,
-    Annotations,
     Axis,
     BoundaryMark,
     ClosureMark,
@@ -21,10 +20,9 @@ from pinbound.annotations.records import (
     RawItem,
     Rule,
     kind_of,
-    raw_items,
 )
 from pinbound.annotations.shapes import Measure, Shape
-from pinbound.annotations.validation import validate
+from pinbound.annotations.whole import Annotations, raw_items, validate
 
 __all__ = [
     "FIELDS",

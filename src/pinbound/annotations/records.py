@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, cast
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 from pinbound.annotations.marks import Box, Cylinder, Hull, Line, Mark, Plane, Point, Segment, Sweep, Vector
-from pinbound.exceptions import Problems
-from pinbound.tolerances import CLOSURE, CONTACT
-from pinbound.values import FrozenDict, Value
+from pinbound.tolerances import CLOSURE
+from pinbound.values import Value
 
 __all__ = [
     "FIELDS",
     "KINDS",
     "MARK_KINDS",
     "NAMESPACE",
-    "Annotations",
     "Axis",
     "BoundaryMark",
     "ClosureMark",
@@ -29,7 +26,6 @@ __all__ = [
     "RawItem",
     "Rule",
     "kind_of",
-    "raw_items",
 ]
 
 NAMESPACE = "urn:pinbound:1"
@@ -209,158 +205,3 @@ class RawItem(Value):
     fields: Mapping[str, Any]
     source: str
     line: int | None
-
-
-@dataclass(frozen=True)
-class Annotations(Value):
-    """Everything that pinbound needs beside the URDF proper.
-
-    Attributes:
-        contact_tolerance: Metres; see design "contact angle".
-        home: A feasible configuration by joint name [rad or m]; coordinates that are left out are at zero.
-        marks: Marked points, segments, sweeps, lines and planes by name.
-        boundaries: Boundaries in the order of the file.
-        closures: Closures in the order of the file.
-        followers: Followers that replace the URDF's own `<mimic>`.
-        limits: Limits that replace the URDF's own.
-        left_out: Pairs of links that are left out, with reasons.
-        rules: Linear rules on joints, in the order of the file.
-        axes: Coordinates that are sums of joints, commanded instead of one of them.
-        assumptions: Sentences that every report of this robot must show.
-        home_line: Line of the home element.
-        sources: The file that each of these was read from, by what it is: `"home"`, `"boundary stop"`, `"limit q1"`.
-    """
-
-    contact_tolerance: float = CONTACT
-    home: Mapping[str, float] = field(default_factory=dict[str, float])
-    marks: Mapping[str, Mark] = field(default_factory=dict[str, Mark])
-    boundaries: tuple[BoundaryMark, ...] = ()
-    closures: tuple[ClosureMark, ...] = ()
-    followers: tuple[FollowerMark, ...] = ()
-    limits: tuple[LimitMark, ...] = ()
-    left_out: tuple[LeftOutMark, ...] = ()
-    assumptions: tuple[str, ...] = ()
-    home_line: int | None = None
-    rules: tuple[Rule, ...] = ()
-    axes: tuple[Axis, ...] = ()
-    sources: Mapping[str, str] = field(default_factory=dict[str, str], compare=False, repr=False)
-
-    @property
-    def points(self) -> FrozenDict[str, Point]:
-        """Marked points by name."""
-        return FrozenDict({name: mark for name, mark in self.marks.items() if isinstance(mark, Point)})
-
-    @classmethod
-    def of(cls, marks: Iterable[Mark], boundaries: Iterable[BoundaryMark] = (), **others: Any) -> Annotations:
-        """Return annotations of a sequence of marks and of boundaries between them.
-
-        Example:
-            >>> ends = [Point("p", "base", (1.0, 0.0, 0.0)), Point("s", "arm", (0.0, 0.0, 1.0), radius=0.01)]
-            >>> print(Annotations.of(ends, [BoundaryMark("stop", "p", "s")]).to_yaml())
-            contact_tolerance: 2.0e-05
-            points:
-            - name: p
-              link: base
-              xyz: [1.0, 0.0, 0.0]
-              radius: 0.0
-            - name: s
-              link: arm
-              xyz: [0.0, 0.0, 1.0]
-              radius: 0.01
-            boundaries:
-            - {name: stop, a: p, b: s, min_distance: 0.0}
-            <BLANKLINE>
-        """
-        return cls(marks={mark.name: mark for mark in marks}, boundaries=tuple(boundaries), **others)
-
-    @classmethod
-    def load(cls, path: str | Path) -> Annotations:
-        """Read a sidecar (.yaml), or the spheres of an .srdf; names of links and joints are not checked yet.
-
-        Raises:
-            InputError: If anything is wrong with the file; all its faults at once.
-        """
-        from pinbound.annotations.sidecar import read_sidecar
-        from pinbound.annotations.srdf import read_srdf
-        from pinbound.annotations.validation import validate
-
-        file = Path(path)
-        problems = Problems(file.name)
-        items = read_srdf(file, problems).items if file.suffix == ".srdf" else read_sidecar(file, problems)
-        annotations = validate(items, problems)
-        problems.raise_if_any()
-        return annotations
-
-    def to_yaml(self) -> str:
-        """Return the sidecar that says the same."""
-        from pinbound.annotations.sidecar import sidecar_text
-
-        return sidecar_text(raw_items(self, "annotations"))
-
-    def to_xml(self) -> str:
-        """Return the `<pinbound:annotations>` block that says the same, to paste below `<robot>`.
-
-        Raises:
-            UnsupportedError: If a joint of home has a name that XML does not allow for an attribute.
-        """
-        from pinbound.annotations.inline import inline_text
-
-        return inline_text(raw_items(self, "annotations"))
-
-    def save(self, path: str | Path) -> None:
-        """Write the sidecar; every float64 is given back exactly by `load`."""
-        Path(path).write_text(self.to_yaml(), encoding="utf-8")
-
-
-def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
-    """Return annotations as raw items: what a file that says the same would be read as."""
-
-    def item(kind: str, record: Any) -> RawItem:
-        required, optional = FIELDS[kind]
-        values = {key: getattr(record, key) for key in (*required, *optional)}
-        kept = {
-            key: value
-            for key, value in values.items()
-            if key in required or (value not in ((), "") and value is not False)
-        }
-        said = {key: value if key == "passive" else _text(value) for key, value in kept.items()}
-        return RawItem(kind, said, source, record.line)
-
-    items = [RawItem("settings", {"contact_tolerance": _text(annotations.contact_tolerance)}, source, None)]
-    if annotations.home:
-        home = {name: _text(value) for name, value in annotations.home.items()}
-        items.append(RawItem("home", home, source, annotations.home_line))
-    items += [item(kind_of(mark), mark) for mark in annotations.marks.values()]
-    items += [item("boundary", boundary) for boundary in annotations.boundaries]
-    items += [item("closure", closure) for closure in annotations.closures]
-    items += [item("follower", follower) for follower in annotations.followers]
-    items += [item("limit", limit) for limit in annotations.limits]
-    for axis in annotations.axes:
-        fields = {"name": axis.name, "instead_of": axis.instead_of, "coefficients": _pairs(axis.coefficients)}
-        items.append(RawItem("axis", fields, source, axis.line))
-    items += [RawItem("rule", _rule_fields(rule), source, rule.line) for rule in annotations.rules]
-    items += [item("left_out", pair) for pair in annotations.left_out]
-    return items + [RawItem("assumption", {"text": text}, source, None) for text in annotations.assumptions]
-
-
-def _pairs(coefficients: Mapping[str, float]) -> tuple[tuple[str, str], ...]:
-    return tuple((name, _text(c)) for name, c in coefficients.items())
-
-
-def _rule_fields(rule: Rule | Condition) -> dict[str, Any]:
-    """Return a rule's fields, or a condition's; ends that are infinite are left out."""
-    fields: dict[str, Any] = {"name": rule.name} if isinstance(rule, Rule) else {}
-    fields["coefficients"] = _pairs(rule.coefficients)
-    fields |= {key: _text(end) for key in ("lower", "upper") if math.isfinite(end := getattr(rule, key))}
-    if isinstance(rule, Rule) and rule.where:
-        fields["where"] = tuple(_rule_fields(condition) for condition in rule.where)
-    return fields
-
-
-def _text(value: Any) -> str:
-    """Return a field as a file says it; `repr` gives every float64 back exactly."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, tuple):
-        return " ".join(_text(part) for part in cast(tuple[Any, ...], value))
-    return value if isinstance(value, str) else repr(float(value))

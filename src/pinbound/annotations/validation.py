@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from typing import Any
 
 from pinbound.annotations.marks import Box, Cylinder, Hull, Line, Mark, Plane, Point, Segment, Sweep, Vector
 from pinbound.annotations.records import (
     FIELDS,
     KINDS,
-    Annotations,
     Axis,
     BoundaryMark,
     ClosureMark,
@@ -23,20 +23,20 @@ from pinbound.exceptions import Problems, name_hint, printable
 from pinbound.model.document import parse_floats
 from pinbound.tolerances import CLOSURE, CONTACT, LONGEST
 
-__all__ = ["validate"]
+__all__ = ["sound_fields"]
 
 _SEEN = "Use letters, digits and signs; no control or formatting characters"
 _MOST_VERTICES = 100_000  # of a hull: its extreme ones are found by Qhull
 _MOST_WAYS = 9  # of a sweep: its corners are looked at one by one
 
 
-def validate(
+def sound_fields(
     items: Collection[RawItem],
     problems: Problems,
     links: Collection[str] | None = None,
     joints: Collection[str] | None = None,
-) -> Annotations:
-    """Return the annotations that are sound; every fault of the others goes to `problems`.
+) -> dict[str, Any]:
+    """Return the fields of `Annotations`, of what is sound; every fault of the others goes to `problems`.
 
     Args:
         items: Raw items, inline ones and a sidecar's together.
@@ -44,7 +44,7 @@ def validate(
         links: The robot's links; None: do not check the names.
         joints: The robot's joints; None: do not check the names.
     """
-    return _Validator(problems, links, joints).validate(items)
+    return _Validator(problems, links, joints).fields(items)
 
 
 class _Validator:
@@ -54,7 +54,7 @@ class _Validator:
         self.problems, self.names = problems, {"link": links, "joint": joints}
         self.item = RawItem("", {}, problems.source, None)
 
-    def validate(self, items: Collection[RawItem]) -> Annotations:
+    def fields(self, items: Collection[RawItem]) -> dict[str, Any]:
         by_kind: dict[str, list[RawItem]] = {}
         for item in items:
             by_kind.setdefault(item.kind, []).append(item)
@@ -73,25 +73,25 @@ class _Validator:
         axes = [self._axis(item) for item in self._unique(by_kind.get("axis", []))]
         rules = [self._rule(item) for item in self._unique(by_kind.get("rule", []))]
         left_out = [self._left_out(item) for item in by_kind.get("left_out", []) if self._complete(item)]
-        return Annotations(
-            contact_tolerance=settings,
-            home=self._home(homes[0]) if homes else {},
-            marks=marks,
-            boundaries=tuple(boundary for boundary in boundaries if boundary),
-            closures=tuple(closure for closure in closures if closure),
-            followers=tuple(follower for follower in followers if follower),
-            limits=tuple(limit for limit in limits if limit),
-            left_out=tuple(pair for pair in left_out if pair),
-            rules=tuple(rule for rule in rules if rule),
-            axes=tuple(axis for axis in axes if axis),
-            assumptions=tuple(
+        return {
+            "contact_tolerance": settings,
+            "home": self._home(homes[0]) if homes else {},
+            "marks": marks,
+            "boundaries": tuple(boundary for boundary in boundaries if boundary),
+            "closures": tuple(closure for closure in closures if closure),
+            "followers": tuple(follower for follower in followers if follower),
+            "limits": tuple(limit for limit in limits if limit),
+            "left_out": tuple(pair for pair in left_out if pair),
+            "rules": tuple(rule for rule in rules if rule),
+            "axes": tuple(axis for axis in axes if axis),
+            "assumptions": tuple(
                 printable(" ".join(str(item.fields["text"]).split()))
                 for item in by_kind.get("assumption", [])
                 if self._complete(item)
             ),
-            home_line=homes[0].line if homes else None,
-            sources={self._known_as(item): item.source for item in items},
-        )
+            "home_line": homes[0].line if homes else None,
+            "sources": {self._known_as(item): item.source for item in items},
+        }
 
     def _fault(self, message: str, remedy: str) -> None:
         self.problems.add(message, remedy, self.item.line, self.item.source)

@@ -14,11 +14,8 @@ from numpy.typing import ArrayLike
 
 from pinbound.boundaries.boundary import one_configuration
 from pinbound.exceptions import DimensionError
-from pinbound.region.arrangement import Arrangement, arrange, arranged_loops
-from pinbound.region.deadline import Deadline
-from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.plane import plane_of
-from pinbound.region.region import Region, convex_region
+from pinbound.region.region import Region, region_of
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET, REGION_WIDTH
 
@@ -83,42 +80,4 @@ def feasible_region(
         raise DimensionError(f"the margin {margin} is not a finite length of zero or more")
     start = np.array(robot.home if at is None else one_configuration(at, robot.coordinates), dtype=np.float64)
     plane = plane_of(robot, coordinates, start, dict(window or {}), margin)
-    deadline = Deadline(budget, f"tracing the region of ({', '.join(plane.coordinates)})")
-    if plane.curves or plane.obstacles:
-        arrangement = arrange(plane, accuracy, deadline, width)
-        return _of_face(arrangement, 0, accuracy, True, width)
-    planes = [*plane.box, *plane.limits]
-    for strip in plane.strips:
-        lower, upper = strip.gap(plane.start)
-        planes.append(HalfPlane(strip.name, strip.name, strip.normal, upper, True))
-        planes.append(HalfPlane(strip.name, strip.name, -strip.normal, -lower, True))
-
-    def others() -> tuple[Region, ...]:
-        within = Deadline(budget, "drawing the other components")
-        arrangement = arrange(plane, accuracy, within)
-        return tuple(_of_face(arrangement, i, accuracy) for i in within.each(range(1, len(arrangement.faces))))
-
-    return convex_region(plane, tuple(planes), others)
-
-
-def _of_face(
-    arrangement: Arrangement, index: int, accuracy: float, with_others: bool = False, width: float = 0.0
-) -> Region:
-    plane = arrangement.plane
-    loops, corners = arranged_loops(arrangement, arrangement.faces[index], accuracy)
-
-    def others() -> tuple[Region, ...]:
-        return tuple(_of_face(arrangement, other, accuracy, width=width) for other in range(1, len(arrangement.faces)))
-
-    return Region(
-        plane,
-        loops,
-        corners,
-        arrangement.chord_error * float(np.max(plane.scales)),
-        _lines=arrangement.drawn,
-        _others=others if with_others else None,
-        unresolved=arrangement.unresolved(index),
-        _joined=arrangement.joined_area(index) if arrangement.blocks else None,
-        _interval=arrangement.area_interval(index),
-        width=width if arrangement.settled else 0.0,
-    )
+    return region_of(plane, accuracy, width, budget)

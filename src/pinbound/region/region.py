@@ -20,15 +20,15 @@ import shapely
 
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.region import convex, inside, margins
-from pinbound.region.arrangement import Corner, Edge
+from pinbound.region.arrangement import Arrangement, Corner, Edge, arrange, arranged_loops
 from pinbound.region.deadline import Deadline
 from pinbound.region.halfplanes import HalfPlane, intersect
-from pinbound.region.plane import Plane
+from pinbound.region.plane import Plane, plane_of
 from pinbound.region.shape import PlanarShape
 from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET, REGION_WIDTH
 from pinbound.typing import Array
 
-__all__ = ["Corner", "Edge", "Region", "convex_region"]
+__all__ = ["Corner", "Edge", "Region", "convex_region", "region_of"]
 
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 Loops = tuple[tuple[Edge, ...], ...]
@@ -118,18 +118,8 @@ class Region(PlanarShape):
             raise DimensionError(f"the margin {margin} is not a finite length of zero or more")
         low, high = self.plane.window
         window = {name: (float(low[i]), float(high[i])) for i, name in enumerate(self.coordinates)}
-        from pinbound.region.feasible import feasible_region  # which makes what this module describes
-
-        accuracy = self.accuracy or REGION_ACCURACY
-        return feasible_region(
-            self.plane.robot,
-            self.coordinates,
-            self.at,
-            window,
-            accuracy=accuracy,
-            margin=self.plane.margin + margin,
-            width=self.width or REGION_WIDTH,
-        )
+        plane = plane_of(self.plane.robot, self.coordinates, self.at, window, self.plane.margin + margin)
+        return region_of(plane, self.accuracy or REGION_ACCURACY, self.width or REGION_WIDTH)
 
     def clearance(self, gap: float = 1e-6) -> margins.SmallestClearance:
         """Return proven bounds of the smallest clearance of any boundary over the region.
@@ -240,6 +230,55 @@ def convex_region(
     )
     loops = (edges,) if edges else ()
     return Region(plane, loops, margins.loop_corners(loops), 0.0, planes, (), others)
+
+
+def region_of(
+    plane: Plane, accuracy: float = REGION_ACCURACY, width: float = REGION_WIDTH, budget: float = REGION_BUDGET
+) -> Region:
+    """Return the component of a plane's free set that holds its start; arguments as for `feasible_region`.
+
+    Raises:
+        UnsupportedError: If a contact curve is degenerate along its length, or the budget runs out.
+    """
+    deadline = Deadline(budget, f"tracing the region of ({', '.join(plane.coordinates)})")
+    if plane.curves or plane.obstacles:
+        arrangement = arrange(plane, accuracy, deadline, width)
+        return _of_face(arrangement, 0, accuracy, True, width)
+    planes = [*plane.box, *plane.limits]
+    for strip in plane.strips:
+        lower, upper = strip.gap(plane.start)
+        planes.append(HalfPlane(strip.name, strip.name, strip.normal, upper, True))
+        planes.append(HalfPlane(strip.name, strip.name, -strip.normal, -lower, True))
+
+    def others() -> tuple[Region, ...]:
+        within = Deadline(budget, "drawing the other components")
+        arrangement = arrange(plane, accuracy, within)
+        return tuple(_of_face(arrangement, i, accuracy) for i in within.each(range(1, len(arrangement.faces))))
+
+    return convex_region(plane, tuple(planes), others)
+
+
+def _of_face(
+    arrangement: Arrangement, index: int, accuracy: float, with_others: bool = False, width: float = 0.0
+) -> Region:
+    plane = arrangement.plane
+    loops, corners = arranged_loops(arrangement, arrangement.faces[index], accuracy)
+
+    def others() -> tuple[Region, ...]:
+        return tuple(_of_face(arrangement, other, accuracy, width=width) for other in range(1, len(arrangement.faces)))
+
+    return Region(
+        plane,
+        loops,
+        corners,
+        arrangement.chord_error * float(np.max(plane.scales)),
+        _lines=arrangement.drawn,
+        _others=others if with_others else None,
+        unresolved=arrangement.unresolved(index),
+        _joined=arrangement.joined_area(index) if arrangement.blocks else None,
+        _interval=arrangement.area_interval(index),
+        width=width if arrangement.settled else 0.0,
+    )
 
 
 def _of_loops(plane: Plane, parts: Sequence[Loops], accuracy: float) -> Region:

@@ -1,5 +1,6 @@
 """Tables of numbers in files: CSV, NPY, NPZ and Parquet, read by one set of rules for motions and for batches."""
 
-from pinbound.tables.table import BLOCK, SUFFIXES, Table, open_table, read_table
+from pinbound.tables.rules import BLOCK
+from pinbound.tables.table import SUFFIXES, Table, open_table, read_table
 
 __all__ = ["BLOCK", "SUFFIXES", "Table", "open_table", "read_table"]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from pinbound.exceptions import InputError, Problem
-from pinbound.tables.table import BLOCK, bad, check_names, pass_on
+from pinbound.tables.rules import BLOCK, bad, check_names, pass_on
 from pinbound.typing import Array
 
 __all__ = ["NpyTable", "NpzTable"]

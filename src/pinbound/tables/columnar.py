@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pinbound.exceptions import InputError, Problem, UnsupportedError
-from pinbound.tables.table import BLOCK, bad, check_names, pass_on
+from pinbound.tables.rules import BLOCK, bad, check_names, pass_on
 from pinbound.typing import Array
 
 __all__ = ["ParquetTable", "load_arrow"]

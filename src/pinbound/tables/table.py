@@ -14,13 +14,10 @@ from typing import Protocol
 
 import numpy as np
 
-from pinbound.exceptions import InputError, Problem, blames_the_path
+from pinbound.tables.rules import bad
 from pinbound.typing import Array
 
-__all__ = ["BLOCK", "SUFFIXES", "Table", "bad", "check_names", "open_table", "pass_on", "read_table"]
-
-BLOCK = 1 << 16
-"""Most rows of one block that a reader yields."""
+__all__ = ["SUFFIXES", "Table", "open_table", "read_table"]
 
 SUFFIXES = (".csv", ".npy", ".npz", ".parquet")
 """Kinds of files, by suffix; capitals do not matter."""
@@ -115,32 +112,6 @@ def read_table(table: Table, columns: Sequence[str]) -> Mapping[str, Array]:
         blocks.append(block)
     whole = np.concatenate(blocks) if blocks else np.empty((0, len(columns)))
     return dict(zip(columns, np.ascontiguousarray(whole.T), strict=True))
-
-
-def check_names(path: Path, names: Sequence[str]) -> None:
-    """Refuse headings that occur twice.
-
-    Raises:
-        InputError: If one does.
-    """
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise bad(path, f"the columns {', '.join(map(repr, twice))} are there twice", "Keep one of each")
-
-
-def bad(path: Path, message: str, remedy: str, line: int | None = None) -> InputError:
-    """Return the error of one fault of a file."""
-    return InputError([Problem(message, remedy, path.name, line)])
-
-
-def pass_on(error: BaseException) -> None:
-    """Raise an error of the disk again; one without a number of the system is a library's word for a damaged file.
-
-    Raises:
-        OSError: If the machine failed.
-    """
-    if isinstance(error, OSError) and error.errno is not None and not blames_the_path(error):
-        raise error
 
 
 def _listed() -> str:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from pinbound.exceptions import InputError, Problem
-from pinbound.tables.table import BLOCK, bad, check_names
+from pinbound.tables.rules import BLOCK, bad, check_names
 from pinbound.typing import Array
 
 __all__ = ["TextTable"]

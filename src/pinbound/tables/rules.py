@@ -1,0 +1,39 @@
+"""What every reader of a table keeps to: the size of its blocks, and how it tells a fault."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pinbound.exceptions import InputError, Problem, blames_the_path
+
+__all__ = ["BLOCK", "bad", "check_names", "pass_on"]
+
+BLOCK = 1 << 16
+"""Most rows of one block that a reader yields."""
+
+
+def check_names(path: Path, names: Sequence[str]) -> None:
+    """Refuse headings that occur twice.
+
+    Raises:
+        InputError: If one does.
+    """
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise bad(path, f"the columns {', '.join(map(repr, twice))} are there twice", "Keep one of each")
+
+
+def bad(path: Path, message: str, remedy: str, line: int | None = None) -> InputError:
+    """Return the error of one fault of a file."""
+    return InputError([Problem(message, remedy, path.name, line)])
+
+
+def pass_on(error: BaseException) -> None:
+    """Raise an error of the disk again; one without a number of the system is a library's word for a damaged file.
+
+    Raises:
+        OSError: If the machine failed.
+    """
+    if isinstance(error, OSError) and error.errno is not None and not blames_the_path(error):
+        raise error
