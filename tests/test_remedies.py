@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 import pinbound as pb
 from pinbound.batch import RandomSource, evaluation_of, open_source, run
 from pinbound.cli import app
+from pinbound.meshes import find_mesh, read_mesh
 from pinbound.motion.history import read_motion
 
 SOURCE = Path(pb.__file__).parent
@@ -284,6 +285,52 @@ MEANT = "Did you mean {}?"
 BY_HAND = "Expand it with xacro yourself and load the .urdf"
 
 
+CORNER = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+DAE = """<COLLADA><library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="a">0 0 0 1 0 0 0 1 0</float_array>
+<technique_common><accessor source="#a" count="3" stride="3"/></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles><input semantic="VERTEX" source="#v"/><p>0 1 2</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#g"/></node></visual_scene>
+</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+
+
+def mesh(name: str, text: str | None, named: str = "") -> Do:
+    """Write the file of a mesh (a folder of that name for None), and find and read it by the name that a URDF gives."""
+
+    def done(folder: Path) -> object:
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if text is None:
+            path.mkdir()
+            return read_mesh(path)
+        with path.open("wb") as stream:
+            stream.write(text.encode())
+            stream.truncate(2**30 if text == "huge" else stream.tell())
+        return read_mesh(find_mesh(named or name, folder / "arm.urdf", [folder]))
+
+    return done
+
+
+def mesh_entries() -> Iterator[Entry]:
+    good = mesh("tip.obj", CORNER)
+    yield Entry("Export the mesh again", mesh("tip.obj", CORNER + "f 1 2 4\n"), good)
+    yield Entry("Export the surface as triangles", mesh("tip.obj", "v 0 0 0\n"), good)
+    yield Entry("Give a simpler mesh: collision bodies need some thousand triangles", mesh("tip.obj", "huge"), good)
+    far = mesh("tip.obj", CORNER.replace("1 0 0", "1e12 0 0"))
+    yield Entry("Give metres, or a scale; bodies reach up to {} m", far, good)
+    yield Entry("Give one of: {}", mesh("tip.fbx", CORNER), good)
+    yield Entry("Name the file of a mesh", mesh("folder.obj", None), good)
+    yield Entry("Check the path and its permissions", lambda folder: read_mesh(folder / "no.obj"), good)
+    yield Entry("Remove the <!DOCTYPE ...>", mesh("a.dae", "<!DOCTYPE COLLADA []>" + DAE), mesh("a.dae", DAE))
+    inside = mesh("arm/tip.obj", CORNER, "package://arm/tip.obj")
+    yield Entry("Correct the name, or put the mesh there", mesh("arm/tip.obj", CORNER, "package://arm/top.obj"), inside)
+    package = "Give the folder that holds the package: package_dirs=[...], or --package-dir"
+    yield Entry(package, mesh("arm/tip.obj", CORNER, "package://hand/tip.obj"), inside)
+    network = "Nothing is read from a network: save the file, and name it by package://, file:// or a path"
+    yield Entry(network, mesh("tip.obj", CORNER, "http://localhost/tip.obj"), good)
+
+
 def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     """Yield them by the module that says the remedy."""
     # urdf
@@ -376,6 +423,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     closing = "Mend the XML; every element must be closed, every prefix declared, its encoding be the declared one"
     yield urdf(closing, '<link name="rod"/>', '<link name="rod">')
     yield urdf("Save it as UTF-8", '<?xml version="1.0"?>', '<?xml version="1.0" encoding="gbk"?>')
+    yield from mesh_entries()
     where = "Give the path of a .urdf or .xacro file, or one of: {}"
     yield Entry(where, lambda folder: pb.load(folder / "no.urdf"), lambda folder: pb.load("minervabot_v3"))
     yield Entry(
@@ -806,7 +854,7 @@ def pattern(template: str) -> str:
     return ".*".join(re.escape(part) for part in template.split("{}"))
 
 
-POSITIONS = {"Problem": 1, "add": 1, "_fault": 1, "refusal": 2, "bad": 2, "_bad": 2, "Refusal": 1}
+POSITIONS = {"Problem": 1, "add": 1, "_fault": 1, "refusal": 2, "bad": 2, "_bad": 2, "Refusal": 1, "refuse": 2}
 """Where each function that says a fault takes its remedy."""
 
 BEFORE = "`load` refuses such a file before, with a remedy that is followed here"

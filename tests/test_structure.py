@@ -16,6 +16,7 @@ FLOORS = [
     ("units", "values"),
     ("geometry", "machine", "tables"),
     ("model",),
+    ("meshes",),
     ("annotations",),
     ("path",),
     ("evaluate",),

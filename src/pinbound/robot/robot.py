@@ -17,6 +17,7 @@ from pinbound.annotations import Annotations
 from pinbound.boundaries.boundary_set import BoundarySet
 from pinbound.coverage import Coverage
 from pinbound.coverage.bodies import collision_bodies
+from pinbound.coverage.body_meshes import MeshSource
 from pinbound.evaluate import numeric
 from pinbound.exceptions import (
     DimensionError,
@@ -145,6 +146,11 @@ class Robot(Value):
         """
         bodies = collision_bodies(self)
         return Coverage(self.tree, self.coupling, self.annotations, bodies, self.boundaries, self.closures)
+
+    @cached_property
+    def meshes(self) -> MeshSource:
+        """The meshes of its bodies, each read when it is first asked for; no file is opened before."""
+        return MeshSource(self.document.path, self.package_dirs)
 
     def closure_residuals(self, Q: ArrayLike) -> Array:
         """Return the gap of every closure, (n_closures,) or (N, n_closures) [m].

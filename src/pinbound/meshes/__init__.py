@@ -1,0 +1,11 @@
+"""Meshes in files: found by the names that URDFs give them, read within stated limits, never from the network.
+
+What is read is what Pinocchio's loader reads: the nodes of a DAE are placed, its unit and its up-axis are not applied.
+`docs/meshes.md`.
+"""
+
+from pinbound.meshes.finding import find_mesh
+from pinbound.meshes.mesh import MOST_BYTES, MOST_TRIANGLES, Mesh
+from pinbound.meshes.reading import SUFFIXES, read_mesh
+
+__all__ = ["MOST_BYTES", "MOST_TRIANGLES", "SUFFIXES", "Mesh", "find_mesh", "read_mesh"]

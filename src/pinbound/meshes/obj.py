@@ -1,0 +1,80 @@
+"""Wavefront OBJ: vertices and polygons; what else a file says (normals, textures, lines, names) is not needed."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.meshes.mesh import refuse, too_many
+
+__all__ = ["read_obj"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_IGNORED = frozenset(
+    "vt vn vp g o s mg mtllib usemtl usemap maplib l p bevel c_interp d_interp lod shadow_obj trace_obj".split()
+)
+_FREE_FORM = frozenset("cstype deg bmat step curv curv2 surf parm trim hole scrv sp end con".split())
+_MEND = "Export the mesh again"
+
+
+def read_obj(data: bytes, source: str) -> tuple[Array, Ints, Ints]:
+    """Return vertices, triangles, and of each triangle which polygon it was cut from.
+
+    A polygon is cut into a fan. Of `v x y z w` the first three are divided by w, as Pinocchio's loader does.
+
+    Raises:
+        InputError: If a line is none of the format.
+    """
+    vertices: list[tuple[float, float, float]] = []
+    triangles: list[tuple[int, int, int]] = []
+    polygons: list[int] = []
+    polygon = 0
+    text = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").decode("utf-8", "replace")
+    for number, line in enumerate(text.split("\n"), 1):
+        words = line.partition("#")[0].split()
+        if not words or words[0] in _IGNORED:
+            continue
+        if words[0] == "v":
+            vertices.append(_vertex(words[1:], source, number))
+        elif words[0] in ("f", "fo"):
+            corners = [_corner(word, len(vertices), source, number) for word in words[1:]]
+            if len(corners) < 3:
+                continue  # a line or a point
+            triangles += [(corners[0], one, two) for one, two in pairwise(corners[1:])]
+            polygons += [polygon] * (len(corners) - 2)
+            polygon += 1
+            too_many(source, len(triangles))
+        elif words[0] in _FREE_FORM:
+            refuse(source, f"holds a free-form surface ({words[0]})", "Export the surface as triangles", number)
+        else:
+            refuse(source, f"the line starts with {words[0][:20]!r}, which is no word of an OBJ file", _MEND, number)
+    shape = np.array(triangles, dtype=np.int64).reshape(-1, 3)
+    return np.array(vertices, dtype=np.float64).reshape(-1, 3), shape, np.array(polygons, dtype=np.int64)
+
+
+def _vertex(words: list[str], source: str, line: int) -> tuple[float, float, float]:
+    try:
+        if any("_" in word for word in words) or len(words) not in (3, 4, 6, 7):
+            raise ValueError
+        x, y, z = map(float, words[:3])
+        if len(words) != 4:
+            return x, y, z
+        w = float(words[3])
+        return x / w, y / w, z / w
+    except (ValueError, ZeroDivisionError):
+        refuse(source, f"'v {' '.join(words)[:60]}' is no vertex", "Export the mesh again", line)
+
+
+def _corner(word: str, count: int, source: str, line: int) -> int:
+    try:
+        index = int(word.partition("/")[0])
+    except ValueError:
+        index = 0
+    if not index or index > count or -index > count or "_" in word:
+        said = f"{word[:30]!r} of a polygon is none of the {count} vertices so far"
+        refuse(source, said, "Export the mesh again", line)
+    return index - 1 if index > 0 else count + index
