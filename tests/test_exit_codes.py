@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pinbound.cli import app
-from pinbound.robot.robot import presets
+from pinbound.robot import presets
 
 HERE = Path(__file__).resolve().parents[1]
 ARM = """<robot name="arm" xmlns:pinbound="urn:pinbound:1">

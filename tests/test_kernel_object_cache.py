@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import pinbound as pb
-from pinbound.kernel import compiled, object_cache
 from pinbound.kernel.source import kernel_source
+from pinbound.machine import compiled, object_cache
 from pinbound.machine.compiled import KernelSource
 
 pytest.importorskip("numba")

@@ -7,7 +7,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from pinbound.kernel import sincos, vectorised
+from pinbound.kernel import vectorised
+from pinbound.machine import sincos
 
 numba = pytest.importorskip("numba")
 
