@@ -410,7 +410,9 @@ def test_a_home_that_the_user_gave_is_kept_and_a_better_one_is_told(load_text: L
     assert "base.0 and b.0 overlap" in proposal.home_note
     assert "is kept" in proposal.home_note
     assert "Another home is q1 = " in proposal.home_note
-    assert proposal.touching == {("base.0", "b.0"): 0.0}
+    (depth,) = proposal.touching.values()
+    assert depth == pytest.approx(-0.1)  # the blocks overlap by their height; before, 0 stood for any depth
+    assert "overlap by 100 mm" in proposal.home_note
 
 
 def test_how_deep_marks_overlap_at_home_is_told(load_text: Load) -> None:

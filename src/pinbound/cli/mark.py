@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, cast
 
@@ -24,10 +25,16 @@ from pinbound.cli.shared import (
 )
 from pinbound.coverage.covers import By, Cover
 from pinbound.exceptions import InputError, Problem
+from pinbound.marking.disabled import DisabledPair, disabled_pairs, find_srdf
+from pinbound.marking.judge import Evidence
 from pinbound.marking.propose import SHAPES, Proposal, propose_marks
 from pinbound.robot.robot import Robot
+from pinbound.typing import Array
 
 __all__ = ["mark"]
+
+_MOST_LINES = 40
+_BASES = {"proof": "proof", "witness": "witness", "samples": "samples", "granted": "taken for granted"}
 
 
 def mark(
@@ -36,6 +43,10 @@ def mark(
     accuracy: Annotated[float, typer.Option(help="How far a mark may stick out of its body [m].")] = 0.02,
     shapes: Annotated[str, typer.Option(help="Shapes to cover, separated by commas.")] = ",".join(SHAPES),
     by: Annotated[str, typer.Option(help="Cover by 'bodies' (capsules, boxes, prisms) or by 'spheres'.")] = "bodies",
+    neighbours: Annotated[bool, typer.Option("--neighbours", help="Watch neighbours, too.")] = False,
+    srdf: Annotated[
+        Path | None, typer.Option(help="SRDF whose disable_collisions are judged; else the one beside the robot.")
+    ] = None,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
@@ -49,15 +60,71 @@ def mark(
         raise InputError([Problem("exists already", "Remove it, or give another name", str(out))])
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     chosen = tuple(word.strip() for word in shapes.split(",") if word.strip())
-    proposal = propose_marks(loaded, accuracy, chosen, cast(By, by))
+    proposal = propose_marks(loaded, accuracy, chosen, cast(By, by), neighbours)
+    disabled, files = _disabled(loaded, proposal, srdf)
     if out is not None:
         proposal.annotations.save(out)
     if as_json:
-        emit_json(_record(proposal))
+        emit_json(_record(proposal) | {"disabled": [_disabled_record(one) for one in disabled]})
     else:
         _print(loaded, proposal, out)
+        _print_disabled(loaded, disabled, files)
     if proposal.uncovered:
         raise typer.Exit(1)
+
+
+def _disabled(robot: Robot, proposal: Proposal, srdf: Path | None) -> tuple[tuple[DisabledPair, ...], list[Path]]:
+    """Return what is found of the pairs that an SRDF disables, and the SRDFs that were not read as there are several."""
+    found = () if srdf is not None else find_srdf(robot)
+    if srdf is None and len(found) == 1:
+        srdf = found[0]
+    disabled = disabled_pairs(robot, proposal.covers, srdf)
+    return disabled, list(found) if srdf is None else []
+
+
+def _print_disabled(robot: Robot, disabled: Sequence[DisabledPair], files: Sequence[Path]) -> None:
+    said = console()
+    if files:
+        named = ", ".join(file.name for file in files)
+        said.print(
+            f"{len(files)} SRDFs name this robot, and none is read: give one with --srdf ({named}).", markup=False
+        )
+    if not disabled:
+        return
+    sources = ", ".join(dict.fromkeys(one.source for one in disabled))
+    counts = Counter((one.verdict, _BASES[one.basis]) for one in disabled)
+    rows = [(verdict, basis, count) for (verdict, basis), count in counts.items()]
+    print_table(f"Pairs of links that {sources} disables", ("found", "rests on", "pairs []"), rows)
+    seen = [one for one in disabled if one.q is not None]
+    rows = [(*one.links, one.reason, f"{one.verdict}: {one.text}") for one in seen[:_MOST_LINES]]
+    print_table(
+        "Disabled, and in contact at the configurations below", ("link", "link", "file's reason", "found"), rows
+    )
+    for one in seen[:_MOST_LINES]:
+        at = ",".join(f"{name}={value:.6g}" for name, value in zip(robot.coordinates, _floats(one.q), strict=True))
+        said.print(f"{' - '.join(one.links)}: at {at}", markup=False, soft_wrap=True)
+    if len(seen) > _MOST_LINES:
+        said.print(f"... and {len(seen) - _MOST_LINES} more: --json lists all.", markup=False)
+    said.print(
+        "A pair that a file disables is watched all the same, unless a reason above leaves it out.", markup=False
+    )
+
+
+def _floats(q: Array | None) -> list[float]:
+    return [] if q is None else q.tolist()
+
+
+def _disabled_record(one: DisabledPair) -> dict[str, object]:
+    return {
+        "links": list(one.links),
+        "file": one.source,
+        "line": one.line,
+        "reason": one.reason,
+        "found": one.verdict,
+        "basis": one.basis,
+        "text": one.text,
+        "q": None if one.q is None else one.q.tolist(),
+    }
 
 
 def _print(robot: Robot, proposal: Proposal, out: Path | None) -> None:
@@ -66,8 +133,16 @@ def _print(robot: Robot, proposal: Proposal, out: Path | None) -> None:
         for one in proposal.covers
     ]
     print_table("Bodies and the marks that hold them", ("link", "bodies", "marks", "excess [mm]"), rows)
-    reasons = [(a, b, reason, count) for (a, b, reason), count in sorted(proposal.left_out.items())]
-    print_table("Pairs left out", ("link", "link", "reason", "pairs []"), reasons)
+    reasons = [
+        (a, b, reason, count, _BASES[proposal.evidence[a, b, reason].basis], proposal.evidence[a, b, reason].text)
+        for (a, b, reason), count in sorted(proposal.left_out.items())
+    ]
+    print_table("Pairs left out", ("link", "link", "reason", "pairs []", "rests on", "how"), reasons)
+    deepest = sorted(proposal.touching.items(), key=lambda one: one[1])
+    overlaps = [(*marks, millimetres(-gap) if gap < 0.0 else "touch") for marks, gap in deepest]
+    if overlaps:
+        home = "the home that is given" if robot.annotations.home else "the URDF's zero, as no home is given"
+        print_table(f"In contact at {home}", ("mark", "mark", "overlap [mm]"), overlaps)
     said = console()
 
     def say(text: str) -> None:
@@ -130,6 +205,12 @@ def _record(proposal: Proposal) -> dict[str, object]:
         "touching": [{"marks": [a, b], "gap": gap} for (a, b), gap in proposal.touching.items()],
         "notes": list(proposal.notes),
         "left_out": [
-            {"links": [a, b], "reason": reason, "pairs": count} for (a, b, reason), count in proposal.left_out.items()
+            {"links": [a, b], "reason": reason, "pairs": count} | _evidence_record(proposal.evidence[a, b, reason])
+            for (a, b, reason), count in proposal.left_out.items()
         ],
     }
+
+
+def _evidence_record(one: Evidence) -> dict[str, object]:
+    q = None if one.q is None else one.q.tolist()
+    return {"basis": one.basis, "text": one.text, "q": q, "marks": [list(pair) for pair in one.marks]}

@@ -18,16 +18,18 @@ _COUNT = 64
 
 
 class Poses:
-    """Placements of all links at random configurations; free joints stand still."""
+    """Placements of all links at configurations, random ones if none are given; free joints stand still."""
 
-    def __init__(self, tree: Tree, coupling: Coupling) -> None:
-        """Place every link; the configurations are the same each time."""
-        Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (_COUNT, len(coupling.coordinates)))
+    def __init__(self, tree: Tree, coupling: Coupling, Q: Array | None = None) -> None:
+        """Place every link; random configurations are the same each time."""
+        if Q is None:
+            Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (_COUNT, len(coupling.coordinates)))
+        count = len(Q)
         theta = dict(zip(coupling.joints, coupling.expand(Q).T, strict=True))
         self._placed: dict[str, tuple[Array, Array]] = {}
         for link, joint, _ in tree.walk():
             if joint is None:
-                self._placed[link.name] = np.tile(np.eye(3), (_COUNT, 1, 1)), np.zeros((_COUNT, 3))
+                self._placed[link.name] = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
                 continue
             rotation, translation = self._placed[joint.parent]
             translation = translation + rotation @ joint.translation
@@ -38,6 +40,18 @@ class Poses:
                 rotation = rotation @ np.array([rotation_matrix(joint.axis, angle) for angle in theta[joint.name]])
             self._placed[link.name] = rotation, translation
         self._balls: dict[str, tuple[Array, Array]] = {}
+        self._centres: dict[Mark, Array] = {}
+
+    def gaps(self, a: Mark, b: Mark) -> Array:
+        """Return the gaps (N,) between the balls about two marks [m], a lower bound of the marks' own."""
+        around = sum(mark.shape.radius + mark.shape.around for mark in (a, b))
+        return np.linalg.norm(self._centre(a) - self._centre(b), axis=1) - around
+
+    def _centre(self, mark: Mark) -> Array:
+        if mark not in self._centres:
+            rotation, translation = self._placed[mark.link]
+            self._centres[mark] = rotation @ mark.shape.middle + translation
+        return self._centres[mark]
 
     def come_near(self, link_a: str, marks_a: Sequence[Mark], link_b: str, marks_b: Sequence[Mark]) -> bool:
         """Return whether somewhere the balls about two marks, as wide as their half edges end to end, overlap."""

@@ -1,5 +1,16 @@
 """Proposed marks: bodies covered, pairs worth checking, a home that is free."""
 
+from pinbound.marking.disabled import DisabledPair, disabled_pairs, find_srdf
+from pinbound.marking.judge import Evidence
 from pinbound.marking.propose import SHAPES, Proposal, left_out_marks, propose_marks
 
-__all__ = ["SHAPES", "Proposal", "left_out_marks", "propose_marks"]
+__all__ = [
+    "SHAPES",
+    "DisabledPair",
+    "Evidence",
+    "Proposal",
+    "disabled_pairs",
+    "find_srdf",
+    "left_out_marks",
+    "propose_marks",
+]

@@ -1,0 +1,182 @@
+"""Proof that two marks overlap in every configuration.
+
+Take a point p of the one mark and a point s of the other. The reduced chain between them is
+`r = b_0 + R_1(b_1 + R_2(...))`, its offsets linear in p and s, so that `|r| <= sum |b_i|` whatever the angles. A part
+of b_i along the axis of R_i may be counted with `b_{i-1}` as well, for R_i leaves it alone. If the one mark holds a
+ball of radius rho_a about p, and the other one of rho_b about s, then `sum |b_i| < rho_a + rho_b` proves that the two
+balls meet in every configuration, joint limits aside. `docs/marking.md` has the lines.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import product
+from typing import Any, cast
+
+import numpy as np
+
+from pinbound.annotations import Mark, Shape, Sweep
+from pinbound.coverage.holding import holds_points
+from pinbound.model.coupling import Coupling
+from pinbound.model.tree import Tree
+from pinbound.path.chain import Swept
+from pinbound.path.relative import minimal_chain
+from pinbound.tolerances import HELD, NEVER_MEETS
+from pinbound.typing import Array
+
+__all__ = ["overlap_everywhere"]
+
+
+_SOLID = 3  # dimensions
+_SMOOTH = 1e-7  # metres: norms are rounded off within this while they are minimised, not where they are compared
+_ROUNDS = 60
+_FLAT_EXTENT = 1e-6  # relative: a hull that is thinner has no ball in it worth looking for
+
+
+def overlap_everywhere(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> float | None:
+    """Return by how much two marks are proven to overlap in every configuration [m], or None if that is not proven.
+
+    It is a lower bound of the overlap of two balls in them. Links that slide against each other, or a loop whose sides
+    differ between them, must have been told apart before: for the first nothing is proven here.
+
+    Example:
+        >>> import pinbound as pb
+        >>> from pinbound.annotations import Point
+        >>> robot = pb.load("minervabot_v3")
+        >>> elbow = Point("a", "link_2", (0.0, 0.0, 0.0), 0.2), Point("b", "link_3", (0.0, 0.0, 0.0), 0.2)
+        >>> round(overlap_everywhere(robot.tree, robot.coupling, *elbow), 3)
+        0.25
+    """
+    shapes = a.shape, b.shape
+    if any(shape.is_unbounded for shape in shapes):
+        return None
+    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    open_ends = [Sweep("", link, (0.0, 0.0, 0.0), (x, y, z)) for link in (a.link, b.link)]
+    swept = minimal_chain(tree, coupling, open_ends[0], open_ends[1])
+    if np.any(swept.chain.slides):
+        return None
+    p, s, shifts = _nearest_balls(swept, *shapes)
+    rho = [_ball_within(shape, centre) + shape.radius for shape, centre in zip(shapes, (p, s), strict=True)]
+    reach = float(np.linalg.norm(_offsets(swept, p, s, shifts), axis=1).sum())
+    overlap = rho[0] + rho[1] - reach
+    return overlap if overlap > NEVER_MEETS else None
+
+
+def _offsets(swept: Swept, p: Array, s: Array, shifts: Array) -> Array:
+    """Return the offsets b_i (k, 3) of the chain between two points, parts along axes counted where `shifts` say."""
+    directions = np.array(swept.directions)
+    found = swept.chain.offsets + np.tensordot(p, directions[:3], axes=1) + np.tensordot(s, directions[3:], axes=1)
+    for index, (shift, axis) in enumerate(zip(shifts, swept.chain.axes, strict=True)):
+        found[index] += shift * axis
+        found[index + 1] -= shift * axis
+    return found
+
+
+def _nearest_balls(swept: Swept, one: Shape, other: Shape) -> tuple[Array, Array, Array]:
+    """Return points of two shapes, and shifts along the axes, that make `sum |b_i| - rho_a - rho_b` small.
+
+    It is a convex problem; what comes back need not be its minimum, for it is judged by its own numbers.
+    """
+    import scipy.optimize
+
+    ends = [_Inside(one), _Inside(other)]
+    turns = len(swept.chain.axes)
+    cut = np.cumsum([ends[0].count, ends[1].count])
+
+    def value(x: Array) -> float:
+        p, s = ends[0].point(x[: cut[0]]), ends[1].point(x[cut[0] : cut[1]])
+        offsets = _offsets(swept, p, s, x[cut[1] :])
+        sizes = np.sqrt(np.einsum("ki,ki->k", offsets, offsets) + _SMOOTH**2)
+        return float(sizes.sum() - ends[0].ball(x[: cut[0]]) - ends[1].ball(x[cut[0] : cut[1]]))
+
+    start = np.concatenate((ends[0].start, ends[1].start, np.zeros(turns)))
+    constraints: list[dict[str, Any]] = []
+    for end, part in zip(ends, (slice(0, cut[0]), slice(cut[0], cut[1])), strict=True):
+        constraints += end.constraints(part, len(start))
+    found: Any = cast(Any, scipy.optimize).minimize(
+        value, start, method="SLSQP", constraints=constraints, options={"maxiter": _ROUNDS, "ftol": 1e-9}
+    )
+    x = np.asarray(found.x if np.all(np.isfinite(found.x)) else start, dtype=np.float64)
+    return ends[0].point(x[: cut[0]]), ends[1].point(x[cut[0] : cut[1]]), x[cut[1] :]
+
+
+class _Inside:
+    """How a point of a shape, and a ball about it, are written as numbers: weights of vertices, or point and radius."""
+
+    def __init__(self, shape: Shape) -> None:
+        self.vertices = np.asarray(shape.vertices, dtype=np.float64)
+        self.facets = _facets(self.vertices)
+        if self.facets is None:
+            self.count = len(self.vertices)
+            self.start = np.full(self.count, 1.0 / self.count)
+        else:
+            self.count = _SOLID + 1
+            self.start = np.append(self.vertices.mean(axis=0), 0.0)
+
+    def point(self, x: Array) -> Array:
+        if self.facets is not None:
+            return x[:_SOLID]
+        weights = np.maximum(x, 0.0)
+        total = float(weights.sum())
+        return (weights / total if total > 0.0 else self.start) @ self.vertices
+
+    def ball(self, x: Array) -> float:
+        return 0.0 if self.facets is None else float(x[_SOLID])
+
+    def constraints(self, part: slice, size: int) -> list[dict[str, Any]]:
+        """Return that the ball is behind every facet, or that the weights are a share each."""
+        rows = np.zeros((self.count if self.facets is None else len(self.facets), size))
+        if self.facets is None:
+            rows[:, part] = np.eye(self.count)
+            whole = np.zeros(size)
+            whole[part] = 1.0
+            return [
+                {"type": "ineq", "fun": lambda x: rows @ x, "jac": lambda _: rows},
+                {"type": "eq", "fun": lambda x: whole @ x - 1.0, "jac": lambda _: whole},
+            ]
+        normals, level = self.facets[:, :_SOLID], self.facets[:, _SOLID]
+        rows[:, part] = -np.column_stack((normals, np.ones(len(normals))))
+        return [{"type": "ineq", "fun": lambda x: rows @ x - level, "jac": lambda _: rows}]
+
+
+def _facets(vertices: Array) -> Array | None:
+    """Return `n . x + c <= 0` (m, 4) of a solid's facets; None of what is flat, a segment or a point."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    if len(vertices) <= _SOLID:
+        return None
+    extents = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
+    if extents[-1] <= _FLAT_EXTENT * extents[0]:
+        return None
+    try:
+        return np.unique(np.round(ConvexHull(vertices).equations, 12), axis=0)
+    except QhullError:
+        return None
+
+
+def _ball_within(shape: Shape, centre: Array) -> float:
+    """Return the radius of a ball about a point of a shape that is proven to lie in it, its own radius left out [m].
+
+    Facets propose it. Proven is it by points of the shape: their hull is in the shape, and holds the ball.
+    """
+    if not holds_points(shape, centre[None], 0.0):
+        return -np.inf
+    facets = _facets(np.asarray(shape.vertices, dtype=np.float64))
+    if facets is None:
+        return 0.0
+    radius = float(np.min(-facets[:, _SOLID] - facets[:, :_SOLID] @ centre))
+    directions, share = _directions()
+    if radius <= 0.0 or not holds_points(shape, centre + radius * directions, 0.0):
+        return 0.0
+    return share * radius - HELD
+
+
+@cache
+def _directions() -> tuple[Array, float]:
+    """Return unit vectors (98, 3), and the radius of the largest ball about zero that their hull holds."""
+    from scipy.spatial import ConvexHull
+
+    steps = np.array([xyz for xyz in product(range(-2, 3), repeat=3) if max(map(abs, xyz)) == 2], dtype=np.float64)
+    units = steps / np.linalg.norm(steps, axis=1)[:, None]
+    share = float(np.min(-ConvexHull(units).equations[:, _SOLID]))
+    return units, share - HELD

@@ -1,0 +1,229 @@
+"""What an SRDF's `disable_collisions` is worth: which of its pairs can never meet, and which can in fact touch.
+
+A pair that a file disables is not taken for safe. It is proven never to meet, or a configuration is looked for at
+which its bodies touch: among samples, and from the nearest of them on by random steps that bring the covers closer.
+Where covers stick out of their bodies, their contact is no contact of bodies yet: `touches` asks somebody who knows the
+bodies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+
+from pinbound.annotations import Mark
+from pinbound.annotations.srdf import read_srdf
+from pinbound.coverage.bodies import collision_bodies
+from pinbound.coverage.covers import Cover
+from pinbound.evaluate import depth, separation
+from pinbound.exceptions import Problems
+from pinbound.marking.judge import FREE_JOINT, NEVER, RIGID, Basis, Judge, Pair, links_reason
+from pinbound.model.document import parse_file
+from pinbound.path.relative import RelativePath, relative_path
+from pinbound.robot.robot import Robot
+from pinbound.typing import Array, Flags
+from pinbound.values import Value
+
+__all__ = ["CAN_TOUCH", "NOT_SEEN", "DisabledPair", "disabled_pairs", "find_srdf"]
+
+Touches = Callable[[tuple[str, str], Array], int | None]
+
+CAN_TOUCH = "can touch"
+NOT_SEEN = "no contact found"
+COVERS_TOUCH = "their marks can touch, their bodies were not seen to"
+
+_STARTS, _STEPS, _WIDTH = 4, 20, 32  # of the random search: from how many samples, how many steps, how many tries each
+_FIRST, _LAST = 0.3, 0.003  # of the limits' width: the first steps of the search and the last
+_MOST = 200  # configurations that one pair's bodies are asked about
+
+
+@dataclass(frozen=True, eq=False)
+class DisabledPair(Value):
+    """Two links whose collisions a file disables, and what was found of them.
+
+    Attributes:
+        links: The two links.
+        reason: The file's reason.
+        source: The file.
+        line: Its line; None if it was not kept.
+        verdict: ``"can touch"``, ``"can never meet"``, ``"never move against each other"``, ``"no contact found"``, or
+            why nothing can be said.
+        basis: What that rests on, as of `Evidence`.
+        text: The number or the sentence behind it.
+        q: (n,), where they touch; None if that was not seen.
+    """
+
+    links: tuple[str, str]
+    reason: str
+    source: str
+    line: int | None
+    verdict: str
+    basis: Basis
+    text: str
+    q: Array | None = None
+
+
+def find_srdf(robot: Robot) -> tuple[Path, ...]:
+    """Return the SRDFs beside a robot's file, or in `srdf/` beside its folder, that name the robot.
+
+    One of the file's own stem comes alone; else all of them.
+    """
+    path = robot.document.path
+    if not path.is_file():
+        return ()
+    folders = (path.resolve().parent, path.resolve().parent.parent / "srdf")
+    files = [file for folder in folders if folder.is_dir() for file in sorted(folder.glob("*.srdf"))]
+    named = [file for file in files if _names(file, robot.name)]
+    same = [file for file in named if file.stem == path.name.partition(".")[0]]
+    return tuple(same[:1] or named)
+
+
+def _names(path: Path, robot: str) -> bool:
+    try:
+        return parse_file(path)[0].get("name") == robot
+    except (OSError, etree.XMLSyntaxError, ValueError):
+        return False
+
+
+def disabled_pairs(
+    robot: Robot, covers: Sequence[Cover], srdf: Path | None = None, touches: Touches | None = None
+) -> tuple[DisabledPair, ...]:
+    """Return what is found of every pair of links that an SRDF disables.
+
+    Args:
+        robot: The robot; what an SRDF among its annotations disables is looked at as well.
+        covers: Marks over its bodies, as of a `Proposal`.
+        srdf: A file; None: the annotations alone.
+        touches: Returns the first row of Q (k, n) at which bodies of two links touch, or None; without it covers are
+            taken for bodies where nothing sticks out.
+
+    Raises:
+        InputError: If the file is no SRDF that disables something.
+        UnsupportedError: If no configuration keeps the limits of all joints.
+    """
+    said: dict[frozenset[str], tuple[str, str, str, str, int | None]] = {}
+    for one in robot.annotations.left_out:
+        if one.source.endswith(".srdf"):
+            said.setdefault(frozenset((one.a, one.b)), (one.a, one.b, one.reason, one.source, one.line))
+    if srdf is not None:
+        problems = Problems(robot.document.label)
+        for item in read_srdf(srdf, problems, robot.document.root).items:
+            if item.kind == "left_out":
+                a, b, reason = (str(item.fields[key]) for key in ("a", "b", "reason"))
+                said.setdefault(frozenset((a, b)), (a, b, reason, item.source, item.line))
+        problems.raise_if_any()
+    if not said:
+        return ()
+    finder = _Finder(robot, covers, touches)
+    found: list[DisabledPair] = []
+    for a, b, reason, source, line in said.values():
+        verdict, basis, text, q = finder.judge(a, b)
+        found.append(DisabledPair((a, b), reason, source, line, verdict, basis, text, q))
+    return tuple(found)
+
+
+Found = tuple[str, Basis, str, Array | None]
+
+
+class _Finder:
+    """Looks at pairs of links, one by one."""
+
+    def __init__(self, robot: Robot, covers: Sequence[Cover], touches: Touches | None) -> None:
+        self.robot, self.touches, self.judge_of = robot, touches, Judge(robot, neighbours=True)
+        self.marks: dict[str, list[Mark]] = {}
+        self.excess: dict[str, float] = {}
+        held = {body.name for cover in covers for body in cover.bodies}
+        for cover in covers:
+            self.marks.setdefault(cover.link, []).extend(cover.marks)
+            self.excess[cover.link] = max(cover.excess, self.excess.get(cover.link, 0.0))
+        bodies = collision_bodies(robot)
+        self.with_bodies = {body.link for body in bodies}
+        self.bare = {body.link for body in bodies if body.name not in held}
+        self.rng = np.random.default_rng(0)
+
+    def judge(self, a: str, b: str) -> Found:
+        robot = self.robot
+        for link in (a, b):
+            if link not in robot.tree.links:
+                return f"{link!r} is no link", "granted", "the robot does not have it", None
+        for link in (a, b):
+            if link not in self.with_bodies:
+                return f"{link} has no body", "proof", "there is nothing that could touch", None
+        why = links_reason(robot, a, b)
+        if why == RIGID:
+            return RIGID, "proof", "no degree of freedom lies between them", None
+        if why == FREE_JOINT:
+            return FREE_JOINT, "granted", "no boundary is possible over a free joint", None
+        if {a, b} & self.bare:
+            bare = " and ".join(sorted({a, b} & self.bare))
+            return "not judged", "granted", f"{bare}: a body is held by no mark", None
+        return self._moving(a, b)
+
+    def _moving(self, a: str, b: str) -> Found:
+        judged = [self.judge_of.pair(one, two) for one, two in product(self.marks[a], self.marks[b])]
+        near = [pair for pair in judged if isinstance(pair, Pair)]
+        if not near:
+            least = min(pair for pair in judged if not isinstance(pair, Pair))
+            return NEVER, "proof", f"they stay more than {1e3 * least:.4g} mm apart, for all q", None
+        Q = self.judge_of.Q
+        touching = np.any([pair.contact for pair in near], axis=0)
+        rows = Q[touching]
+        if not len(rows):
+            rows = self._approach(near)
+        tried = f"{len(Q)} samples and {_STARTS * _STEPS * _WIDTH} steps of a search"
+        if not len(rows):
+            return NOT_SEEN, "samples", f"in {tried}; not proven", None
+        excess = self.excess[a] + self.excess[b]
+        if self.touches is not None:
+            row = self.touches((a, b), rows[:_MOST])
+            if row is not None:
+                return CAN_TOUCH, "witness", f"bodies touch{_share(touching)}", rows[row]
+        elif excess == 0.0:
+            return CAN_TOUCH, "witness", f"{self._overlap(near, rows[0])}{_share(touching)}", rows[0]
+        sticks = f"{self._overlap(near, rows[0])}, marks stick out by {1e3 * excess:.4g} mm together"
+        return COVERS_TOUCH, "samples", f"{sticks}; {tried}", rows[0]
+
+    def _overlap(self, pairs: Sequence[Pair], q: Array) -> str:
+        """Return by how much the marks overlap at q, for people."""
+        deepest = min(
+            float(depth.signed_distances(self._path(pair), pair.a.shape.radius + pair.b.shape.radius, q[None])[0])
+            for pair in pairs
+        )
+        return f"marks overlap by {-1e3 * deepest:.4g} mm"
+
+    def _path(self, pair: Pair) -> RelativePath:
+        return relative_path(self.robot.tree, self.robot.coupling, pair.a, pair.b)
+
+    def _approach(self, pairs: Sequence[Pair]) -> Array:
+        """Return configurations (k, n) within all limits at which two marks touch, found by random steps; or none."""
+        robot, Q = self.robot, self.judge_of.Q
+        paths: Mapping[int, RelativePath] = {index: self._path(pair) for index, pair in enumerate(pairs)}
+        radii = [pair.a.shape.radius + pair.b.shape.radius for pair in pairs]
+        gaps = np.array([separation.separations(paths[index], Q) - radii[index] for index in paths])
+        best = int(np.argmin(gaps.min(axis=1)))
+        width = np.ptp(Q, axis=0)
+        for start in np.argsort(gaps[best])[:_STARTS].tolist():
+            q, value = Q[start], gaps[best, start]
+            for step in np.geomspace(_FIRST, _LAST, _STEPS):
+                tries = q + step * width * self.rng.normal(size=(_WIDTH, len(q)))
+                tries = tries[robot.intervals.hold(tries)]
+                if not len(tries):
+                    continue
+                found = separation.separations(paths[best], tries) - radii[best]
+                if found.min() < value:
+                    q, value = tries[int(np.argmin(found))], float(found.min())
+                if value <= 0.0:
+                    return tries[found <= 0.0]
+        return np.empty((0, Q.shape[1]))
+
+
+def _share(touching: Flags) -> str:
+    count = int(np.sum(touching))
+    if count == len(touching):
+        return f"; marks touch in all {count} samples"
+    return f"; marks touch in {count} of {len(touching)} samples" if count else "; found by a search"

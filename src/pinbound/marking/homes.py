@@ -1,0 +1,79 @@
+"""Which home a proposal has, and what is said of the one that the robot has: never is it replaced without a word."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinbound.marking.candidates import can_be_home, configuration_text, within_limits
+from pinbound.marking.judge import Judge, Pair, listed
+from pinbound.typing import Ints
+
+__all__ = ["Home", "choose_home", "home_note"]
+
+
+@dataclass(frozen=True)
+class Home:
+    """Which candidate is home, which would be best, in how many candidates pairs touch, and if home can be written."""
+
+    chosen: int
+    best: int
+    touching: Ints
+    can_be_said: bool
+
+
+def choose_home(judge: Judge, touching: Ints) -> Home:
+    """Choose today's home if the user has given it or no candidate is better; `touching` (N,) counts pairs."""
+    robot = judge.robot
+    inside = bool(within_limits(robot.linear_limits, robot.home[None], robot.guarded_limits)[0])
+    best: int | None = None
+    for index in np.argsort(touching, kind="stable").tolist():
+        if inside and touching[index] >= touching[0]:
+            best = 0
+            break
+        if index and can_be_home(robot, judge.Q[index]):
+            best = index
+            break
+    chosen = 0 if best is None or robot.annotations.home else best
+    can_be_said = chosen != 0 or (inside and can_be_home(robot, robot.home))
+    return Home(chosen, chosen if best is None else best, touching, can_be_said)
+
+
+def home_note(judge: Judge, home: Home, at_home: Sequence[tuple[Pair, float]]) -> str:
+    """Return what is wrong with the robot's home, by how much, and which home is proposed and why; empty if nothing.
+
+    Args:
+        judge: The configurations; the first is the robot's home.
+        home: The choice.
+        at_home: The pairs that touch at the robot's home and not everywhere, and their signed distances [m].
+    """
+    robot = judge.robot
+    inside = within_limits(robot.linear_limits, robot.home[None], robot.guarded_limits)[0]
+    said = f"home ({configuration_text(robot, robot.home)})"
+    faults = [] if inside else ["is outside the limits of a joint"]
+    if at_home:
+        deepest = sorted(at_home, key=lambda one: one[1])
+        pairs = listed([f"{pair.a.name} and {pair.b.name} {_overlap(gap)}" for pair, gap in deepest])
+        faults.append(f"has {_pairs(len(at_home))} of marks in contact: {pairs}")
+    if not faults:
+        return ""
+    given = "given" if robot.annotations.home else "the URDF's zero, as no home is given"
+    note = f"The robot's {said}, {given}, {' and '.join(faults)}."
+    there = f"{configuration_text(robot, judge.Q[home.best])}, with {_pairs(int(home.touching[home.best]))} in contact"
+    why = f"the fewest of the {len(judge.Q)} configurations that were tried and that could be home"
+    if home.chosen:
+        return f"{note} The proposal replaces it by {there}: {why}."
+    if home.best:
+        return f"{note} The home that was given is kept, and these pairs are left out. Another home is {there}: {why}."
+    return f"{note} No better home was found among {len(judge.Q)} configurations; these pairs are left out."
+
+
+def _pairs(count: int) -> str:
+    return "no pair" if count == 0 else "1 pair" if count == 1 else f"{count} pairs"
+
+
+def _overlap(gap: float) -> str:
+    """Return by how much two marks overlap, for people; between 0 and the contact tolerance they touch."""
+    return f"overlap by {-1e3 * gap:.4g} mm" if gap < 0.0 else "touch"
