@@ -74,7 +74,7 @@ def mark(
 
 
 def _disabled(robot: Robot, proposal: Proposal, srdf: Path | None) -> tuple[tuple[DisabledPair, ...], list[Path]]:
-    """Return what is found of the pairs that an SRDF disables, and the SRDFs that were not read as there are several."""
+    """Return what is found of the pairs that an SRDF disables, and SRDFs that were not read, for there are several."""
     found = () if srdf is not None else find_srdf(robot)
     if srdf is None and len(found) == 1:
         srdf = found[0]
@@ -141,7 +141,11 @@ def _print(robot: Robot, proposal: Proposal, out: Path | None) -> None:
     deepest = sorted(proposal.touching.items(), key=lambda one: one[1])
     overlaps = [(*marks, millimetres(-gap) if gap < 0.0 else "touch") for marks, gap in deepest]
     if overlaps:
-        home = "the home that is given" if robot.annotations.home else "the URDF's zero, as no home is given"
+        home = (
+            "the home that is given"
+            if robot.annotations.home
+            else "the URDF's zero within its limits, as no home is given"
+        )
         print_table(f"In contact at {home}", ("mark", "mark", "overlap [mm]"), overlaps)
     said = console()
 

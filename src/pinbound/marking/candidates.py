@@ -23,11 +23,12 @@ from pinbound.robot.robot import Robot
 from pinbound.tolerances import LIMIT
 from pinbound.typing import Array, Flags
 
-__all__ = ["can_be_home", "configuration_text", "draw", "home_entries", "within_limits"]
+__all__ = ["can_be_home", "configuration_text", "draw", "home_entries", "simple_homes", "within_limits"]
 
 _FAR = {True: math.pi, False: 1.0}  # radians or metres from home, for a coordinate without limits
 _WIDEST = {True: 2 * math.pi, False: 10.0}  # radians or metres from home: no candidate is further away
 _ROUNDS = 20
+_SHARES = (0.25, 0.75)  # of the limits: where a person would try next, after the middle
 _NARROW = 0.01  # of the widest limit: a limit that is narrower is walked along
 
 
@@ -55,6 +56,26 @@ def draw(robot: Robot, count: int, rng: np.random.Generator) -> Array:
     if have < count // 10:
         drawn.append(_hit_and_run(robot, (lower, upper), count - have, rng))
     return np.concatenate(drawn)[:count]
+
+
+def simple_homes(robot: Robot) -> Array:
+    """Return configurations (k, n) that a person would try first: home with one coordinate moved, and the middle.
+
+    A coordinate goes to quarters of its limits, rounded to hundredths; all of them to the middle at once. What does
+    not keep all limits is left out.
+    """
+    lower, upper = _box(robot)
+    middle = np.round(0.5 * (lower + upper), 2)
+    tried = [middle, *(np.round(lower + share * (upper - lower), 2) for share in _SHARES)]
+    found: list[Array] = []
+    for values in tried:
+        for index, value in enumerate(values.tolist()):
+            q = robot.home.copy()
+            q[index] = value
+            found.append(q)
+    found.insert(len(lower), middle)
+    Q = np.array(found).reshape(-1, len(lower))
+    return Q[within_limits(robot.linear_limits, Q, robot.guarded_limits)]
 
 
 def _box(robot: Robot) -> tuple[Array, Array]:

@@ -14,14 +14,13 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from lxml import etree
 
 from pinbound.annotations import Mark
 from pinbound.annotations.srdf import read_srdf
 from pinbound.coverage.bodies import collision_bodies
 from pinbound.coverage.covers import Cover
 from pinbound.evaluate import depth, separation
-from pinbound.exceptions import Problems
+from pinbound.exceptions import InputError, Problems
 from pinbound.marking.judge import FREE_JOINT, NEVER, RIGID, Basis, Judge, Pair, links_reason
 from pinbound.model.document import parse_file
 from pinbound.path.relative import RelativePath, relative_path
@@ -85,8 +84,8 @@ def find_srdf(robot: Robot) -> tuple[Path, ...]:
 
 def _names(path: Path, robot: str) -> bool:
     try:
-        return parse_file(path)[0].get("name") == robot
-    except (OSError, etree.XMLSyntaxError, ValueError):
+        return parse_file(path).get("name") == robot
+    except InputError:  # a file that was not asked for, and that is no XML
         return False
 
 

@@ -59,15 +59,23 @@ def home_note(judge: Judge, home: Home, at_home: Sequence[tuple[Pair, float]]) -
         faults.append(f"has {_pairs(len(at_home))} of marks in contact: {pairs}")
     if not faults:
         return ""
-    given = "given" if robot.annotations.home else "the URDF's zero, as no home is given"
+    given = "given" if robot.annotations.home else "the URDF's zero within its limits, as no home is given"
     note = f"The robot's {said}, {given}, {' and '.join(faults)}."
     there = f"{configuration_text(robot, judge.Q[home.best])}, with {_pairs(int(home.touching[home.best]))} in contact"
-    why = f"the fewest of the {len(judge.Q)} configurations that were tried and that could be home"
+    tried = f"the fewest of the {len(judge.Q)} configurations that were tried and that could be home"
+    why = f"{tried}{_moved(judge, home.best)}"
     if home.chosen:
         return f"{note} The proposal replaces it by {there}: {why}."
     if home.best:
         return f"{note} The home that was given is kept, and these pairs are left out. Another home is {there}: {why}."
     return f"{note} No better home was found among {len(judge.Q)} configurations; these pairs are left out."
+
+
+def _moved(judge: Judge, best: int) -> str:
+    """Return which one coordinate differs from today's home, if it is one alone."""
+    robot, q = judge.robot, judge.Q[best]
+    moved = [name for name, now, then in zip(robot.coordinates, robot.home, q, strict=True) if now != then]
+    return f"; it moves {moved[0]} alone" if len(moved) == 1 < len(q) else ""
 
 
 def _pairs(count: int) -> str:

@@ -19,7 +19,7 @@ from pinbound.evaluate import depth, separation
 from pinbound.exceptions import UnsupportedError
 from pinbound.loops.closures import place_error
 from pinbound.marking.always import overlap_everywhere
-from pinbound.marking.candidates import draw
+from pinbound.marking.candidates import draw, simple_homes
 from pinbound.path.relative import RelativePath, relative_path
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import FOLDING, NEVER_MEETS, UNIT_ROUNDOFF
@@ -97,7 +97,7 @@ class Judge:
         """Draw the configurations; `neighbours`: pairs of neighbours are worth a look, too."""
         self.robot, self.neighbours = robot, neighbours
         drawn = draw(robot, SAMPLES - 1, np.random.default_rng(0))
-        self.Q: Array = np.vstack((robot.home, drawn))
+        self.Q: Array = np.vstack((robot.home, simple_homes(robot), drawn))
         self._poses = Poses(robot.tree, robot.coupling, self.Q)
         self._links: dict[tuple[str, str], str | None] = {}
         self._pairs: dict[tuple[Mark, Mark], Pair | float] = {}
