@@ -45,7 +45,7 @@ def overlap_everywhere(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> floa
         >>> robot = pb.load("minervabot_v3")
         >>> elbow = Point("a", "link_2", (0.0, 0.0, 0.0), 0.2), Point("b", "link_3", (0.0, 0.0, 0.0), 0.2)
         >>> round(overlap_everywhere(robot.tree, robot.coupling, *elbow), 3)
-        0.25
+        0.3
     """
     shapes = a.shape, b.shape
     if any(shape.is_unbounded for shape in shapes):
