@@ -11,7 +11,8 @@ from pinbound.bounds import bounds, rounding
 from pinbound.certificates.constraints import families
 from pinbound.certificates.trajectory import as_trajectory
 from pinbound.evaluate import numeric
-from pinbound.path.chain import Chain, rotation_matrix
+from pinbound.geometry.rotations import rotation_matrix
+from pinbound.path.chain import Chain
 
 
 def robots(folder: Path, seed: int, count: int):

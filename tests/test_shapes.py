@@ -11,6 +11,7 @@ from scipy.optimize import nnls
 
 import pinbound as pb
 from pinbound.annotations.shapes import extreme_vertices, hull
+from pinbound.coverage.bodies import Body
 from pinbound.coverage.holding import holds, holds_points
 from robots import ARM
 from segments import assemble, oracle_clearances
@@ -140,9 +141,9 @@ def test_a_cylinder_is_held_by_its_prism_and_says_how_closely(robot: pb.Robot) -
     assert excess.min() >= -1e-15
     assert 0.9 * mark.shape.excess < excess.max() <= mark.shape.excess + 1e-15
     assert any("C 0.345 mm" in note for note in robot.notes)
-    body = pb.bodies.Body("d", 0, "cylinder", (0.04, float(np.linalg.norm(b - a))), frame(z), (a + b) / 2)
+    body = Body("d", 0, "cylinder", (0.04, float(np.linalg.norm(b - a))), frame(z), (a + b) / 2)
     assert holds(mark, body)
-    assert not holds(mark, pb.bodies.Body("d", 0, "cylinder", (0.0401, body.size[1]), frame(z), (a + b) / 2))
+    assert not holds(mark, Body("d", 0, "cylinder", (0.0401, body.size[1]), frame(z), (a + b) / 2))
 
 
 def frame(z: Any) -> Any:
@@ -158,7 +159,7 @@ def test_a_hull_holds_what_its_vertices_hold() -> None:
     assert not holds_points(mark.shape, np.vstack((inside, 1.01 * BALL[:1])), 0.0)
     depth = min(float((BALL @ n).max()) for n in facet_normals(BALL))
     for radius, expected in ((depth + 0.0099, True), (depth + 0.0101, False)):
-        assert holds(mark, pb.bodies.Body("arm", 0, "sphere", (radius,), np.eye(3), np.zeros(3))) is expected
+        assert holds(mark, Body("arm", 0, "sphere", (radius,), np.eye(3), np.zeros(3))) is expected
 
 
 def facet_normals(V: Any) -> Any:

@@ -13,6 +13,10 @@ import numpy as np
 import pytest
 
 import pinbound as pb
+from pinbound.loops.closures import Deviation
+from pinbound.path.chain import Chain
+from pinbound.region.arrangement import Corner, Edge
+from pinbound.region.halfplanes import HalfPlane
 from pinbound.values import FrozenDict, Value, read_only
 
 PLAIN = (str, bytes, int, float, complex, type(None), enum.Enum, type, types.FunctionType, types.BuiltinFunctionType)
@@ -167,6 +171,24 @@ def test_records_do_not_share_the_callers_arrays(minerva: pb.Robot) -> None:
         np.any(value == 77.0) for value in reach([region, box, found]).values() if isinstance(value, np.ndarray)
     )
     assert list(said.marks) == ["p"]
+
+
+@pytest.mark.parametrize(
+    ("record", "given"),
+    [
+        (lambda a: Chain(a, np.zeros((2, 3, 1)), np.eye(3)[:1], np.ones((1, 1)), 1.0), np.ones((2, 3))),
+        (lambda a: HalfPlane("q", "q upper", a, 1.0, False), np.ones(2)),
+        (lambda a: Edge("e", "e", True, a[0], a[1], a), np.ones((2, 2))),
+        (lambda a: Corner(a, "e", "f", True), np.ones(2)),
+        (lambda a: Deviation("j", 0.0, a), np.ones(3)),
+    ],
+)
+def test_records_copy_before_they_freeze(record: Callable[[Any], Any], given: Any) -> None:
+    made = record(given)
+    given[...] = 7.0  # which it would refuse, had the record frozen the caller's own array
+    arrays = [value for value in vars(made).values() if isinstance(value, np.ndarray)]
+    assert arrays
+    assert not any(np.any(array == 7.0) or array.flags.writeable for array in arrays)
 
 
 CALLS: dict[str, Callable[[pb.Robot, Any], Any]] = {

@@ -15,8 +15,8 @@ import trimesh
 import pinbound as pb
 from pinbound.evaluate import numeric
 from pinbound.path.relative import absolute_chain
+from pinbound.path.restriction import hold
 from pinbound.region.folds import find_folds
-from pinbound.region.planar_image import restrict
 from pinbound.region.swept import swept_body
 from pinbound.region.workspace import workspace_section
 from robots import joint, robot_xml
@@ -114,7 +114,7 @@ def test_restriction_keeps_the_value(any_robot: pb.Robot) -> None:
         indices = rng.permutation(n)[:2]
         Q = np.repeat(at[None], 20, axis=0)
         Q[:, indices] = X
-        found = numeric.positions(restrict(chain, indices.tolist(), at), X)
+        found = numeric.positions(hold(chain, at, indices.tolist()), X)
         assert np.abs(found - numeric.positions(chain, Q)).max() < 1e-14
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from pinbound.annotations.shapes import Measure, Shape, hull, unbounded, zonotope
+from pinbound.geometry.rotations import rpy_matrix
 
 __all__ = [
     "CYLINDER_SIDES",
@@ -243,7 +244,7 @@ class Box:
     @cached_property
     def shape(self) -> Shape:
         """What it is: its eight corners."""
-        axes = _turned_axes(self.rpy)
+        axes = rpy_matrix(self.rpy).T.tolist()
         edges = [_scaled(axis, length) for axis, length in zip(axes, self.size, strict=True) if length]
         corner = self.xyz
         for edge in edges:
@@ -303,16 +304,6 @@ def _scaled(vector: Vector, by: float) -> Vector:
 
 def _cross(a: Vector, b: Vector) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _turned_axes(rpy: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return the columns of `R_z(yaw) R_y(pitch) R_x(roll)`, the convention of URDF."""
-    (sr, sp, sy), (cr, cp, cy) = map(math.sin, rpy), map(math.cos, rpy)
-    return (
-        (cy * cp, sy * cp, -sp),
-        (cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr),
-        (cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr),
-    )
 
 
 _LEAST: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from pinbound.geometry.rotations import rotate
 from pinbound.path.chain import Chain
 from pinbound.tolerances import INFLATION
 from pinbound.typing import Array, Indices
@@ -377,7 +378,7 @@ def _value_and_rate(chains: Bundle, which: Indices, q: Array, slope: Array, phi:
     for i in reversed(range(k)):
         axis = chains.axes[which, i].T
         cos, sin = np.cos(phi[i]), np.sin(phi[i])
-        x, v = _rotate(axis, cos, sin, x), _rotate(axis, cos, sin, v)
+        x, v = (np.stack(rotate(axis, cos, sin, one)) for one in (x, v))
         v += _cross(axis, x) * rates[i]
         x += chains.offsets[which, i].T
         if slides is not None:
@@ -401,8 +402,3 @@ def _dot(a: Array, b: Array) -> Array:
 def _cross(axis: Array, x: Array) -> Array:
     u, v, w = axis
     return np.stack((v * x[2] - w * x[1], w * x[0] - u * x[2], u * x[1] - v * x[0]))
-
-
-def _rotate(axis: Array, cos: Array, sin: Array, x: Array) -> Array:
-    along = axis * _dot(axis, x)
-    return along + (x - along) * cos + _cross(axis, x) * sin

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from pinbound.bounds.vertices import Corners
+from pinbound.geometry.vectors import cross, dot
 from pinbound.typing import Array, Indices
 
 __all__ = ["ball", "disc"]
@@ -41,10 +42,10 @@ def ball(corners: Corners, which: Indices, w: Array, ways: Array) -> Array:
     along = np.einsum("ui,nij->nuj", _SPHERE, _rounder(corners.scatter[which], ways))
     points = _supports(corners, which, w, ways, along)
     a, b, c = (points[:, _TRIANGLES[:, corner]] for corner in range(3))
-    lengths = [np.sqrt(_dot(x, x)) for x in (a, b, c)]
-    volume = _dot(a, _cross(b, c))
-    rest = lengths[0] * lengths[1] * lengths[2] + _dot(a, b) * lengths[2]
-    rest += _dot(b, c) * lengths[0] + _dot(c, a) * lengths[1]
+    lengths = [np.sqrt(dot(x, x)) for x in (a, b, c)]
+    volume = dot(a, cross(b, c))
+    rest = lengths[0] * lengths[1] * lengths[2] + dot(a, b) * lengths[2]
+    rest += dot(b, c) * lengths[0] + dot(c, a) * lengths[1]
     turns = np.arctan2(volume, rest).sum(axis=1) / (2.0 * math.pi)
     return _kept(turns, _triangles(a, b, c), points)
 
@@ -91,12 +92,12 @@ def _supports(corners: Corners, which: Indices, w: Array, ways: Array, direction
 
 def _triangles(a: Array, b: Array, c: Array) -> Array:
     """Return the distance of the origin from triangles (N, T): from the nearest edge, or from the plane above them."""
-    normal = _cross(b - a, c - a)
-    square = _dot(normal, normal)
+    normal = cross(b - a, c - a)
+    square = dot(normal, normal)
     inside = square > 0.0
     for first, second in ((b, c), (c, a), (a, b)):
-        inside &= _dot(normal, _cross(first, second)) >= 0.0
-    plane = np.divide(np.abs(_dot(normal, a)), np.sqrt(square), out=np.zeros_like(square), where=square > 0.0)
+        inside &= dot(normal, cross(first, second)) >= 0.0
+    plane = np.divide(np.abs(dot(normal, a)), np.sqrt(square), out=np.zeros_like(square), where=square > 0.0)
     edges = np.minimum(np.minimum(_edge(a, b), _edge(b, c)), _edge(c, a))
     return np.where(inside, np.minimum(plane, edges), edges)
 
@@ -109,15 +110,6 @@ def _edge(a: Array, b: Array) -> Array:
     foot = a + np.clip(t, 0.0, 1.0)[..., None] * along
     found: Array = np.sqrt(np.einsum("...i,...i->...", foot, foot))
     return found
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
-
-
-def _cross(a: Array, b: Array) -> Array:
-    x, y, z, u, v, w = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
-    return np.stack((y * w - z * v, z * u - x * w, x * v - y * u), axis=-1)
 
 
 def _octahedron() -> tuple[Array, Indices]:

@@ -15,8 +15,8 @@ import numpy as np
 from lxml import etree
 
 from pinbound.exceptions import Problems, name_hint
+from pinbound.geometry.rotations import rpy_matrix
 from pinbound.model.document import Document, parse_floats
-from pinbound.path.chain import rotation_matrix
 from pinbound.tolerances import LARGEST_BODY
 from pinbound.typing import Array
 
@@ -310,8 +310,7 @@ class _Reader:
         if max(map(abs, xyz)) > LARGEST_BODY:
             message = f"xyz of {what} is larger than {LARGEST_BODY:g} m: {origin.get('xyz')!r}"
             self.problems.add(message, "Write three numbers in metres", origin.sourceline)
-        roll, pitch, yaw = (rotation_matrix(axis, angle) for axis, angle in zip(np.eye(3), rpy, strict=True))
-        return yaw @ pitch @ roll, np.array(xyz)
+        return rpy_matrix(rpy), np.array(xyz)
 
     def _triple(self, element: etree._Element, key: str, what: str, default: float) -> tuple[float, float, float]:
         text = element.get(key)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from pinbound.annotations import Mark
+from pinbound.geometry.rotations import rotation_matrix
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
-from pinbound.path.chain import rotation_matrix
 from pinbound.typing import Array
 
 __all__ = ["Poses"]

@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinbound.evaluate.minimum_norm import nearest_corners, nearest_hulls
+from pinbound.geometry.vectors import cross
 from pinbound.tolerances import UNIT_ROUNDOFF
 from pinbound.typing import Array
 
@@ -111,7 +112,7 @@ def overlap(w: Array, ways: Array) -> Array:
     first, second = np.triu_indices(k, 1)
     lengths = np.linalg.norm(ways, axis=2)
     size = np.linalg.norm(w, axis=1) + lengths.sum(axis=0)
-    normals = _crossed(ways[first], ways[second])
+    normals = cross(ways[first], ways[second])
     areas = np.linalg.norm(normals, axis=2)
     spans = lengths[first] * lengths[second]
     sines = np.divide(areas, spans, out=np.zeros_like(areas), where=spans > 0.0)
@@ -124,11 +125,6 @@ def overlap(w: Array, ways: Array) -> Array:
     left_out = 2.0 * k * np.where(faces, 0.0, sines).max(axis=0) * lengths.sum(axis=0)
     rounding = _FACE * UNIT_ROUNDOFF * size / np.where(faces, sines, 1.0).min(axis=0)
     return np.maximum(np.where(np.isfinite(depth), depth, 0.0) - left_out - rounding, 0.0)
-
-
-def _crossed(a: Array, b: Array) -> Array:
-    x, y, z = (a[..., i] * b[..., j] - a[..., j] * b[..., i] for i, j in ((1, 2), (2, 0), (0, 1)))
-    return np.stack((x, y, z), axis=-1)
 
 
 def overlap_in_plane(w: Array, ways: Array, normal: Array) -> Array:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pinbound.geometry.rotations import rotate
 from pinbound.path.chain import Chain
 from pinbound.typing import Array
 
@@ -134,9 +135,6 @@ def _cross(axis: Array, x: Array) -> Array:
 
 
 def _rotate(axis: Array, cos: Array, sin: Array, x: Array) -> Array:
-    """Return `R(axis, angle) x` along axis 1 of x (N, 3, ...), by Rodrigues: x_along + x_across cos + axis x x sin."""
-    shape = (-1,) + (1,) * (x.ndim - 1)
-    u, v, w = axis
-    height = u * x[:, 0] + v * x[:, 1] + w * x[:, 2]
-    along = np.stack((u * height, v * height, w * height), axis=1)
-    return along + (x - along) * cos.reshape(shape) + _cross(axis, x) * sin.reshape(shape)
+    """Return `R(axis, angle) x` along axis 1 of x (N, 3, ...)."""
+    shape = (-1,) + (1,) * (x.ndim - 2)
+    return np.stack(rotate(axis, cos.reshape(shape), sin.reshape(shape), (x[:, 0], x[:, 1], x[:, 2])), axis=1)

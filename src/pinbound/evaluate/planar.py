@@ -75,7 +75,5 @@ def arrows(chain: Chain) -> Arrows | None:
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
     basis = np.stack((first, np.cross(axis, first)))
-    signs = np.sign(chain.axes @ axis)
-    steps = np.concatenate((np.zeros((1, chain.coefficients.shape[1])), signs[:, None] * chain.coefficients))
     across = chain.offsets @ basis.T
-    return Arrows(across[:, 0] + 1j * across[:, 1], np.cumsum(steps, axis=0), float(np.sum(chain.offsets @ axis)))
+    return Arrows(across[:, 0] + 1j * across[:, 1], chain.planar_angles, float(np.sum(chain.offsets @ axis)))

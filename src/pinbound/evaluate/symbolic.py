@@ -205,20 +205,7 @@ def limit_expressions(path: RelativePath, index: int, coordinates: Sequence[str]
             f"no closed form for {name!r}: the path {how}; limits(...) gives its values, numerically and all of them"
         )
     place, q = int(turned[0]), symbols(coordinates)
-    before = Chain(
-        chain.offsets[: place + 1].copy(),
-        chain.slides[: place + 1].copy(),
-        chain.axes[:place].copy(),
-        chain.coefficients[:place].copy(),
-        chain.scale,
-    )
-    behind = Chain(
-        chain.offsets[place + 1 :].copy(),
-        chain.slides[place + 1 :].copy(),
-        chain.axes[place + 1 :].copy(),
-        chain.coefficients[place + 1 :].copy(),
-        chain.scale,
-    )
+    before, behind = chain.before(place), chain.behind(place)
     axis = _constants(chain.axes[place], 1.0)
     p, s = _vector(before, place, q), _vector(behind, 0, q)
     c = [sp.Rational(f"{value:.{SYMBOLIC_DIGITS}g}") for value in chain.coefficients[place]]

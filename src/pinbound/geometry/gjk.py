@@ -16,6 +16,7 @@ from itertools import combinations
 import numpy as np
 
 from pinbound.geometry.exact_nearest import nearest_exactly
+from pinbound.geometry.vectors import cross, dot
 from pinbound.tolerances import UNIT_ROUNDOFF
 from pinbound.typing import Array, Flags, Indices
 
@@ -143,27 +144,27 @@ def _nearest_in_hull(points: Array, used: Flags) -> tuple[Array, Array]:
     valid = np.empty((count, _FEATURES), dtype=np.bool_)
     valid[:, :4] = used
     a, along = points[:, _FIRST], points[:, _SECOND] - points[:, _FIRST]
-    square = _dot(along, along)
-    t = np.divide(-_dot(a, along), square, out=np.full_like(square, -1.0), where=square > 0.0)
+    square = dot(along, along)
+    t = np.divide(-dot(a, along), square, out=np.full_like(square, -1.0), where=square > 0.0)
     edges = np.arange(4, 10)
     weights[:, edges, _FIRST], weights[:, edges, _SECOND] = 1.0 - t, t
     valid[:, 4:10] = used[:, _FIRST] & used[:, _SECOND] & (t >= 0.0) & (t <= 1.0)
     a, b, c = (points[:, _FACES[:, corner]] for corner in range(3))
-    n = _cross(b - a, c - a)
-    areas = np.stack((_dot(n, _cross(b, c)), _dot(n, _cross(c, a)), _dot(n, _cross(a, b))), axis=2)
+    n = cross(b - a, c - a)
+    areas = np.stack((dot(n, cross(b, c)), dot(n, cross(c, a)), dot(n, cross(a, b))), axis=2)
     square = areas.sum(axis=2, keepdims=True)  # |n|^2 but for rounding, with which a sliver's weights would not add up
     shares = np.divide(areas, square, out=np.full_like(areas, -1.0), where=square > 0.0)
     weights[:, np.arange(10, 14)[:, None], _FACES] = shares
     valid[:, 10:] = used[:, _FACES].all(axis=2) & (shares >= 0.0).all(axis=2)
     r = weights @ points
-    best = np.argmin(np.where(valid, _dot(r, r), np.inf), axis=1)
+    best = np.argmin(np.where(valid, dot(r, r), np.inf), axis=1)
     chosen = weights[np.arange(count), best]
     deep = np.zeros(count)
     full = np.flatnonzero(used.all(axis=1))
     if len(full):
         found, depth = _tetrahedron(points[full])
         r = np.einsum("ns,nsi->ni", found, points[full])
-        near = np.sqrt(_dot(r, r)) <= INSIDE * np.linalg.norm(points[full], axis=2).max(axis=1)
+        near = np.sqrt(dot(r, r)) <= INSIDE * np.linalg.norm(points[full], axis=2).max(axis=1)
         inside = np.all(found > 0.0, axis=1) & (depth > 0.0) & near
         deep[full[inside]], chosen[full[inside]] = depth[inside], found[inside]
     return chosen, deep
@@ -172,19 +173,9 @@ def _nearest_in_hull(points: Array, used: Flags) -> tuple[Array, Array]:
 def _tetrahedron(points: Array) -> tuple[Array, Array]:
     """Return barycentric coordinates (N, 4) of the origin, negative where all is flat, and its depth inside."""
     a, b, c = (points[:, _FACES[::-1, corner]] for corner in range(3))  # the face without corner 0, 1, 2, 3
-    volume = _dot(a, _cross(b, c)) * np.array([1.0, -1.0, 1.0, -1.0])
-    normal = _cross(b - a, c - a)
-    area = np.sqrt(_dot(normal, normal))
+    volume = dot(a, cross(b, c)) * np.array([1.0, -1.0, 1.0, -1.0])
+    normal = cross(b - a, c - a)
+    area = np.sqrt(dot(normal, normal))
     depth = np.divide(np.abs(volume), area, out=np.zeros_like(area), where=area > 0.0).min(axis=1)
     total = volume.sum(axis=1, keepdims=True)
     return np.divide(volume, total, out=np.full_like(volume, -1.0), where=np.abs(total) > 0.0), depth
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
-
-
-def _cross(a: Array, b: Array) -> Array:
-    x, y, z = a[..., 0], a[..., 1], a[..., 2]
-    u, v, w = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack((y * w - z * v, z * u - x * w, x * v - y * u), axis=-1)

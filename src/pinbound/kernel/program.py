@@ -234,10 +234,8 @@ def _local_angles(pair: Pair) -> Iterator[Angle]:
 
 def _planar_angles(chain: Chain, frame: int) -> list[Angle]:
     """Return `g_i - g_f` for every offset of a planar chain."""
-    signs = np.sign(chain.axes @ chain.axes[0]) if chain.rotations else np.zeros(0)
-    steps = np.vstack((np.zeros(chain.coefficients.shape[1]), signs[:, None] * chain.coefficients))
-    cumulative = np.cumsum(steps, axis=0)
-    return [_key(row) for row in cumulative - cumulative[frame]]
+    angles = chain.planar_angles
+    return [_key(row) for row in angles - angles[frame]]
 
 
 def _local_vector(angles: _Angles, path: RelativePath) -> Vector:

@@ -371,18 +371,4 @@ def _sliding(chain: Chain, index: int, name: str, Q: Array, threshold: float, to
 
 def _parts(chain: Chain, place: int, Q: Array) -> tuple[Array, Array]:
     """Return p and s (N, 3) of `r = p + R s`, R being the rotation at `place`, in the frame just before it."""
-    behind = Chain(
-        chain.offsets[place + 1 :].copy(),
-        chain.slides[place + 1 :].copy(),
-        chain.axes[place + 1 :].copy(),
-        chain.coefficients[place + 1 :].copy(),
-        chain.scale,
-    )
-    before = Chain(
-        chain.offsets[: place + 1].copy(),
-        chain.slides[: place + 1].copy(),
-        chain.axes[:place].copy(),
-        chain.coefficients[:place].copy(),
-        chain.scale,
-    )
-    return numeric.positions(before.reversed(), Q), numeric.positions(behind, Q)
+    return numeric.positions(chain.before(place).reversed(), Q), numeric.positions(chain.behind(place), Q)

@@ -31,7 +31,7 @@ __all__ = ["Closure", "Deviation", "augmented", "close", "joint_errors", "place_
 
 
 @dataclass(frozen=True, eq=False)
-class Deviation:
+class Deviation(Value):
     """How far the true linkage can be from the coupling, because the sides of its loop differ.
 
     Attributes:
@@ -43,10 +43,6 @@ class Deviation:
     joint: str
     bound: float
     response: Array
-
-    def __post_init__(self) -> None:
-        """Make the value immutable."""
-        self.response.flags.writeable = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -211,11 +211,8 @@ def _microns(length: float) -> str:
 def _sides(chain: Chain) -> list[Side]:
     """Return the terms of a planar chain by distinct cumulative angle; the chain is reduced, so none is zero."""
     axis = chain.axes[0]
-    signs = np.sign(chain.axes @ axis)
-    cumulative = np.vstack(
-        (np.zeros(chain.coefficients.shape[1]), np.cumsum(signs[:, None] * chain.coefficients, axis=0))
-    )
-    sides = [Side(g, offset - axis * (axis @ offset)) for g, offset in zip(cumulative, chain.offsets, strict=True)]
+    terms = zip(chain.planar_angles, chain.offsets, strict=True)
+    sides = [Side(g, offset - axis * (axis @ offset)) for g, offset in terms]
     return [side for side in sides if side.length > REDUCTION * chain.scale]
 
 

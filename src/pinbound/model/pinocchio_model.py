@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from copy import deepcopy
 from typing import Any, cast
 from xml.sax.saxutils import quoteattr
@@ -12,6 +12,7 @@ import numpy as np
 from lxml import etree
 
 from pinbound.exceptions import Problems
+from pinbound.geometry.rotations import rotation_matrix
 from pinbound.model.coupling import couple
 from pinbound.model.document import Document
 from pinbound.model.kinematics import Joint, Kinematics
@@ -267,7 +268,7 @@ def placements(tree: Tree, theta: Mapping[str, float]) -> tuple[list[str], Array
         if joint.type == "prismatic":
             translation = translation + rotation @ (joint.axis * theta[joint.name])
         elif joint.moves:
-            rotation = rotation @ _turn(joint.axis.tolist(), theta[joint.name])
+            rotation = rotation @ rotation_matrix(joint.axis, theta[joint.name])
         above, origin = places[joint.parent]
         places[link.name] = above @ rotation, origin + above @ translation
     turned, moved = zip(*places.values(), strict=True)
@@ -276,16 +277,3 @@ def placements(tree: Tree, theta: Mapping[str, float]) -> tuple[list[str], Array
 
 def _place(vector: Array) -> str:
     return "(" + ", ".join(f"{float(part):.9g}" for part in vector) + ")"
-
-
-def _turn(axis: Sequence[float], angle: float) -> Array:
-    """Return the rotation about a unit axis: `cos I + sin [a]x + (1 - cos) a a^T` (Rodrigues)."""
-    (x, y, z), s, c = axis, math.sin(angle), math.cos(angle)
-    v = 1.0 - c
-    return np.array(
-        [
-            [c + v * x * x, v * x * y - s * z, v * x * z + s * y],
-            [v * x * y + s * z, c + v * y * y, v * y * z - s * x],
-            [v * x * z - s * y, v * y * z + s * x, c + v * z * z],
-        ]
-    )

@@ -14,6 +14,7 @@ import numpy as np
 from lxml import etree
 
 from pinbound.exceptions import Problems, name_hint, printable
+from pinbound.geometry.rotations import rpy_matrix
 from pinbound.model.document import Document, local_name, parse_floats
 from pinbound.model.kinematics import JOINT_TYPES, MOVING_TYPES, Joint, JointType, Kinematics, Link, Mimic
 from pinbound.model.kinematics_checks import check_mimics, check_tree, listed, note_nearly_parallel
@@ -161,7 +162,7 @@ class _Reader:
             type=cast(JointType, kind),
             parent=ends[0],
             child=ends[1],
-            rotation=_rotation(rpy),
+            rotation=rpy_matrix(rpy) if any(rpy) else np.eye(3),
             translation=np.array(xyz),
             axis=self._axis(element, kind, what),
             lower=lower,
@@ -295,17 +296,3 @@ def _limit_remedy(kind: str) -> str:
 
 def _line(element: etree._Element | None) -> int | None:
     return None if element is None else element.sourceline
-
-
-def _rotation(rpy: tuple[float, ...]) -> Array:
-    """Return `R_z(yaw) R_y(pitch) R_x(roll)`, the convention of URDF."""
-    if not any(rpy):
-        return np.eye(3)
-    (sr, sp, sy), (cr, cp, cy) = np.sin(rpy), np.cos(rpy)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )

@@ -17,13 +17,13 @@ import numpy as np
 from pinbound.annotations.shapes import cube_corners
 from pinbound.tolerances import REDUCTION
 from pinbound.typing import Array, Flags
-from pinbound.values import Value
+from pinbound.values import Value, read_only
 
-__all__ = ["Chain", "Swept", "are_parallel", "drop_head", "reduce_chain", "rotation_matrix", "split"]
+__all__ = ["Chain", "Swept", "are_parallel", "drop_head", "reduce_chain", "split"]
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class Chain(Value):
     """`b_0 + R_1(b_1 + R_2(b_2 + ...))` with k rotations, over n active coordinates.
 
     Attributes:
@@ -41,11 +41,6 @@ class Chain:
     coefficients: Array
     scale: float
 
-    def __post_init__(self) -> None:
-        """Make the value immutable."""
-        for array in (self.offsets, self.slides, self.axes, self.coefficients):
-            array.flags.writeable = False
-
     @property
     def rotations(self) -> int:
         """The number k of rotations."""
@@ -59,12 +54,23 @@ class Chain:
 
     def reversed(self) -> Chain:
         """Return the same vector, seen in the frame behind the last rotation: `b_k + R_k^T (b_(k-1) + ...)`."""
+        return Chain(self.offsets[::-1], self.slides[::-1], -self.axes[::-1], self.coefficients[::-1], self.scale)
+
+    def before(self, place: int) -> Chain:
+        """Return what stands before rotation `place`, and does not turn with it."""
         return Chain(
-            self.offsets[::-1].copy(),
-            self.slides[::-1].copy(),
-            -self.axes[::-1],
-            self.coefficients[::-1].copy(),
+            self.offsets[: place + 1],
+            self.slides[: place + 1],
+            self.axes[:place],
+            self.coefficients[:place],
             self.scale,
+        )
+
+    def behind(self, place: int) -> Chain:
+        """Return what rotation `place` turns, in the frame behind it."""
+        after = place + 1
+        return Chain(
+            self.offsets[after:], self.slides[after:], self.axes[after:], self.coefficients[after:], self.scale
         )
 
     @property
@@ -72,9 +78,15 @@ class Chain:
         """Whether all rotations are about one direction."""
         return all(are_parallel(self.axes[0], axis) for axis in self.axes[1:])
 
+    @cached_property
+    def planar_angles(self) -> Array:
+        """Of a planar chain (k + 1, n): coefficients of the angle, about the first axis, by which each block turns."""
+        signs = np.sign(self.axes @ self.axes[0]) if self.rotations else np.zeros(0)
+        steps = signs[:, None] * self.coefficients
+        return read_only(np.cumsum(np.vstack((np.zeros(self.coefficients.shape[1]), steps)), axis=0))
 
-_NO_CORNER = np.zeros((1, 0))
-_NO_CORNER.flags.writeable = False
+
+_NO_CORNER = read_only(np.zeros((1, 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,18 +131,6 @@ class Swept(Value):
         return tuple(found)
 
 
-def rotation_matrix(axis: Array, angle: float) -> Array:
-    """Return Rodrigues' rotation (3, 3) about a unit axis; exactly the identity for angle 0.
-
-    Example:
-        >>> rotation_matrix(np.array([0.0, 1.0, 0.0]), np.pi / 2).round(12) @ [0.0, 0.0, 1.0]
-        array([1., 0., 0.])
-    """
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + 2.0 * np.sin(angle / 2) ** 2 * (cross @ cross)
-
-
 def are_parallel(u: Array, v: Array) -> bool:
     """Return whether two unit vectors span one line, up to the rounding of folded constants."""
     (a, b, c), (x, y, z) = u.tolist(), v.tolist()
@@ -139,21 +139,14 @@ def are_parallel(u: Array, v: Array) -> bool:
 
 def split(chain: Chain, n: int, corners: tuple[Array, Array] = (_NO_CORNER, _NO_CORNER)) -> Swept:
     """Return a chain over n coordinates, and the directions of the parameters behind them, which have these corners."""
-    own = replace(chain, slides=chain.slides[:, :, :n].copy(), coefficients=chain.coefficients[:, :n].copy())
-    return Swept(own, tuple(chain.slides[:, :, column].copy() for column in range(n, chain.slides.shape[2])), corners)
+    own = replace(chain, slides=chain.slides[:, :, :n], coefficients=chain.coefficients[:, :n])
+    return Swept(own, tuple(chain.slides[:, :, column] for column in range(n, chain.slides.shape[2])), corners)
 
 
 def _trimmed(chain: Chain) -> Chain:
     """Return a chain that does not slide without the rotations behind its last offset."""
     used = np.flatnonzero(np.any(chain.offsets, axis=1))
-    k = int(used[-1]) if len(used) else 0
-    return Chain(
-        chain.offsets[: k + 1].copy(),
-        chain.slides[: k + 1].copy(),
-        chain.axes[:k].copy(),
-        chain.coefficients[:k].copy(),
-        chain.scale,
-    )
+    return chain.before(int(used[-1]) if len(used) else 0)
 
 
 def reduce_chain(chain: Chain) -> Chain:
@@ -199,7 +192,7 @@ def _collect_runs(chain: Chain) -> Chain:
     n = chain.coefficients.shape[1]
     k = len(out_axes)
     axes, coefficients = np.array(out_axes).reshape(k, 3), np.array(out_coefficients).reshape(k, n)
-    return Chain(stacked[:, :, 0].copy(), stacked[:, :, 1:].copy(), axes, coefficients, chain.scale)
+    return Chain(stacked[:, :, 0], stacked[:, :, 1:], axes, coefficients, chain.scale)
 
 
 @dataclass
@@ -254,7 +247,7 @@ def drop_head(chain: Chain, across: Array | None = None) -> Chain:
         offsets, slides = chain.offsets[1:].copy(), chain.slides[1:].copy()
         offsets[0] += chain.offsets[0]
         slides[0] += chain.slides[0]
-        chain = reduce_chain(Chain(offsets, slides, chain.axes[1:].copy(), chain.coefficients[1:].copy(), chain.scale))
+        chain = reduce_chain(Chain(offsets, slides, chain.axes[1:], chain.coefficients[1:], chain.scale))
     return chain if across is None else _only_across(chain, across)
 
 

@@ -20,10 +20,11 @@ import numpy as np
 
 from pinbound.annotations import Mark, Measure, Shape
 from pinbound.exceptions import UnsupportedError
+from pinbound.geometry.rotations import rotation_matrix
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
 from pinbound.model.urdf import MOVING_TYPES, Joint
-from pinbound.path.chain import Chain, Swept, drop_head, reduce_chain, rotation_matrix, split
+from pinbound.path.chain import Chain, Swept, drop_head, reduce_chain, split
 from pinbound.tolerances import REDUCTION
 from pinbound.typing import Array, Ints
 from pinbound.values import Value
@@ -344,7 +345,7 @@ class _Builder:
         if k:
             coefficients[:, :n] = self.coefficients
         axes = np.array(self.axes).reshape(k, 3)
-        return Chain(blocks[:, :, 0].copy(), blocks[:, :, 1:].copy(), axes, coefficients, scale)
+        return Chain(blocks[:, :, 0], blocks[:, :, 1:], axes, coefficients, scale)
 
 
 def _columns(placed: Array, n: int) -> Array:

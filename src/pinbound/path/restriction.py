@@ -11,21 +11,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinbound.path.chain import Chain, drop_head, rotation_matrix, split
+from pinbound.geometry.rotations import rotation_matrix
+from pinbound.path.chain import Chain, drop_head, split
 from pinbound.path.relative import RelativePath
 from pinbound.typing import Array
 
-__all__ = ["restrict", "restrict_path"]
+__all__ = ["hold", "restrict", "restrict_path"]
 
 
 def restrict(chain: Chain, at: Array, keep: Sequence[int], across: Array | None = None) -> Chain:
     """Return a reduced chain over the coordinates `keep` with the same norm, the others held as in `at`.
 
-    Args:
-        chain: Over n coordinates.
-        at: (n,) [rad or m].
-        keep: Indices of the coordinates that stay, in their new order.
-        across: Rows that take from the vector what counts; None: all of it.
+    Arguments are those of `hold`, and rows `across` that take from the vector what counts; None: all of it.
 
     Example:
         >>> axes, slides = np.array([[0.0, 1.0, 0.0]] * 2), np.zeros((3, 3, 2))
@@ -33,6 +30,23 @@ def restrict(chain: Chain, at: Array, keep: Sequence[int], across: Array | None 
         >>> arm = Chain(offsets, slides, axes, np.eye(2), 6.0)
         >>> restrict(arm, np.array([0.0, 0.5]), [0]).rotations
         1
+    """
+    return drop_head(hold(chain, at, keep), across)
+
+
+def hold(chain: Chain, at: Array, keep: Sequence[int]) -> Chain:
+    """Return a chain over the coordinates `keep` with the same value, the others held as in `at`.
+
+    Args:
+        chain: Over n coordinates.
+        at: (n,) [rad or m].
+        keep: Indices of the coordinates that stay, in their new order.
+
+    Example:
+        >>> turn = Chain(np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.zeros((2, 3, 2)), np.array([[0.0, 0, 1]]),
+        ...     np.array([[1.0, 1.0]]), 1.0)
+        >>> hold(turn, np.array([9.0, np.pi / 2]), [0]).offsets[1].round(12).tolist()
+        [0.0, 1.0, 0.0]
     """
     kept = list(keep)
     held = np.where(np.isin(np.arange(len(at)), kept), 0.0, at)
@@ -61,7 +75,7 @@ def restrict(chain: Chain, at: Array, keep: Sequence[int], across: Array | None 
             slides[-1] = slides[-1] + slide
     shape = (-1, len(kept))
     stacked = np.array(axes).reshape(-1, 3), np.array(coefficients).reshape(shape)
-    return drop_head(Chain(np.array(offsets), np.array(slides), *stacked, scale), across)
+    return Chain(np.array(offsets), np.array(slides), *stacked, scale)
 
 
 def restrict_path(path: RelativePath, at: Array, keep: Sequence[int]) -> RelativePath:

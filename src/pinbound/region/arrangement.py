@@ -51,7 +51,7 @@ _TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
-class Edge:
+class Edge(Value):
     """One edge of a region: which boundary or joint limit it is, and where it runs.
 
     Attributes:
@@ -70,14 +70,9 @@ class Edge:
     end: Array
     points: Array
 
-    def __post_init__(self) -> None:
-        """Make the value immutable."""
-        for array in (self.start, self.end, self.points):
-            array.flags.writeable = False
-
 
 @dataclass(frozen=True, eq=False)
-class Corner:
+class Corner(Value):
     """Where two edges of a region meet.
 
     Attributes:
@@ -92,10 +87,6 @@ class Corner:
     before: str
     after: str
     polished: bool
-
-    def __post_init__(self) -> None:
-        """Make the value immutable."""
-        self.point.flags.writeable = False
 
 
 @dataclass(frozen=True)

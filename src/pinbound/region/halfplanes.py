@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike
 
 from pinbound.tolerances import IMPLIED, LIMIT, UNIT_ROUNDOFF, VERTEX
 from pinbound.typing import Array, Flags
+from pinbound.values import Value
 
 __all__ = ["HalfPlane", "Support", "intersect", "support"]
 
 
 @dataclass(frozen=True, eq=False)
-class HalfPlane:
+class HalfPlane(Value):
     """`normal @ x <= bound` in the plane of two coordinates.
 
     Attributes:
@@ -31,10 +32,6 @@ class HalfPlane:
     normal: Array
     bound: float
     is_contact: bool
-
-    def __post_init__(self) -> None:
-        """Make the value immutable."""
-        self.normal.flags.writeable = False
 
     def allows(self, X: Array) -> Flags:
         """Return whether points (N, 2) keep it: a contact is open; a limit may be passed by its rule's tolerance.

@@ -16,7 +16,6 @@ and the third likewise.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,48 +23,13 @@ import numpy as np
 
 from pinbound.evaluate import numeric
 from pinbound.exceptions import UnsupportedError
-from pinbound.path.chain import Chain, are_parallel, rotation_matrix
+from pinbound.path.chain import Chain, are_parallel
 from pinbound.tolerances import REDUCTION
 from pinbound.typing import Array
 
-__all__ = ["PlanarImage", "planar_image", "restrict"]
+__all__ = ["PlanarImage", "planar_image"]
 
 _PLANE = 2
-
-
-def restrict(chain: Chain, indices: Sequence[int], at: Array) -> Chain:
-    """Return the chain over the coordinates `indices` only, the others held as in `at` (n,).
-
-    Example:
-        >>> turn = Chain(np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.zeros((2, 3, 2)), np.array([[0.0, 0, 1]]),
-        ...     np.array([[1.0, 1.0]]), 1.0)
-        >>> numeric.positions(restrict(turn, [0], np.array([9.0, np.pi / 2])), np.zeros((1, 1))).round(12) + 0.0
-        array([[0., 1., 0.]])
-    """
-    columns = list(indices)
-    held = np.array(at, dtype=np.float64)
-    held[columns] = 0.0
-    turned = np.eye(3)
-    offsets, slides = [chain.offsets[0] + chain.slides[0] @ held], [chain.slides[0][:, columns]]
-    axes, coefficients = list[Array](), list[Array]()
-    for i in range(chain.rotations):
-        axis, c = chain.axes[i], chain.coefficients[i]
-        if np.any(c[columns]):
-            axes.append(turned @ axis)
-            coefficients.append(c[columns])
-            offsets.append(np.zeros(3))
-            slides.append(np.zeros((3, len(columns))))
-        turned = turned @ rotation_matrix(axis, float(c @ held))
-        offsets[-1] = offsets[-1] + turned @ (chain.offsets[i + 1] + chain.slides[i + 1] @ held)
-        slides[-1] = slides[-1] + turned @ chain.slides[i + 1][:, columns]
-    count = len(columns)
-    return Chain(
-        np.array(offsets),
-        np.array(slides),
-        np.array(axes).reshape(-1, 3),
-        np.array(coefficients).reshape(-1, count),
-        chain.scale,
-    )
 
 
 @dataclass(frozen=True)
@@ -116,9 +80,7 @@ class PlanarImage:
     @cached_property
     def _terms(self) -> tuple[Array, Array, Array]:
         """Return |g| (m, 2), B (m,) and |L| (m, 2) of the sum over cumulative angles."""
-        signs = np.sign(self.chain.axes @ self.chain.axes[0]) if self.chain.rotations else np.zeros(0)
-        steps = (signs[:, None] * self.chain.coefficients).reshape(-1, _PLANE)
-        g = np.abs(np.vstack((np.zeros(_PLANE), np.cumsum(steps, axis=0))))
+        g = np.abs(self.chain.planar_angles)
         slides = np.linalg.norm(self.chain.slides, axis=1)
         return g, np.linalg.norm(self.chain.offsets, axis=1) + slides @ self.most, slides
 

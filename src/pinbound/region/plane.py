@@ -35,7 +35,7 @@ from pinbound.region.obstacles import Obstacle, obstacle_of
 from pinbound.region.window import box_of, slab
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array, Flags
-from pinbound.values import Value
+from pinbound.values import Value, read_only
 
 __all__ = ["Curve", "Plane", "Strips", "plane_of"]
 
@@ -99,7 +99,7 @@ class Curve:
 
 
 @dataclass(frozen=True, eq=False)
-class Plane:
+class Plane(Value):
     """Two coordinates of a robot, the others held, and everything that bounds them.
 
     Attributes:
@@ -127,20 +127,16 @@ class Plane:
     margin: float
     obstacles: tuple[Obstacle, ...] = ()
 
-    def __post_init__(self) -> None:
-        """Make the value immutable."""
-        self.at.flags.writeable = False
-
     @cached_property
     def start(self) -> Array:
         """(2,) the start point."""
-        return _frozen(self.at[[self.robot.coordinates.index(name) for name in self.coordinates]])
+        return read_only(self.at[[self.robot.coordinates.index(name) for name in self.coordinates]])
 
     @cached_property
     def window(self) -> Array:
         """(2, 2), rows lower and upper: the box."""
         ends = [side.bound / float(side.normal[index % 2]) for index, side in enumerate(self.box)]
-        return _frozen(np.array([[ends[2], ends[3]], [ends[0], ends[1]]]))
+        return read_only(np.array([[ends[2], ends[3]], [ends[0], ends[1]]]))
 
     @cached_property
     def units(self) -> tuple[str, str]:
@@ -155,7 +151,7 @@ class Plane:
         One, or the width of the window where that is less, rounded down to a power of two so that scaling is exact.
         """
         width = self.window[1] - self.window[0]
-        return _frozen(np.minimum(1.0, np.exp2(np.floor(np.log2(width)))))
+        return read_only(np.minimum(1.0, np.exp2(np.floor(np.log2(width)))))
 
     def lift(self, X: Array) -> Array:
         """Return configurations (N, n) of points (N, 2)."""
@@ -180,11 +176,6 @@ class Plane:
         for contact in (*self.strips, *self.curves):
             found &= contact.free(X)
         return found
-
-
-def _frozen(array: Array) -> Array:
-    array.flags.writeable = False
-    return array
 
 
 def plane_of(

@@ -21,7 +21,7 @@ import shapely
 import shapely.affinity
 
 from pinbound.exceptions import DimensionError, UnsupportedError
-from pinbound.path.chain import rotation_matrix
+from pinbound.geometry.rotations import rotation_matrix
 from pinbound.region.folds import triangulate
 from pinbound.region.workspace import Measure, Section
 from pinbound.robot.robot import Robot

@@ -25,9 +25,10 @@ import shapely
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.path.chain import Chain, are_parallel
 from pinbound.path.relative import absolute_chain
+from pinbound.path.restriction import hold
 from pinbound.region.covering import Parts, covered, cut_along_folds, subdivided
 from pinbound.region.folds import Folds, find_folds
-from pinbound.region.planar_image import PlanarImage, planar_image, restrict
+from pinbound.region.planar_image import PlanarImage, planar_image
 from pinbound.region.region import Region
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import CHORD, QUADRATURE, REDUCTION
@@ -285,7 +286,7 @@ def workspace_section(
     turning = None if turn is None else _turn(robot, chain, indices, region, turn)
     upright, foot = (np.array([0.0, 0.0, 1.0]), np.zeros(3)) if turning is None else (turning.axis, turning.point)
     most = np.max(np.abs(region.vertices), axis=0)
-    image = planar_image(restrict(chain, indices, region.at), upright, foot, most, region.centroid)
+    image = planar_image(hold(chain, region.at, indices), upright, foot, most, region.centroid)
     if turning is not None and not are_parallel(image.v, turning.axis):
         raise UnsupportedError(
             f"the axis of {turn!r} does not lie along the plane in which {link!r} moves: no volume is swept"
@@ -308,7 +309,7 @@ def _turn(robot: Robot, chain: Chain, indices: Sequence[int], region: Region, na
             f"{name!r} does not turn the section as a whole: it must turn the frame exactly once, before "
             f"{' and '.join(region.coordinates)} do"
         )
-    alone = restrict(chain, [index], region.at)
+    alone = hold(chain, region.at, [index])
     axis, point = alone.axes[0], alone.offsets[0]
     foot = point - axis * float(axis @ point)
     return Turn(name, index, foot, axis.copy(), float(alone.coefficients[0, 0]))
