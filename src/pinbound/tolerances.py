@@ -36,6 +36,7 @@ __all__ = [
     "IMPLIED",
     "INFLATION",
     "KERNEL_CONSTANT",
+    "KERNEL_SIGN",
     "LARGEST_BODY",
     "LIMIT",
     "LONGEST",
@@ -260,6 +261,10 @@ of this half-width, it is taken for contact: the width at which rounding hides a
 KERNEL_CONSTANT: Final = 2.0**-52
 """Relative to the length of a path, and absolute for entries of rotations: constants of the batch kernel that differ
 by this, the last digit of a float64, are one constant, so that what they stand for is computed once."""
+
+KERNEL_SIGN: Final = 3.6e-15
+"""Relative to the length of a path, once for each of its angles and each radian of them: how near to zero a result of
+the batch kernel, and of the reference interpreter, may have the wrong sign (16 machine epsilons)."""
 LONGEST: Final = 1e75
 """Metres. Longest offset, and longest slide, that is taken: nearest points of segments need products of four lengths,
 which overflow float64 from 1e77 m on."""

@@ -115,7 +115,9 @@ class SignedKernel:
         if not (self._within if limits else self._open).holds_at(q.tolist()):
             return False
         areas = self.kernel.one(q, "clearances") if len(self.areas) else np.empty(0)
-        return areas is not None and bool(np.all(areas > 0.0))
+        if areas is None:  # not finite, or a sign that is for the reference to tell
+            areas = self.kernel.rows(q[None], "clearances")[0]
+        return bool(np.all(areas > 0.0))
 
     def rows(
         self,
@@ -127,7 +129,7 @@ class SignedKernel:
         dtype: Any = np.float64,
     ) -> AnyArray:
         """Return the signed clearances (N, m), or with the mode ``"gradients"`` their gradients (N, m, n)."""
-        from pinbound.kernel.engine import buffer, check_choices, real
+        from pinbound.kernel.arguments import buffer, check_choices, real
 
         check_choices(threads, backend)
         m, is_slope, kind = len(self.rules), mode == "gradients", real(dtype)

@@ -2,10 +2,11 @@
 
 `scalars` and `program` say what is computed, once for the set; `source` and `compiled` turn that into machine code by
 Numba (`pip install pinbound[fast]`), which `object_cache` keeps for later processes; `vectorised` runs it in NumPy
-where there is no Numba, or too little work to compile for; `engine` chooses.
+where there is no Numba, or too little work to compile for; `choice` chooses, and `engine` runs it.
 """
 
-from pinbound.kernel.engine import BACKENDS, Backend, Kernel, check_choices
+from pinbound.kernel.arguments import BACKENDS, Backend, check_choices
+from pinbound.kernel.engine import Kernel
 from pinbound.kernel.mixed import MixedKernel, kernel_of
 from pinbound.kernel.program import CommonMark, Pair, Reference
 

@@ -1,61 +1,39 @@
-"""The kernel of a boundary set: picks the backend, checks buffers, splits rows over threads."""
+"""The kernel of a boundary set: runs a program on a backend, and takes from the reference what that cannot decide."""
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
-from numpy.exceptions import TooHardError
 from numpy.typing import NDArray
 
-from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
+from pinbound.exceptions import DimensionError, UnsupportedError
+from pinbound.kernel.arguments import Backend, buffer, check_choices, in_threads, real, representable
+from pinbound.kernel.choice import Choice, Work, notice_without_numba
 from pinbound.kernel.program import CommonMark, Pair, Program, Reference, compile_program
-from pinbound.kernel.source import kernel_source, scalar_source
+from pinbound.kernel.source import FAR, kernel_source, scalar_source
 from pinbound.kernel.vectorised import LinearProgram, VectorisedProgram
-from pinbound.machine.compiled import MachineCode, compile_source, has_numba
-from pinbound.tolerances import LONGEST, LONGEST_SINGLE
+from pinbound.machine.compiled import KernelSource, MachineCode, compile_source, has_numba
+from pinbound.tolerances import KERNEL_SIGN, LONGEST, LONGEST_SINGLE
 from pinbound.typing import AnyArray as Array
 from pinbound.typing import Ints
 from pinbound.values import read_only
 
-__all__ = [
-    "BACKENDS",
-    "Backend",
-    "Kernel",
-    "buffer",
-    "check_choices",
-    "in_threads",
-    "notice_without_numba",
-    "real",
-    "representable",
-]
-
-Backend = Literal["auto", "compiled", "numpy"]
-
-BACKENDS = ("auto", "compiled", "numpy")
-
-_WORTH_COMPILING = 3e7
-"""Counted operations (rows times cost) from which a first compile, about a second, pays in NumPy time saved."""
+__all__ = ["Kernel"]
 
 _ROWS_PER_THREAD = 4096
 """Fewer rows than this a thread, and starting the thread costs more than it saves."""
-
-_MOST_WORK = 10_000
-"""Steps of NumPy's exact test for shared memory; arrays that need more are taken to overlap."""
-
-_logger = logging.getLogger("pinbound")
-_noticed: list[str] = []
 
 
 class Kernel:
     """Evaluates a set of boundaries. Made once a set; backends are compiled when first needed.
 
     Values agree between backends, and with the reference interpreter, to rounding: 1e-12 relative, and 1e-15 of
-    the length of the paths near contact.
+    the length of the paths near contact. In float64 their signs agree always: a number that rounding could have given
+    another sign is taken from the reference.
     """
 
     def __init__(
@@ -79,6 +57,9 @@ class Kernel:
         self.reference, self._common = reference, common
         self._scalar: dict[str, Callable[..., list[float]]] = {}
         self._compiled: dict[tuple[str, bool], MachineCode] = {}
+        self._sources: dict[tuple[str, bool], KernelSource] = {}
+        self._work_of: dict[bool, tuple[float, int]] = {}
+        self._choice = Choice()
         if program is not None:
             self.__dict__["program"] = program
 
@@ -95,10 +76,17 @@ class Kernel:
         """The expressions, local or common, whichever is cheaper."""
         return compile_program(self.pairs, self.n, self._common())
 
-    @cached_property
-    def cost(self) -> float:
-        """Counted operations a configuration."""
-        return self.program.graph.cost(self.program.squares) + 8.0 * len(self.pairs)
+    def _call(self, mode: str, rows: int) -> Work:
+        """Return what a call asks for."""
+        is_slope, graph, m = mode == "gradients", self.program.graph, len(self.pairs)
+        if is_slope not in self._work_of:
+            outputs = list(self.program.squares)
+            if is_slope:
+                outputs += [number for row in self.program.gradients() for number in row]
+            more = 8.0 * m * (self.n if is_slope else 1)
+            self._work_of[is_slope] = graph.cost(outputs) + more, len(graph.reachable(outputs))
+        cost, nodes = self._work_of[is_slope]
+        return Work(rows, cost, nodes)
 
     @cached_property
     def thresholds(self) -> NDArray[np.float64]:
@@ -116,7 +104,7 @@ class Kernel:
         return sorted(used)
 
     def one(self, q: NDArray[np.float64], mode: Literal["norms", "clearances"]) -> NDArray[np.float64] | None:
-        """Return norms or clearances (m,) of one finite configuration by plain Python; None if it is not finite."""
+        """Return norms or clearances (m,) of one configuration by plain Python; None if that cannot tell them."""
         function = self._scalar.get(mode)
         if function is None:
             namespace: dict[str, Any] = {"sqrt": math.sqrt, "cos": math.cos, "sin": math.sin}
@@ -126,7 +114,13 @@ class Kernel:
         if not all(map(math.isfinite, values)):
             return None
         found = function(*values)
-        return np.array(found) if all(map(math.isfinite, found)) else None  # a square overflowed
+        if not all(map(math.isfinite, found)):  # a square overflowed
+            return None
+        if self._signs_count(mode) and self._sure >= 0.0:
+            far = max(map(abs, values), default=0.0) > self._near
+            if far or min(map(abs, found), default=math.inf) <= self._sure:
+                return None
+        return np.array(found)
 
     def rows(
         self,
@@ -194,6 +188,34 @@ class Kernel:
         return max((pair.minimal.scale for pair in self.pairs), default=0.0)
 
     @cached_property
+    def _turns(self) -> Array:
+        """(n,) the sum of all angles' |c_j|: how much a unit of each coordinate can add to the rounding of angles."""
+        coefficients = np.array(self.program.graph.angles).reshape(-1, self.n)
+        return np.abs(coefficients).sum(axis=0)
+
+    def _unsure(self, size: Array) -> Array:
+        """Return up to which size (N,) the sign of a result is not sure, for |q| (N, n) [m]."""
+        length = self.program.scale + size @ self._rates
+        return KERNEL_SIGN * length * (1.0 + len(self.program.graph.angles) + size @ self._turns)
+
+    @cached_property
+    def _sure(self) -> float:
+        """The largest of them while no coordinate and no angle is beyond `FAR`; negative where no sign is asked for."""
+        if not self.program.scale > 0.0:
+            return -1.0
+        angles = len(self.program.graph.angles)
+        return KERNEL_SIGN * (self.program.scale + FAR * float(self._rates.sum())) * (1.0 + angles * (1.0 + FAR))
+
+    @cached_property
+    def _near(self) -> float:
+        """Up to which |q_j| no angle is beyond `FAR`."""
+        most = np.abs(np.array(self.program.graph.angles).reshape(-1, self.n)).sum(axis=1).max(initial=1.0)
+        return FAR / float(most)
+
+    def _signs_count(self, mode: str) -> bool:
+        return any(self.program.signed) if mode == "norms" else mode != "gradients"
+
+    @cached_property
     def _rates(self) -> NDArray[np.float64]:
         """(n,) how far a unit of each coordinate can slide any path, summed over its blocks; 0 where none slides."""
         sums = [np.linalg.norm(pair.minimal.slides, axis=1).sum(axis=0) for pair in self.pairs]
@@ -224,23 +246,32 @@ class Kernel:
         self, Q: Array, mode: str, out: Array, index: Array, backend: Backend, is_single: bool
     ) -> Callable[[int, int], int]:
         """Return a function of a range of rows that fills them and returns how many numbers were not finite."""
-        large = len(Q) * self.cost >= _WORTH_COMPILING
-        compiled = backend == "compiled" or (
-            backend == "auto" and has_numba() and (large or (mode, is_single) in self._compiled)
-        )
-        if compiled:
+        if self._runs_compiled(len(Q), mode, backend, is_single):
             function = self._machine_code(mode, is_single)
             with np.errstate(over="ignore"):  # what is too large becomes infinite, and is mended
                 data = np.require(Q, np.float32 if is_single else np.float64, ["C", "A"])
             return lambda lo, hi: function(data[lo:hi], out[lo:hi], index[lo:hi])
-        if large and backend == "auto":
-            notice_without_numba()
         return lambda lo, hi: self._in_numpy(Q, mode, out, index, lo, hi)
+
+    def _runs_compiled(self, rows: int, mode: str, backend: Backend, is_single: bool) -> bool:
+        """Choose between machine code and NumPy."""
+        if backend != "auto":
+            return backend == "compiled"
+        if (mode, is_single) in self._compiled:
+            return True
+        kind = mode, is_single
+        return self._choice.compiles(kind, self._call(mode, rows), lambda: self._source(mode, is_single))
+
+    def _source(self, mode: str, is_single: bool) -> KernelSource:
+        key = (mode, is_single)
+        if key not in self._sources:
+            self._sources[key] = kernel_source(self.program, mode, is_single, -1.0 if is_single else self._sure)
+        return self._sources[key]
 
     def _machine_code(self, mode: str, is_single: bool) -> MachineCode:
         key = (mode, is_single)
         if key not in self._compiled:
-            self._compiled[key] = compile_source(kernel_source(self.program, mode, is_single))
+            self._compiled[key] = compile_source(self._source(mode, is_single))
         return self._compiled[key]
 
     @cached_property
@@ -258,10 +289,15 @@ class Kernel:
 
     def _in_numpy(self, Q: Array, mode: str, out: Array, index: Array, lo: int, hi: int) -> int:
         part, target = Q[lo:hi], out[lo:hi]
+        is_sign, nearest = out.dtype == np.float64 and self._signs_count(mode), math.inf
 
         def one(rows: slice, k: int, square: Any, dots: list[Any]) -> None:
             """Take one boundary's squares, and its `r . dr/dq_j`."""
+            nonlocal nearest
             norm = square if self.program.signed[k] else np.sqrt(square)
+            if is_sign and (mode != "norms" or self.program.signed[k]):
+                less = 0.0 if mode == "norms" else self.thresholds[k]
+                nearest = np.fmin(nearest, np.fmin.reduce(np.abs(norm - less), axis=None))
             if mode == "gradients":
                 for j, dot in enumerate(dots):
                     target[rows, k * self.n + j] = dot if self.program.signed[k] else dot / norm
@@ -278,6 +314,7 @@ class Kernel:
 
         def several(rows: slice, squares: Any) -> None:
             """Take all boundaries' squares."""
+            nonlocal nearest
             if mode == "norms":
                 np.sqrt(squares, out=target.T[:, rows], casting="same_kind")
                 return
@@ -285,8 +322,10 @@ class Kernel:
             squares -= self.thresholds[:, None]
             if mode == "clearances":
                 target.T[:, rows] = squares
+                nearest = np.fmin(nearest, np.fmin.reduce(np.abs(squares, out=squares), axis=None))
                 return
-            target[rows, 0] = np.min(squares, axis=0)
+            target[rows, 0] = least = np.min(squares, axis=0)
+            nearest = np.fmin(nearest, np.fmin.reduce(np.abs(least)))
             if mode == "smallest":
                 index[lo:hi][rows] = np.argmin(squares, axis=0)
 
@@ -296,11 +335,22 @@ class Kernel:
             self._linear.run(part, several)
         else:
             self._values.run(part, one)
-        return int(np.count_nonzero(~(np.abs(part[:, self._used]) <= np.finfo(out.dtype).max)))
+        most = self._near if is_sign and self._sure >= 0.0 else np.finfo(out.dtype).max
+        return int(np.count_nonzero(~(np.abs(part[:, self._used]) <= most))) + int(is_sign and nearest <= self._sure)
 
     def _mend(self, Q: Array, mode: str, out: Array, index: Array, kind: np.dtype[Any]) -> None:
-        """Take rows with numbers that are not finite, or too large, from the reference, boundary by boundary."""
-        bad = np.flatnonzero(~np.all(np.abs(Q[:, self._used]) <= self._regular(kind), axis=1))
+        """Take from the reference rows with numbers that are not finite, or too large, or of a sign that is not sure."""
+        size = np.abs(Q[:, self._used])
+        is_bad = ~np.all(size <= self._regular(kind), axis=1)
+        if kind == np.float64 and self._signs_count(mode) and self._sure >= 0.0:
+            unsure = self._unsure(np.abs(Q))
+            if mode in ("norms", "clearances"):
+                self._mend_signs(Q, mode, out, unsure, is_bad)
+            else:
+                is_bad |= np.abs(out[:, 0]) <= unsure
+        bad = np.flatnonzero(is_bad)
+        if not len(bad):
+            return
         rows, most = representable(Q[bad], kind), np.finfo(kind).max
         norms = np.column_stack([self.reference.norms(pair.path, rows) for pair in self.pairs])
         norms[~(np.abs(norms) <= most)] = np.nan
@@ -322,16 +372,14 @@ class Kernel:
             index[bad] = np.where(np.any(np.isnan(clearances), axis=1), -1, np.argmin(clearances, axis=1))
 
 
-def in_threads(work: Callable[[int, int], int], rows: int, threads: int) -> int:
-    """Split rows over threads, and return the sum of what the work on each range of them returns."""
-    count = max(1, min(threads, rows))
-    if count == 1:
-        return work(0, rows)
-    from concurrent.futures import ThreadPoolExecutor
-
-    ends = [round(rows * part / count) for part in range(count + 1)]
-    with ThreadPoolExecutor(count) as pool:
-        return sum(pool.map(work, ends[:-1], ends[1:]))
+    def _mend_signs(self, Q: Array, mode: str, out: Array, unsure: Array, is_bad: Any) -> None:
+        """Take numbers whose sign rounding could have turned from the reference, boundary by boundary."""
+        for k, pair in enumerate(self.pairs):
+            if mode == "clearances" or self.program.signed[k]:
+                rows = np.flatnonzero(~is_bad & (np.abs(out[:, k]) <= unsure))
+                if len(rows):
+                    less = 0.0 if mode == "norms" else pair.threshold
+                    out[rows, k] = self.reference.norms(pair.path, Q[rows]) - less
 
 
 def _no_common() -> None:
@@ -339,92 +387,3 @@ def _no_common() -> None:
 
 
 _NO_INDEX = np.empty(0, dtype=np.int64)
-
-
-def real(dtype: Any) -> np.dtype[Any]:
-    """Return float64 or float32.
-
-    Raises:
-        DimensionError: If it is neither.
-    """
-    kind = np.dtype(dtype)
-    if kind not in (np.dtype(np.float64), np.dtype(np.float32)):
-        raise DimensionError(f"dtype is {kind}; give float64 or float32")
-    return kind
-
-
-def check_choices(threads: Any, backend: Any) -> None:
-    """Refuse a number of threads or a backend that cannot be meant.
-
-    Raises:
-        DimensionError: If `threads` is no whole number of 1 or more.
-        UnknownNameError: If there is no such backend.
-        UnsupportedError: If compiled code is asked for, and Numba is not there.
-    """
-    if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
-        raise DimensionError(f"threads is {threads!r}; give a whole number of 1 or more")
-    if backend not in BACKENDS:
-        raise UnknownNameError("backend", str(backend), BACKENDS)
-    if backend == "compiled" and not has_numba():
-        raise UnsupportedError("backend 'compiled' needs Numba; install pinbound[fast], or leave the choice to 'auto'")
-
-
-def representable(Q: Array, dtype: np.dtype[Any]) -> NDArray[np.float64]:
-    """Return Q in float64, NaN where a number is not finite in `dtype`: beyond 3.4e38 in float32."""
-    rows = np.array(Q, dtype=np.float64)
-    rows[~(np.abs(rows) <= np.finfo(dtype).max)] = np.nan
-    return rows
-
-
-def buffer(out: Any, shape: tuple[int, ...], dtype: np.dtype[Any], columns: bool, source: Array) -> Array:
-    """Return `out` if it fits, or a new array.
-
-    Rows are written in blocks while others are still to be read, so `out` may share no memory with the configurations
-    `source`, and none of its own elements with another.
-
-    Raises:
-        DimensionError: If out has another shape or type, cannot be written, or shares memory.
-    """
-    if out is None:
-        return np.empty(shape, dtype=dtype, order="F" if columns else "C")
-    given: NDArray[Any] | None = cast(Any, out) if isinstance(out, np.ndarray) else None
-    if given is None or given.shape != shape or given.dtype != dtype or not given.flags.writeable:
-        found = "no array" if given is None else f"{given.dtype} {given.shape}"
-        frozen = "read-only " if given is not None and not given.flags.writeable else ""
-        raise DimensionError(f"out is {frozen}{found}; give a writeable {dtype} array of shape {shape}")
-    if _shares(given, source):
-        raise DimensionError(
-            "out shares memory with q, which is still read while out is written; give an array of its own"
-        )
-    if _overlaps_itself(given):
-        raise DimensionError(f"out holds one number in several places (strides {given.strides}); give a plain array")
-    return given
-
-
-def _shares(out: Array, source: Array) -> bool:
-    if not np.may_share_memory(out, source):
-        return False
-    try:
-        return cast(Any, np).shares_memory(out, source, max_work=_MOST_WORK)
-    except TooHardError:
-        return True
-
-
-def _overlaps_itself(out: Array) -> bool:
-    """Return whether two elements may be one: a stride is no longer than all that shorter strides span."""
-    if not out.size:
-        return False
-    span = out.itemsize
-    for stride, count in sorted((abs(stride), count) for stride, count in zip(out.strides, out.shape, strict=True)):
-        if count > 1 and stride < span:
-            return True
-        span += stride * (count - 1)
-    return False
-
-
-def notice_without_numba() -> None:
-    """Say once a process that Numba would make large batches faster."""
-    text = "pinbound: large batches run in NumPy, about 6 times slower than compiled; install pinbound[fast] for Numba"
-    if not has_numba() and text not in _noticed:
-        _noticed.append(text)
-        _logger.warning(text)

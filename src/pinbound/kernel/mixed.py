@@ -13,16 +13,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.kernel.engine import (
-    Backend,
-    Kernel,
-    buffer,
-    check_choices,
-    in_threads,
-    notice_without_numba,
-    real,
-    representable,
-)
+from pinbound.kernel.arguments import Backend, buffer, check_choices, in_threads, real, representable
+from pinbound.kernel.choice import notice_without_numba
+from pinbound.kernel.engine import Kernel
 from pinbound.kernel.hulls import HullTables, is_ready, prepare_hulls, tables_of
 from pinbound.kernel.program import CommonMark, Pair, Reference
 from pinbound.machine.compiled import has_numba

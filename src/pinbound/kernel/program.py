@@ -97,6 +97,7 @@ class Program:
         thresholds: (m,) [m].
         n: Number of active coordinates.
         is_common: Whether the common frame was the cheaper one.
+        scale: The longest path that r is summed along, before any joint slides [m]; zero where no sign is asked for.
     """
 
     graph: Graph
@@ -106,6 +107,7 @@ class Program:
     thresholds: tuple[float, ...]
     n: int
     is_common: bool
+    scale: float = 0.0
 
     @property
     def size(self) -> int:
@@ -149,13 +151,16 @@ def _local_program(pairs: Sequence[Pair], n: int) -> Program:
     graph = Graph()
     angles = _Angles(graph, [angle for pair in pairs for angle in _local_angles(pair)])
     vectors = [_local_vector(angles, pair.path) for pair in pairs]
-    return _finish(graph, vectors, pairs, n, is_common=False)
+    scale = max((pair.minimal.scale for pair in pairs), default=0.0)
+    return _finish(graph, vectors, pairs, n, False, scale)
 
 
-def _finish(graph: Graph, vectors: Sequence[Vector], pairs: Sequence[Pair], n: int, is_common: bool) -> Program:
+def _finish(
+    graph: Graph, vectors: Sequence[Vector], pairs: Sequence[Pair], n: int, is_common: bool, scale: float
+) -> Program:
     signed = tuple(pair.path.is_signed for pair in pairs)
     squares = tuple(r[0] if height else graph.dot(r, r) for r, height in zip(vectors, signed, strict=True))
-    return Program(graph, tuple(vectors), squares, signed, tuple(p.threshold for p in pairs), n, is_common)
+    return Program(graph, tuple(vectors), squares, signed, tuple(p.threshold for p in pairs), n, is_common, scale)
 
 
 class _Angles:
@@ -372,7 +377,7 @@ def _common_program(pairs: Sequence[Pair], n: int, common: Mapping[str, CommonMa
         for name, mark in marks.items()
     }
     vectors = [_common_vector(graph, pair, marks, placed) for pair in pairs]
-    return _finish(graph, vectors, pairs, n, is_common=True)
+    return _finish(graph, vectors, pairs, n, True, scale)
 
 
 def _common_vector(

@@ -14,7 +14,10 @@ from pinbound.kernel.scalars import LEAVES, Graph
 from pinbound.machine.compiled import KernelSource
 from pinbound.machine.sincos import REGULAR, REGULAR32, SINCOS, SINCOS32
 
-__all__ = ["MODES", "kernel_source", "scalar_source"]
+__all__ = ["FAR", "MODES", "kernel_source", "scalar_source"]
+
+FAR = 100.0
+"""rad or m: rows with an angle, or a coordinate, beyond this are looked at by themselves where a sign counts."""
 
 MODES = ("norms", "clearances", "gradients", "smallest", "least")
 """What a kernel writes; `least` is the smallest clearance without its boundary."""
@@ -43,23 +46,27 @@ _FORMS = {
 }
 
 
-def kernel_source(program: Program, mode: str, single: bool = False) -> KernelSource:
+def kernel_source(program: Program, mode: str, single: bool = False, sure: float = -1.0) -> KernelSource:
     """Return the source of `kernel(Q, out, row, column, index, w, count)`.
 
     It takes pointers: Q to (count, n) numbers without gaps; out to numbers `row` and `column` apart, counted in
-    numbers; index to count integers in mode `smallest`; w to scratch. It returns how many values were not finite.
+    numbers; index to count integers in mode `smallest`; w to scratch. It returns how many values were not finite, or not sure in sign.
 
     Args:
         program: The program.
         mode: One of `MODES`.
         single: float32 instead of float64.
+        sure: Up to which size the sign of a result is not sure while no angle is beyond `FAR` [m]; below zero: no sign
+            counts. Angles beyond it are counted, too.
     """
-    return _Writer(program, mode, single).source()
+    return _Writer(program, mode, single, sure).source()
 
 
 class _Writer:
-    def __init__(self, program: Program, mode: str, single: bool) -> None:
+    def __init__(self, program: Program, mode: str, single: bool, sure: float) -> None:
         self.program, self.graph, self.mode, self.single = program, program.graph, mode, single
+        is_signed = {"norms": any(program.signed), "gradients": False}.get(mode, True)
+        self.sure = sure if is_signed else -1.0
         self.rows: dict[object, int] = {}
         self.lines: list[str] = []
         self.loops: list[str] = []
@@ -92,6 +99,7 @@ class _Writer:
         for index, group in enumerate(self.groups):
             self._group(index, group, done)
         self._store_smallest()
+        self._count_unsure()
         body = "\n".join(self.lines)
         item = 4 if self.single else 8
         tile = min(512, max(64, _SCRATCH // item // max(1, len(self.rows)) // 32 * 32))
@@ -102,6 +110,8 @@ class _Writer:
             rest=_LANES - 1,
             real="float32" if self.single else "float64",
             regular=REGULAR32 if self.single else REGULAR,
+            far=(REGULAR32 if self.single else REGULAR) if self.sure < 0.0 else FAR,
+            sure=self.sure,
         )
         return KernelSource(text, max(1, len(self.rows)) * tile * item)
 
@@ -130,12 +140,12 @@ class _Writer:
         self.line("far = 0")
         self.line("for i in range(padded):")
         for row in words:
-            self.line(f"far += 0 if abs(w[{row} * TILE + i]) <= REGULAR else 1", 4)
+            self.line(f"far += 0 if abs(w[{row} * TILE + i]) <= FAR else 1", 4)
         self.line("if far:")
         self.line("for i in range(n):", 4)
         for row in words:
             self.line(f"x = w[{row} * TILE + i]", 5)
-            self.line("irregular += 0 if abs(x) < INFINITY else 1", 5)
+            self.line(f"irregular += 0 if abs(x) {'< INFINITY' if self.sure < 0.0 else '<= FAR'} else 1", 5)
             if row in {self.row(("angle", angle)) for angle in angles}:
                 self.line("if not abs(x) <= REGULAR:", 5)
                 self.line(f"w[{row} * TILE + i] = math.atan2(math.sin(x), math.cos(x))", 6)
@@ -176,6 +186,8 @@ class _Writer:
             self._minimum(index, members)
         else:
             self._rows(members)
+        if self.sure >= 0.0 and self.mode not in ("smallest", "least"):
+            self._keep_nearest(index, members)
         text = "\n".join(line.strip() for line in self.lines)
         self.loops.append(f'body{index} = loop_body("""\\\n{text}\n""", TILE, F is np.float32)\n')
         self.lines = body
@@ -215,6 +227,26 @@ class _Writer:
             threshold = self.program.thresholds[k]
             less = f" - {self.number(threshold)}" if self.mode == "clearances" and threshold else ""
             self.line(f"w[{self.row(('out', slot))}, i] = norm{less}")
+
+    def _keep_nearest(self, index: int, members: Sequence[int]) -> None:
+        """Keep the least square of all values whose sign counts."""
+        row = self.row("nearest")
+        self.line(f"nearest = {'INFINITY' if not index else f'w[{row}, i]'}")
+        for slot, k in enumerate(members):
+            if self.mode == "clearances" or self.program.signed[k]:
+                self.line(f"value = w[{self.row(('out', slot))}, i]")
+                self.line("value = value * value")
+                self.line("nearest = pick(value < nearest, value, nearest)")
+        self.line(f"w[{row}, i] = nearest")
+
+    def _count_unsure(self) -> None:
+        """Count the rows in which a sign is not sure."""
+        if self.sure < 0.0:
+            return
+        word = f"w[{self.row('best')} * TILE + i]"
+        word = f"{word} * {word}" if self.mode in ("smallest", "least") else f"w[{self.row('nearest')} * TILE + i]"
+        self.line("for i in range(n):")
+        self.line(f"irregular += 1 if {word} <= SURE * SURE else 0", 4)
 
     def _root(self, k: int) -> str:
         """Return the text of a boundary's norm, or signed height."""
@@ -301,6 +333,7 @@ from pinbound.machine.lowering import copy_columns, load, loop_body
 F = np.{real}
 INFINITY = F(np.inf)
 REGULAR = F({regular})
+FAR, SURE = F({far}), F({sure!r})
 TILE = {tile}
 REALS, INTEGER, INTEGERS = types.CPointer(types.{real}), types.int64, types.CPointer(types.int64)
 
