@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pinbound as pb
-from pinbound.kernel import engine
+from pinbound.kernel import arguments, choice, engine
 from pinbound.kernel.program import _common_program, compile_program
 from pinbound.robot.robot import Robot
 
@@ -314,10 +314,11 @@ def test_a_set_survives_pickling(robots: dict[str, Robot]) -> None:
 def test_without_numba_there_is_one_notice(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, robots: dict[str, Robot]
 ) -> None:
-    monkeypatch.setattr(engine, "has_numba", lambda: False)
-    monkeypatch.setattr(engine, "_noticed", [])
-    monkeypatch.setattr(engine, "_WORTH_COMPILING", 1e3)
-    B = robots["minervabot"].boundaries
+    for module in (arguments, choice, engine):
+        monkeypatch.setattr(module, "has_numba", lambda: False)
+    monkeypatch.setattr(choice, "_noticed", [])
+    monkeypatch.setattr(choice, "PAYS", 1e-6)
+    B = pb.load("minervabot_v3").boundaries
     with caplog.at_level(logging.WARNING, logger="pinbound"):
         for _ in range(3):
             assert close(B.norms(np.ones((50, 3))), reference(robots["minervabot"], np.ones((50, 3))))

@@ -194,6 +194,35 @@ def test_a_user_without_a_home_has_no_cache(compiles: Callable[[], int], monkeyp
     assert [compiles(), compiles()] == [1, 2]
 
 
+@pytest.mark.parametrize("what", ["file", "open", "full"])
+def test_a_folder_that_cannot_be_used_is_told_once(
+    what: str, compiles: Callable[[], int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: Any
+) -> None:
+    if what == "open" and sys.platform == "win32":
+        pytest.skip("modes of POSIX")
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("PINBOUND_CACHE_DIR", str(folder))
+    monkeypatch.setattr(object_cache, "_said", set())
+
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    if what == "file":
+        folder.write_text("no folder")
+    elif what == "full":
+        monkeypatch.setattr(object_cache.os, "replace", full)
+    else:
+        (folder / "kernels").mkdir(parents=True)
+        (folder / "kernels").chmod(0o777)
+    with caplog.at_level("WARNING", logger="pinbound"):
+        compiles()
+        compiles()
+    (message,) = [record.getMessage() for record in caplog.records]
+    assert str(folder / "kernels") in message
+    assert "PINBOUND_CACHE_DIR" in message
+    assert {"file": "Not a directory", "open": "others may write", "full": "No space left"}[what] in message
+
+
 @POSIX
 def test_what_belongs_to_somebody_else_is_not_used(
     compiles: Callable[[], int], folder: Path, monkeypatch: pytest.MonkeyPatch

@@ -265,6 +265,7 @@ by this, the last digit of a float64, are one constant, so that what they stand 
 KERNEL_SIGN: Final = 3.6e-15
 """Relative to the length of a path, once for each of its angles and each radian of them: how near to zero a result of
 the batch kernel, and of the reference interpreter, may have the wrong sign (16 machine epsilons)."""
+
 LONGEST: Final = 1e75
 """Metres. Longest offset, and longest slide, that is taken: nearest points of segments need products of four lengths,
 which overflow float64 from 1e77 m on."""

@@ -114,5 +114,3 @@ def _overlaps_itself(out: Array) -> bool:
             return True
         span += stride * (count - 1)
     return False
-
-

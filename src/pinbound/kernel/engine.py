@@ -339,7 +339,7 @@ class Kernel:
         return int(np.count_nonzero(~(np.abs(part[:, self._used]) <= most))) + int(is_sign and nearest <= self._sure)
 
     def _mend(self, Q: Array, mode: str, out: Array, index: Array, kind: np.dtype[Any]) -> None:
-        """Take from the reference rows with numbers that are not finite, or too large, or of a sign that is not sure."""
+        """Take rows from the reference: numbers that are not finite, or too large, or of a sign that is not sure."""
         size = np.abs(Q[:, self._used])
         is_bad = ~np.all(size <= self._regular(kind), axis=1)
         if kind == np.float64 and self._signs_count(mode) and self._sure >= 0.0:
@@ -370,7 +370,6 @@ class Kernel:
         out[bad, 0] = np.min(clearances, axis=1)
         if mode == "smallest":
             index[bad] = np.where(np.any(np.isnan(clearances), axis=1), -1, np.argmin(clearances, axis=1))
-
 
     def _mend_signs(self, Q: Array, mode: str, out: Array, unsure: Array, is_bad: Any) -> None:
         """Take numbers whose sign rounding could have turned from the reference, boundary by boundary."""

@@ -50,7 +50,8 @@ def kernel_source(program: Program, mode: str, single: bool = False, sure: float
     """Return the source of `kernel(Q, out, row, column, index, w, count)`.
 
     It takes pointers: Q to (count, n) numbers without gaps; out to numbers `row` and `column` apart, counted in
-    numbers; index to count integers in mode `smallest`; w to scratch. It returns how many values were not finite, or not sure in sign.
+    numbers; index to count integers in mode `smallest`; w to scratch. It returns how many values were not finite, or
+    not sure in sign.
 
     Args:
         program: The program.
@@ -341,7 +342,7 @@ REALS, INTEGER, INTEGERS = types.CPointer(types.{real}), types.int64, types.CPoi
 {loops}
 @cfunc(
     INTEGER(REALS, REALS, INTEGER, INTEGER, INTEGERS, REALS, INTEGER),
-    error_model="numpy", fastmath={{"contract"}}, boundscheck=False,
+    error_model="numpy", fastmath={{"contract"}}, boundscheck=False, debug=False,
 )
 def kernel(Q, out, row, column, index, w, count):
     irregular = 0

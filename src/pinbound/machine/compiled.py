@@ -35,6 +35,9 @@ _SYMBOL = "pinbound_kernel"
 _SETTINGS = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_ENABLE_AVX")
 """What in the environment makes Numba compile for another processor than this one."""
 
+_WRITERS = ("lowering", "functions", "statements")
+"""Modules that write LLVM's instructions."""
+
 _CACHE_LINE = 64
 """Bytes; vector loads of scratch do not straddle two."""
 
@@ -58,6 +61,13 @@ class KernelSource:
     text: str
     scratch: int
     """Bytes."""
+    lanes: int = 0
+    """Of text for lanes (`statements`), how many; 0: the text is for Numba."""
+
+    @property
+    def lines(self) -> str:
+        """What the machine code depends on."""
+        return f"{self.lanes}\n{self.text}" if self.lanes else self.text
 
 
 @dataclass(frozen=True)
@@ -97,17 +107,17 @@ def has_numba() -> bool:
 
 def compile_source(source: KernelSource) -> MachineCode:
     """Return the machine code of a source, from the cache where it is there."""
-    key = _key(source.text)
+    key = _key(source.lines)
     with _lock:
         if key not in _linked:
-            _linked[key] = _from_cache(key) or _fresh(key, source.text)
+            _linked[key] = _from_cache(key) or _fresh(key, source)
         function, owner = _linked[key]
     return MachineCode(function, source.scratch, owner)
 
 
 def is_kept(source: KernelSource) -> bool:
     """Return whether the machine code of a source is there already, in this process or in the cache."""
-    key = _key(source.text)
+    key = _key(source.lines)
     return key in _linked or load_object(key) is not None
 
 
@@ -124,8 +134,8 @@ def _from_cache(key: str) -> tuple[Callable[..., int], Any] | None:
         return None
 
 
-def _fresh(key: str, text: str) -> tuple[Callable[..., int], Any]:
-    code = _compile(text)
+def _fresh(key: str, source: KernelSource) -> tuple[Callable[..., int], Any]:
+    code = _assemble(source) if source.lanes else _compile(source.text)
     store_object(key, code)
     return _link(code)
 
@@ -133,7 +143,7 @@ def _fresh(key: str, text: str) -> tuple[Callable[..., int], Any]:
 def _key(text: str) -> str:
     llvm = _llvm()
     here = Path(__file__)
-    lowering = [here.with_name(f"{name}.py").read_text(encoding="utf-8") for name in ("lowering", "functions")]
+    lowering = [here.with_name(f"{name}.py").read_text(encoding="utf-8") for name in _WRITERS]
     versions = [_version(name) for name in ("pinbound", "numba", "llvmlite")]
     processor = [llvm.get_process_triple(), llvm.get_host_cpu_name(), _features()]
     settings = [os.environ.get(name, "") for name in _SETTINGS]
@@ -166,6 +176,28 @@ def _compile(text: str) -> bytes:
     reloc = "static" if triple.startswith("x86") else "default"
     target = llvm.Target.from_triple(triple)
     machine = target.create_target_machine(cpu, features, opt=3, reloc=reloc, codemodel="jitdefault", jit=True)
+    return machine.emit_object(module)
+
+
+def _assemble(source: KernelSource) -> bytes:
+    """Return the object code of text for lanes, without Numba."""
+    llvm = _llvm()
+    statements = importlib.import_module("pinbound.machine.statements")
+    module = llvm.parse_assembly(statements.lanes_module(source.text, source.lanes, _SYMBOL))
+    triple = llvm.get_process_triple()
+    reloc = "static" if triple.startswith("x86") else "default"
+    target = llvm.Target.from_triple(triple)
+    machine = target.create_target_machine(
+        os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name(),
+        os.environ.get("NUMBA_CPU_FEATURES") or _features(),
+        opt=3,
+        reloc=reloc,
+        codemodel="jitdefault",
+        jit=True,
+    )
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    builder = llvm.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
     return machine.emit_object(module)
 
 

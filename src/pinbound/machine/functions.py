@@ -1,20 +1,15 @@
 """A function of loops and branches straight to LLVM: what Numba would need ten seconds of Python for.
 
-The text is a small part of Python: assignments to names, tuples of names, and places behind pointers; `if`, `while`,
-`for` over a range, `break`, `continue`, `return`; arithmetic, comparisons, `and`, `or`, `not`, a conditional value. A
-name keeps the type of its first value: real, integer, or truth. An integer becomes a real where it meets one. Both
-sides of `and` and `or`, and of a conditional value, are evaluated.
+`statements` says which part of Python the text may hold.
 """
 
 from __future__ import annotations
 
-import ast
 import importlib
-import math
-from collections.abc import Callable
 from typing import Any
 
 from pinbound.machine.lowering import furthest
+from pinbound.machine.statements import INTEGER, write_statements
 
 _ir: Any = importlib.import_module("llvmlite.ir")
 _types: Any = importlib.import_module("numba.types")
@@ -23,235 +18,21 @@ _intrinsic: Any = importlib.import_module("numba.extending").intrinsic
 
 __all__ = ["whole_function"]
 
-_FLAGS = ("contract",)
-_REAL, _INTEGER, _TRUTH = _ir.DoubleType(), _ir.IntType(64), _ir.IntType(1)
-_OPERATORS: dict[type[ast.operator], tuple[str, str]] = {
-    ast.Add: ("fadd", "add"),
-    ast.Sub: ("fsub", "sub"),
-    ast.Mult: ("fmul", "mul"),
-    ast.Div: ("fdiv", ""),
-    ast.FloorDiv: ("", "sdiv"),
-    ast.BitAnd: ("", "and_"),
-    ast.BitOr: ("", "or_"),
-    ast.LShift: ("", "shl"),
-}
-_COMPARE: dict[type[ast.cmpop], str] = {
-    ast.Lt: "<",
-    ast.LtE: "<=",
-    ast.Gt: ">",
-    ast.GtE: ">=",
-    ast.Eq: "==",
-    ast.NotEq: "!=",
-}
-_CONSTANTS = {"math.inf": math.inf, "math.nan": math.nan}
-_ROOTS = {"math.sqrt": "llvm.sqrt.f64", "abs": "llvm.fabs.f64", "math.cos": "cos", "math.sin": "sin"}
-
 
 def whole_function(text: str) -> Any:
     """Return a Numba intrinsic with the arguments of all kernels that runs a text on them; it returns an integer."""
 
     def body(_: Any, Q: Any, out: Any, row: Any, column: Any, index: Any, s: Any, count: Any) -> Any:
         def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-            kind = _ir.FunctionType(_INTEGER, [argument.type for argument in args])
+            kind = _ir.FunctionType(INTEGER, [argument.type for argument in args])
             function = _cgutils.get_or_insert_function(builder.module, kind, "pinbound_function")
             if function.is_declaration:
                 function.linkage = "internal"
                 names = ["Q", "out", "row", "column", "index", "s", "count"]
-                _Function(function, names, {"furthest": furthest}).run(text)
+                write_statements(function, names, {"furthest": furthest}, text)
             return builder.call(function, args)
 
         return _types.int64(Q, out, row, column, index, s, count), generate
 
     body.__doc__ = "Run one function."
     return _intrinsic(body)
-
-
-class _Function:
-    """Writes the body of a function whose arguments are pointers and integers."""
-
-    def __init__(self, function: Any, names: list[str], calls: dict[str, Callable[[Any, list[Any]], Any]]) -> None:
-        """Start the body.
-
-        Args:
-            function: An LLVM function without a block, of the result type integer.
-            names: Of its arguments.
-            calls: Further functions by name, which take the builder and values.
-        """
-        self.function, self.calls = function, calls
-        self.entry = function.append_basic_block("entry")
-        self.builder = _ir.IRBuilder(function.append_basic_block("start"))
-        self.arguments = dict(zip(names, function.args, strict=True))
-        self.places: dict[str, Any] = {}
-        self.loops: list[tuple[Any, Any]] = []
-
-    def run(self, text: str) -> None:
-        """Write all statements; the last is a return."""
-        start = self.builder.block
-        self.block(ast.parse(text).body)
-        _ir.IRBuilder(self.entry).branch(start)
-
-    def block(self, statements: list[ast.stmt]) -> None:
-        for statement in statements:
-            if self.builder.block.is_terminated:
-                return
-            getattr(self, f"do_{type(statement).__name__}")(statement)
-
-    def do_Assign(self, node: ast.Assign) -> None:
-        target = node.targets[0]
-        if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
-            values = [self.value(part) for part in node.value.elts]
-            for part, value in zip(target.elts, values, strict=True):
-                self.store(part, value)
-        else:
-            self.store(target, self.value(node.value))
-
-    def do_AugAssign(self, node: ast.AugAssign) -> None:
-        self.store(node.target, self.binary(type(node.op), self.value(node.target), self.value(node.value)))
-
-    def do_If(self, node: ast.If) -> None:
-        then, other, after = (self.function.append_basic_block(name) for name in ("then", "else", "after"))
-        self.builder.cbranch(self.truth(self.value(node.test)), then, other)
-        for place, body in ((then, node.body), (other, node.orelse)):
-            self.builder.position_at_end(place)
-            self.block(body)
-            if not self.builder.block.is_terminated:
-                self.builder.branch(after)
-        self.builder.position_at_end(after)
-
-    def do_While(self, node: ast.While) -> None:
-        test, body, after = (self.function.append_basic_block(name) for name in ("test", "body", "after"))
-        self.builder.branch(test)
-        self.builder.position_at_end(test)
-        self.builder.cbranch(self.truth(self.value(node.test)), body, after)
-        self.loop(body, node.body, test, after)
-
-    def do_For(self, node: ast.For) -> None:
-        bounds = [self.value(part) for part in node.iter.args]  # type: ignore[attr-defined]
-        low, high = bounds if len(bounds) > 1 else (_INTEGER(0), bounds[0])
-        counter = self.alloca(_INTEGER)
-        self.builder.store(low, counter)
-        names = ("test", "body", "step", "after")
-        test, body, step, after = (self.function.append_basic_block(name) for name in names)
-        self.builder.branch(test)
-        self.builder.position_at_end(test)
-        self.builder.cbranch(self.builder.icmp_signed("<", self.builder.load(counter), high), body, after)
-        self.builder.position_at_end(body)
-        self.store(node.target, self.builder.load(counter))
-        self.loop(body, node.body, step, after)
-        self.builder.position_at_end(step)
-        self.builder.store(self.builder.add(self.builder.load(counter), _INTEGER(1)), counter)
-        self.builder.branch(test)
-        self.builder.position_at_end(after)
-
-    def loop(self, body: Any, statements: list[ast.stmt], again: Any, after: Any) -> None:
-        self.loops.append((again, after))
-        self.builder.position_at_end(body)
-        self.block(statements)
-        if not self.builder.block.is_terminated:
-            self.builder.branch(again)
-        self.loops.pop()
-        self.builder.position_at_end(after)
-
-    def do_Break(self, _: ast.Break) -> None:
-        self.builder.branch(self.loops[-1][1])
-
-    def do_Continue(self, _: ast.Continue) -> None:
-        self.builder.branch(self.loops[-1][0])
-
-    def do_Return(self, node: ast.Return) -> None:
-        assert node.value is not None
-        self.builder.ret(self.value(node.value))
-
-    def alloca(self, kind: Any) -> Any:
-        builder = _ir.IRBuilder(self.entry)
-        return builder.alloca(kind)
-
-    def store(self, target: ast.expr, value: Any) -> None:
-        if isinstance(target, ast.Name):
-            if target.id not in self.places:
-                self.places[target.id] = self.alloca(value.type)
-            place = self.places[target.id]
-        else:
-            place = self.pointer(target)
-        self.builder.store(self.as_type(value, place.type.pointee), place)
-
-    def pointer(self, node: ast.expr) -> Any:
-        if not (isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name)):
-            raise TypeError(ast.dump(node))
-        return self.builder.gep(self.arguments[node.value.id], [self.value(node.slice)], inbounds=True)
-
-    def as_type(self, value: Any, kind: Any) -> Any:
-        if value.type == kind:
-            return value
-        if kind == _REAL and value.type == _INTEGER:
-            return self.builder.sitofp(value, kind)
-        raise TypeError(f"{value.type} where {kind} is")
-
-    def alike(self, *values: Any) -> list[Any]:
-        kind = _REAL if any(value.type == _REAL for value in values) else values[0].type
-        return [self.as_type(value, kind) for value in values]
-
-    def binary(self, operator: type[ast.operator], left: Any, right: Any) -> Any:
-        real, integer = _OPERATORS[operator]
-        left, right = self.alike(left, right)
-        if left.type == _REAL:
-            return getattr(self.builder, real)(left, right, flags=_FLAGS)
-        return getattr(self.builder, integer)(left, right)
-
-    def value(self, node: ast.expr) -> Any:
-        return getattr(self, f"of_{type(node).__name__}")(node)
-
-    def of_Name(self, node: ast.Name) -> Any:
-        return self.builder.load(self.places[node.id]) if node.id in self.places else self.arguments[node.id]
-
-    def of_Constant(self, node: ast.Constant) -> Any:
-        kind = {bool: _TRUTH, int: _INTEGER, float: _REAL}[type(node.value)]  # type: ignore[index]
-        return kind(node.value)
-
-    def of_Attribute(self, node: ast.Attribute) -> Any:
-        return _REAL(_CONSTANTS[ast.unparse(node)])
-
-    def of_Subscript(self, node: ast.Subscript) -> Any:
-        return self.builder.load(self.pointer(node))
-
-    def of_BinOp(self, node: ast.BinOp) -> Any:
-        return self.binary(type(node.op), self.value(node.left), self.value(node.right))
-
-    def of_UnaryOp(self, node: ast.UnaryOp) -> Any:
-        value = self.value(node.operand)
-        if isinstance(node.op, ast.Not):
-            return self.builder.not_(self.truth(value))
-        return self.builder.fneg(value) if value.type == _REAL else self.builder.neg(value)
-
-    def truth(self, value: Any) -> Any:
-        return value if value.type == _TRUTH else self.builder.icmp_signed("!=", value, _INTEGER(0))
-
-    def of_BoolOp(self, node: ast.BoolOp) -> Any:
-        combine = self.builder.and_ if isinstance(node.op, ast.And) else self.builder.or_
-        found, *others = [self.truth(self.value(part)) for part in node.values]
-        for other in others:
-            found = combine(found, other)
-        return found
-
-    def of_Compare(self, node: ast.Compare) -> Any:
-        left, right = self.alike(self.value(node.left), self.value(node.comparators[0]))
-        sign = _COMPARE[type(node.ops[0])]
-        if left.type != _REAL:
-            return self.builder.icmp_signed(sign, left, right)
-        compare = self.builder.fcmp_unordered if sign == "!=" else self.builder.fcmp_ordered
-        return compare(sign, left, right)
-
-    def of_IfExp(self, node: ast.IfExp) -> Any:
-        return self.builder.select(
-            self.truth(self.value(node.test)), *self.alike(self.value(node.body), self.value(node.orelse))
-        )
-
-    def of_Call(self, node: ast.Call) -> Any:
-        name, values = ast.unparse(node.func), [self.value(arg) for arg in node.args]
-        if name in self.calls:
-            return self.calls[name](self.builder, values)
-        if name == "np.int64":
-            return self.builder.fptosi(values[0], _INTEGER) if values[0].type == _REAL else values[0]
-        kind = _ir.FunctionType(_REAL, [_REAL])
-        function = _cgutils.get_or_insert_function(self.builder.module, kind, _ROOTS[name])
-        return self.builder.call(function, values)

@@ -419,7 +419,7 @@ body = whole_function("""\\
 
 @cfunc(
     INTEGER(REALS, REALS, INTEGER, INTEGER, INTEGERS, REALS, INTEGER),
-    error_model="numpy", fastmath={{"contract"}}, boundscheck=False,
+    error_model="numpy", fastmath={{"contract"}}, boundscheck=False, debug=False,
 )
 def kernel(Q, out, row, column, index, s, count):
     return body(Q, out, row, column, index, s, count)

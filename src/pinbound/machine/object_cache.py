@@ -4,13 +4,15 @@ The folder is `PINBOUND_CACHE_DIR`, else `XDG_CACHE_HOME/pinbound`, else `~/.cac
 What is read here is executed. So a file counts only if it and its folder belong to this user and nobody else may write
 to them, and if it begins with its key and the SHA-256 of the code: a file that is cut short, changed, or
 renamed from another key's is as good as none, and is written anew. Files are renamed into place, so that processes that
-compile the same kernel at once never see half of one. Where the folder cannot be used, nothing is kept.
+compile the same kernel at once never see half of one. Where the folder cannot be used, nothing is kept, and the log
+says so once: each process then compiles anew, for seconds.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
+import logging
 import os
 import stat
 import sys
@@ -20,8 +22,13 @@ __all__ = ["load_object", "store_object"]
 
 _MAGIC = b"pinbound object code 1\n"
 
+_logger = logging.getLogger("pinbound")
+_said: set[str] = set()
+
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
 """Who may not write: group and others."""
+
+_OPEN = "it belongs to another user, or others may write to it (chmod 700)"
 
 
 def load_object(key: str) -> bytes | None:
@@ -29,6 +36,7 @@ def load_object(key: str) -> bytes | None:
     try:
         folder = _folder()
         if not _is_ours(os.stat(folder)):
+            _say(folder, _OPEN)
             return None
         with open(_path(folder, key), "rb") as file:
             if not _is_ours(os.fstat(file.fileno())):
@@ -47,19 +55,41 @@ def store_object(key: str, code: bytes) -> None:
 
     try:
         folder = _folder()
+    except RuntimeError:
+        _say(None, "this user has no home folder")
+        return
+    try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not _is_ours(os.stat(folder)):
+            _say(folder, _OPEN)
             return
         handle, name = tempfile.mkstemp(suffix=".tmp", dir=folder)  # readable and writable by this user alone
-    except (OSError, RuntimeError):
+    except OSError as error:
+        _say(folder, f"it cannot be written ({error.strerror or error})")
         return
     try:
         with open(handle, "wb") as file:
             file.write(_head(key, code) + code)
         os.replace(name, _path(folder, key))
-    except OSError:  # a full disk, or on Windows a file that is being read
+    except OSError as error:  # a full disk, or on Windows a file that is being read
+        if sys.platform != "win32":
+            _say(folder, f"it cannot be written ({error.strerror or error})")
         with contextlib.suppress(OSError):
             os.unlink(name)
+
+
+def _say(folder: Path | None, reason: str) -> None:
+    """Say once a process that machine code is not kept, and why."""
+    if reason in _said:
+        return
+    _said.add(reason)
+    place = "the cache" if folder is None else f"the cache folder {str(folder)!r}"
+    _logger.warning(
+        "pinbound: machine code is not kept: %s cannot be used, because %s; each process compiles anew, for seconds. "
+        "Set PINBOUND_CACHE_DIR to a folder that is yours alone",
+        place,
+        reason,
+    )
 
 
 def _head(key: str, code: bytes) -> bytes:

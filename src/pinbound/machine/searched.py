@@ -150,7 +150,7 @@ REALS, INTEGER, INTEGERS = types.CPointer(types.float64), types.int64, types.CPo
 
 @cfunc(
     INTEGER(REALS, REALS, INTEGER, INTEGER, INTEGERS, REALS, INTEGER),
-    error_model="numpy", fastmath={{"contract"}}, boundscheck=False,
+    error_model="numpy", fastmath={{"contract"}}, boundscheck=False, debug=False,
 )
 def kernel(Q, out, row, column, index, s, count):
     irregular = 0

@@ -1,0 +1,423 @@
+"""A small part of Python, written as LLVM's instructions: what functions of loops and branches are made of.
+
+The text holds assignments to names, tuples of names, and places behind pointers; `if`, `while`,
+`for` over a range, `break`, `continue`, `return`; arithmetic, comparisons, `and`, `or`, `not`, a conditional value. A
+name keeps the type of its first value: real, integer, or truth. An integer becomes a real where it meets one. Both
+sides of `and` and `or`, and of a conditional value, are evaluated.
+
+Text for lanes knows vectors, too: as many numbers as there are lanes, one a configuration. It needs llvmlite alone.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import math
+from collections.abc import Callable
+from typing import Any
+
+_ir: Any = importlib.import_module("llvmlite.ir")
+
+__all__ = ["INTEGER", "declared", "lanes_module", "write_statements"]
+
+_FLAGS = ("contract",)
+REAL, INTEGER, TRUTH = _ir.DoubleType(), _ir.IntType(64), _ir.IntType(1)
+SINGLE, SHORT = _ir.FloatType(), _ir.IntType(32)
+_BYTES = {"double": 8, "float": 4, "i64": 8, "i32": 4}
+_OPERATORS: dict[type[ast.operator], tuple[str, str]] = {
+    ast.Add: ("fadd", "add"),
+    ast.Sub: ("fsub", "sub"),
+    ast.Mult: ("fmul", "mul"),
+    ast.Div: ("fdiv", ""),
+    ast.FloorDiv: ("", "sdiv"),
+    ast.BitAnd: ("", "and_"),
+    ast.BitOr: ("", "or_"),
+    ast.BitXor: ("", "xor"),
+    ast.LShift: ("", "shl"),
+}
+_COMPARE: dict[type[ast.cmpop], str] = {
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+}
+_CONSTANTS = {"math.inf": math.inf, "math.nan": math.nan}
+_ROOTS = {"math.sqrt": "llvm.sqrt.f64", "abs": "llvm.fabs.f64", "math.cos": "cos", "math.sin": "sin"}
+
+
+def declared(module: Any, kind: Any, name: str) -> Any:
+    """Return the function of a module with that name, declared if it is not there."""
+    found = module.globals.get(name)
+    return found if found is not None else _ir.Function(module, kind, name)
+
+
+def write_statements(
+    function: Any, names: list[str], calls: dict[str, Callable[[Any, list[Any]], Any]], text: str
+) -> None:
+    """Write the body of a function whose arguments are pointers and integers.
+
+    Args:
+        function: An LLVM function without a block, of the result type integer.
+        names: Of its arguments.
+        calls: Further functions by name, which take the builder and values.
+        text: All statements; the last is a return.
+    """
+    _Statements(function, names, calls).run(text)
+
+
+def lanes_module(text: str, lanes: int, symbol: str) -> str:
+    """Return an LLVM module with one function of a text for lanes, with the prototype of all kernels.
+
+    Beside what `statements` may hold: the pointer `w` to scratch of float64 is also seen as `t`, of float32, and `k`,
+    of 32-bit integers, each counted in its own numbers. A vector is `wide(s, at)`, `gather(Q, at, step)`, `every(x)`
+    or `single(v)`, in float32, and what is made of one and of scalars; `s[at] = v` stores all of it. `any(mask)`,
+    `pick(mask, a, b)`, `sqrt(v)`, `bits(v)`, `real(i)`, `ones(mask)` count, choose, or look at its bits.
+
+    Args:
+        text: Ends with a return.
+        lanes: How many.
+        symbol: The function's name.
+    """
+    module = _ir.Module()
+    reals = REAL.as_pointer()
+    kind = _ir.FunctionType(INTEGER, [reals, reals, INTEGER, INTEGER, INTEGER.as_pointer(), reals, INTEGER])
+    function = _ir.Function(module, kind, symbol)
+    for argument in function.args:
+        if argument.type != INTEGER:
+            argument.add_attribute("noalias")
+    function.attributes.add("nounwind")
+    names = ["Q", "out", "row", "column", "index", "w", "count"]
+    _Lanes(function, names, lanes).run(text)
+    return str(module)
+
+
+class _Statements:
+    """Writes the body of a function whose arguments are pointers and integers."""
+
+    def __init__(self, function: Any, names: list[str], calls: dict[str, Callable[[Any, list[Any]], Any]]) -> None:
+        """Start the body.
+
+        Args:
+            function: An LLVM function without a block, of the result type integer.
+            names: Of its arguments.
+            calls: Further functions by name, which take the builder and values.
+        """
+        self.function, self.calls = function, calls
+        self.entry = function.append_basic_block("entry")
+        self.builder = _ir.IRBuilder(function.append_basic_block("start"))
+        self.arguments = dict(zip(names, function.args, strict=True))
+        self.places: dict[str, Any] = {}
+        self.loops: list[tuple[Any, Any]] = []
+
+    def run(self, text: str) -> None:
+        """Write all statements; the last is a return."""
+        start = self.builder.block
+        self.block(ast.parse(text).body)
+        _ir.IRBuilder(self.entry).branch(start)
+
+    def block(self, statements: list[ast.stmt]) -> None:
+        for statement in statements:
+            if self.builder.block.is_terminated:
+                return
+            getattr(self, f"do_{type(statement).__name__}")(statement)
+
+    def do_Assign(self, node: ast.Assign) -> None:
+        target = node.targets[0]
+        if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+            values = [self.value(part) for part in node.value.elts]
+            for part, value in zip(target.elts, values, strict=True):
+                self.store(part, value)
+        else:
+            self.store(target, self.value(node.value))
+
+    def do_AugAssign(self, node: ast.AugAssign) -> None:
+        self.store(node.target, self.binary(type(node.op), self.value(node.target), self.value(node.value)))
+
+    def do_If(self, node: ast.If) -> None:
+        then, other, after = (self.function.append_basic_block(name) for name in ("then", "else", "after"))
+        self.builder.cbranch(self.truth(self.value(node.test)), then, other)
+        for place, body in ((then, node.body), (other, node.orelse)):
+            self.builder.position_at_end(place)
+            self.block(body)
+            if not self.builder.block.is_terminated:
+                self.builder.branch(after)
+        self.builder.position_at_end(after)
+
+    def do_While(self, node: ast.While) -> None:
+        test, body, after = (self.function.append_basic_block(name) for name in ("test", "body", "after"))
+        self.builder.branch(test)
+        self.builder.position_at_end(test)
+        self.builder.cbranch(self.truth(self.value(node.test)), body, after)
+        self.loop(body, node.body, test, after)
+
+    def do_For(self, node: ast.For) -> None:
+        bounds = [self.value(part) for part in node.iter.args]  # type: ignore[attr-defined]
+        low, high = bounds if len(bounds) > 1 else (INTEGER(0), bounds[0])
+        counter = self.alloca(INTEGER)
+        self.builder.store(low, counter)
+        names = ("test", "body", "step", "after")
+        test, body, step, after = (self.function.append_basic_block(name) for name in names)
+        self.builder.branch(test)
+        self.builder.position_at_end(test)
+        self.builder.cbranch(self.builder.icmp_signed("<", self.builder.load(counter), high), body, after)
+        self.builder.position_at_end(body)
+        self.store(node.target, self.builder.load(counter))
+        self.loop(body, node.body, step, after)
+        self.builder.position_at_end(step)
+        self.builder.store(self.builder.add(self.builder.load(counter), INTEGER(1)), counter)
+        self.builder.branch(test)
+        self.builder.position_at_end(after)
+
+    def loop(self, body: Any, statements: list[ast.stmt], again: Any, after: Any) -> None:
+        self.loops.append((again, after))
+        self.builder.position_at_end(body)
+        self.block(statements)
+        if not self.builder.block.is_terminated:
+            self.builder.branch(again)
+        self.loops.pop()
+        self.builder.position_at_end(after)
+
+    def do_Break(self, _: ast.Break) -> None:
+        self.builder.branch(self.loops[-1][1])
+
+    def do_Continue(self, _: ast.Continue) -> None:
+        self.builder.branch(self.loops[-1][0])
+
+    def do_Return(self, node: ast.Return) -> None:
+        assert node.value is not None
+        self.builder.ret(self.value(node.value))
+
+    def alloca(self, kind: Any) -> Any:
+        builder = _ir.IRBuilder(self.entry)
+        return builder.alloca(kind)
+
+    def store(self, target: ast.expr, value: Any) -> None:
+        if isinstance(target, ast.Name):
+            if target.id not in self.places:
+                self.places[target.id] = self.alloca(value.type)
+            place = self.places[target.id]
+        else:
+            place = self.pointer(target)
+        self.builder.store(self.as_type(value, place.type.pointee), place)
+
+    def pointer(self, node: ast.expr) -> Any:
+        if not (isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name)):
+            raise TypeError(ast.dump(node))
+        return self.builder.gep(self.arguments[node.value.id], [self.value(node.slice)], inbounds=True)
+
+    def as_type(self, value: Any, kind: Any) -> Any:
+        if value.type == kind:
+            return value
+        if kind == REAL and value.type == INTEGER:
+            return self.builder.sitofp(value, kind)
+        raise TypeError(f"{value.type} where {kind} is")
+
+    def alike(self, *values: Any) -> list[Any]:
+        kind = REAL if any(value.type == REAL for value in values) else values[0].type
+        return [self.as_type(value, kind) for value in values]
+
+    def binary(self, operator: type[ast.operator], left: Any, right: Any) -> Any:
+        real, integer = _OPERATORS[operator]
+        left, right = self.alike(left, right)
+        if left.type == REAL:
+            return getattr(self.builder, real)(left, right, flags=_FLAGS)
+        return getattr(self.builder, integer)(left, right)
+
+    def value(self, node: ast.expr) -> Any:
+        return getattr(self, f"of_{type(node).__name__}")(node)
+
+    def of_Name(self, node: ast.Name) -> Any:
+        return self.builder.load(self.places[node.id]) if node.id in self.places else self.arguments[node.id]
+
+    def of_Constant(self, node: ast.Constant) -> Any:
+        kind = {bool: TRUTH, int: INTEGER, float: REAL}[type(node.value)]  # type: ignore[index]
+        return kind(node.value)
+
+    def of_Attribute(self, node: ast.Attribute) -> Any:
+        return REAL(_CONSTANTS[ast.unparse(node)])
+
+    def of_Subscript(self, node: ast.Subscript) -> Any:
+        return self.builder.load(self.pointer(node))
+
+    def of_BinOp(self, node: ast.BinOp) -> Any:
+        return self.binary(type(node.op), self.value(node.left), self.value(node.right))
+
+    def of_UnaryOp(self, node: ast.UnaryOp) -> Any:
+        value = self.value(node.operand)
+        if isinstance(node.op, ast.Not):
+            return self.builder.not_(self.truth(value))
+        return self.builder.fneg(value) if value.type == REAL else self.builder.neg(value)
+
+    def truth(self, value: Any) -> Any:
+        return value if value.type == TRUTH else self.builder.icmp_signed("!=", value, INTEGER(0))
+
+    def of_BoolOp(self, node: ast.BoolOp) -> Any:
+        combine = self.builder.and_ if isinstance(node.op, ast.And) else self.builder.or_
+        found, *others = [self.truth(self.value(part)) for part in node.values]
+        for other in others:
+            found = combine(found, other)
+        return found
+
+    def of_Compare(self, node: ast.Compare) -> Any:
+        left, right = self.alike(self.value(node.left), self.value(node.comparators[0]))
+        sign = _COMPARE[type(node.ops[0])]
+        if left.type != REAL:
+            return self.builder.icmp_signed(sign, left, right)
+        compare = self.builder.fcmp_unordered if sign == "!=" else self.builder.fcmp_ordered
+        return compare(sign, left, right)
+
+    def of_IfExp(self, node: ast.IfExp) -> Any:
+        return self.builder.select(
+            self.truth(self.value(node.test)), *self.alike(self.value(node.body), self.value(node.orelse))
+        )
+
+    def of_Call(self, node: ast.Call) -> Any:
+        name, values = ast.unparse(node.func), [self.value(arg) for arg in node.args]
+        if name in self.calls:
+            return self.calls[name](self.builder, values)
+        if name == "np.int64":
+            return self.builder.fptosi(values[0], INTEGER) if values[0].type == REAL else values[0]
+        kind = _ir.FunctionType(REAL, [REAL])
+        function = declared(self.builder.module, kind, _ROOTS[name])
+        return self.builder.call(function, values)
+
+
+class _Lanes(_Statements):
+    """Writes a body in which vectors occur."""
+
+    def __init__(self, function: Any, names: list[str], lanes: int) -> None:
+        super().__init__(function, names, {})
+        self.lanes = lanes
+        self.double, self.float = (_ir.VectorType(kind, lanes) for kind in (REAL, SINGLE))
+        self.mask, self.integers = (_ir.VectorType(kind, lanes) for kind in (TRUTH, INTEGER))
+        scratch = self.arguments["w"]
+        self.arguments["t"] = self.builder.bitcast(scratch, SINGLE.as_pointer())
+        self.arguments["k"] = self.builder.bitcast(scratch, SHORT.as_pointer())
+
+    def splat(self, value: Any, kind: Any) -> Any:
+        """Return a vector of one number."""
+        if isinstance(value, _ir.Constant):
+            return _ir.Constant(kind, [value.constant] * self.lanes)
+        if value.type == INTEGER and kind.element != INTEGER:
+            value = self.builder.sitofp(value, kind.element)
+        elif value.type == REAL and kind.element == SINGLE:
+            value = self.builder.fptrunc(value, SINGLE)
+        elif value.type == SINGLE and kind.element == REAL:
+            value = self.builder.fpext(value, REAL)
+        zero = SHORT(0)
+        first = self.builder.insert_element(_ir.Constant(kind, _ir.Undefined), value, zero)
+        order = _ir.Constant(_ir.VectorType(SHORT, self.lanes), [0] * self.lanes)
+        return self.builder.shuffle_vector(first, _ir.Constant(kind, _ir.Undefined), order)
+
+    def as_type(self, value: Any, kind: Any) -> Any:
+        if value.type == kind:
+            return value
+        if isinstance(kind, _ir.VectorType) and not isinstance(value.type, _ir.VectorType):
+            return self.splat(value, kind)
+        if kind == REAL and value.type == SINGLE:
+            return self.builder.fpext(value, kind)
+        if kind == SINGLE and value.type in (REAL, INTEGER):
+            return self.builder.fptrunc(super().as_type(value, REAL), kind)
+        return super().as_type(value, kind)
+
+    def alike(self, *values: Any) -> list[Any]:
+        wide = [value.type for value in values if isinstance(value.type, _ir.VectorType)]
+        if wide:
+            return [self.as_type(value, wide[0]) for value in values]
+        return super().alike(*(self.as_type(v, REAL) if v.type == SINGLE else v for v in values))
+
+    def of_Subscript(self, node: ast.Subscript) -> Any:
+        value = super().of_Subscript(node)
+        return self.builder.sext(value, INTEGER) if value.type == SHORT else value
+
+    def store(self, target: ast.expr, value: Any) -> None:
+        if isinstance(value.type, _ir.VectorType) and not isinstance(target, ast.Name):
+            place = self.pointer(target)
+            wide = self.builder.bitcast(place, value.type.as_pointer())
+            self.builder.store(value, wide, align=_BYTES[str(value.type.element)])
+            return
+        super().store(target, value)
+
+    def binary(self, operator: type[ast.operator], left: Any, right: Any) -> Any:
+        left, right = self.alike(left, right)
+        if not isinstance(left.type, _ir.VectorType):
+            return super().binary(operator, left, right)
+        real, integer = _OPERATORS[operator]
+        if left.type in (self.double, self.float):
+            return getattr(self.builder, real)(left, right, flags=_FLAGS)
+        return getattr(self.builder, integer)(left, right)
+
+    def of_UnaryOp(self, node: ast.UnaryOp) -> Any:
+        value = self.value(node.operand)
+        if value.type == self.mask:
+            return self.builder.not_(value)
+        if value.type in (self.double, self.float):
+            return self.builder.fneg(value)
+        if isinstance(value, _ir.Constant) and isinstance(node.op, ast.USub):
+            return value.type(-value.constant)
+        return super().of_UnaryOp(node)
+
+    def of_Compare(self, node: ast.Compare) -> Any:
+        left, right = self.alike(self.value(node.left), self.value(node.comparators[0]))
+        if not isinstance(left.type, _ir.VectorType):
+            return super().of_Compare(node)
+        sign = _COMPARE[type(node.ops[0])]
+        if left.type == self.integers:
+            return self.builder.icmp_signed(sign, left, right)
+        return self.builder.fcmp_ordered(sign, left, right)
+
+    def of_Call(self, node: ast.Call) -> Any:
+        name = ast.unparse(node.func)
+        if name == "wide":
+            pointer = self.builder.gep(self.arguments[ast.unparse(node.args[0])], [self.value(node.args[1])])
+            kind = _ir.VectorType(pointer.type.pointee, self.lanes)
+            wide = self.builder.bitcast(pointer, kind.as_pointer())
+            return self.builder.load(wide, align=_BYTES[str(kind.element)])
+        if name == "gather":
+            at, step = (self.value(part) for part in node.args[1:])
+            found = _ir.Constant(self.double, _ir.Undefined)
+            for lane in range(self.lanes):
+                place = self.builder.gep(self.arguments[ast.unparse(node.args[0])], [at])
+                number = self.builder.load_atomic(place, "unordered", 8)  # LLVM makes no gather of these
+                found = self.builder.insert_element(found, number, SHORT(lane))
+                at = self.builder.add(at, step)
+            return found
+        values = [self.value(part) for part in node.args]
+        wide = [value for value in values if isinstance(value.type, _ir.VectorType)]
+        if name not in ("every", "any", "ones", "single", "pick", "bits", "real", "sqrt"):
+            return super().of_Call(node)
+        return getattr(self, f"_{name}")(*values) if name != "every" or not wide else wide[0]
+
+    def _every(self, value: Any) -> Any:
+        return self.splat(value, self.mask if value.type == TRUTH else self.double)
+
+    def _ones(self, mask: Any) -> Any:
+        kind = _ir.IntType(self.lanes)
+        return self.builder.zext(self.builder.bitcast(mask, kind), INTEGER)
+
+    def _any(self, mask: Any) -> Any:
+        kind = _ir.IntType(self.lanes)
+        return self.builder.icmp_signed("!=", self.builder.bitcast(mask, kind), kind(0))
+
+    def _single(self, value: Any) -> Any:
+        return self.builder.fptrunc(value, self.float) if value.type == self.double else self.splat(value, self.float)
+
+    def _pick(self, mask: Any, a: Any, b: Any) -> Any:
+        if isinstance(a, _ir.Constant) or isinstance(b, _ir.Constant):
+            a, b = self.alike(a, b)
+        if not isinstance(a.type, _ir.VectorType):
+            a, b = (self.splat(value, self.double) for value in (a, b))
+        return self.builder.select(mask, a, b)
+
+    def _bits(self, value: Any) -> Any:
+        return self.builder.bitcast(value, self.integers)
+
+    def _real(self, value: Any) -> Any:
+        return self.builder.bitcast(value, self.double)
+
+    def _sqrt(self, value: Any) -> Any:
+        word = f"v{self.lanes}{'f64' if value.type == self.double else 'f32'}"
+        kind = _ir.FunctionType(value.type, [value.type])
+        return self.builder.call(declared(self.builder.module, kind, f"llvm.sqrt.{word}"), [value])
