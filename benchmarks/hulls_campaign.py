@@ -71,7 +71,8 @@ def random_mark(rng: np.random.Generator, name: str, link: str) -> Any:
     return pb.Point(name, link, place, 0.02)
 
 
-def random_robot(rng: np.random.Generator, folder: Path, number: int) -> tuple[pb.Robot, list[tuple[Any, Any]]]:
+def random_robot(rng: np.random.Generator, folder: Path, number: int) -> tuple[pb.Robot, list[tuple[Any, Any, Any]]]:
+    """Return a robot, and pairs of marks that move against each other with their paths."""
     joints = int(rng.integers(2, 6))
     robot = pb.load(write(folder, mechanism(rng, ("planar", "spatial")[number % 2], joints, rng.random() < 0.3)))
     links = ["base", *(f"l{i}" for i in range(joints))]
@@ -83,15 +84,14 @@ def random_robot(rng: np.random.Generator, folder: Path, number: int) -> tuple[p
         if a.link != b.link and not (isinstance(a, pb.Plane) and isinstance(b, pb.Plane))
     ]
     chosen = [pairs[index] for index in rng.permutation(len(pairs))[:10]]
-    moving = [pair for pair in chosen if relative_path(robot.tree, robot.coupling, *pair).minimal.coordinates]
-    return robot, moving
+    paths = [(pair, relative_path(robot.tree, robot.coupling, *pair)) for pair in chosen]
+    return robot, [(*pair, path) for pair, path in paths if path.minimal.coordinates]
 
 
-def bounded(robot: pb.Robot, pairs: list[tuple[Any, Any]], distances: list[float]) -> pb.Robot:
+def bounded(robot: pb.Robot, pairs: list[tuple[Any, Any, Any]], distances: list[float]) -> pb.Robot:
     boundaries = [
         Boundary(f"beta_{i}", a, b, d, path, robot.coordinates, 2e-5, 0.0, robot.home)
-        for i, ((a, b), d) in enumerate(zip(pairs, distances, strict=True))
-        for path in [relative_path(robot.tree, robot.coupling, a, b)]
+        for i, ((a, b, path), d) in enumerate(zip(pairs, distances, strict=True))
     ]
     return dataclasses.replace(robot, boundaries=BoundarySet(boundaries, robot.coordinates, robot.linear_limits))
 
@@ -139,17 +139,33 @@ def axis_of(mark: pb.Segment) -> Any:
 class Oracle:
     """Separations of one robot's pairs by Pinocchio's placements."""
 
-    def __init__(self, robot: pb.Robot, pairs: list[tuple[Any, Any]]) -> None:
-        self.robot, self.pairs, self.data = robot, pairs, robot.model.createData()
+    def __init__(self, robot: pb.Robot, marked: list[tuple[Any, Any, Any]]) -> None:
+        pairs = [(a, b) for a, b, _ in marked]
+        self.request, self.result = coal.DistanceRequest(), coal.DistanceResult()
+        self.robot, self.pairs, self.model = robot, pairs, robot.model  # one copy: each access makes another
+        self.data = self.model.createData()
+        self.frames: dict[str, int] = {}
+        self.towards: dict[int, Any] = {}
         self.vertices = {id(mark): vertices_of(mark) for pair in pairs for mark in pair}
         self.axes = {id(mark): axis_of(mark) for pair in pairs for mark in pair if isinstance(mark, pb.Segment)}
         self.shapes = {id(mark): shape_of(self.vertices[id(mark)]) for pair in pairs for mark in pair}
 
     def place(self, q: Any) -> None:
-        pin.framesForwardKinematics(self.robot.model, self.data, self.robot.coupling.expand(np.asarray(q)[None])[0])
+        pin.framesForwardKinematics(self.model, self.data, self.robot.coupling.expand(np.asarray(q)[None])[0])
+        self.placed: dict[int, Any] = {}
+        self.placed_shapes: dict[int, Any] = {}
 
     def frame(self, mark: Any) -> Any:
-        return self.data.oMf[self.robot.model.getFrameId(mark.link, pin.BODY)]
+        if mark.link not in self.frames:
+            self.frames[mark.link] = self.model.getFrameId(mark.link, pin.BODY)
+        return self.data.oMf[self.frames[mark.link]]
+
+    def vertices_now(self, mark: Any) -> Any:
+        """Return a mark's vertices where its link is now."""
+        if id(mark) not in self.placed:
+            frame = self.frame(mark)
+            self.placed[id(mark)] = self.vertices[id(mark)] @ frame.rotation.T + frame.translation
+        return self.placed[id(mark)]
 
     def rough(self, pair: int) -> float:
         """Return the distance as coal has it, where it has one; of overlapping bodies zero."""
@@ -159,39 +175,54 @@ class Oracle:
             return self.exact(pair)[0]
         places, thick = [], 0.0
         for mark in (a, b):
+            if id(mark) in self.placed_shapes:
+                places.append(self.placed_shapes[id(mark)])
+                thick += THICK * isinstance(mark, pb.Segment)
+                continue
             place = self.frame(mark)
             if isinstance(mark, pb.Point):
                 place = pin.SE3(np.eye(3), place.act(np.array(mark.xyz)))
             if isinstance(mark, pb.Segment):
                 place, thick = place * self.axes[id(mark)], thick + THICK
             places.append(coal.Transform3s(place.rotation, place.translation))
-        found = coal.distance(shapes[0], places[0], shapes[1], places[1], coal.DistanceRequest(), coal.DistanceResult())
+            self.placed_shapes[id(mark)] = places[-1]
+        self.result.clear()
+        found = coal.distance(shapes[0], places[0], shapes[1], places[1], self.request, self.result)
         if found <= COAL:
             return self.exact(pair)[0] if thick else 0.0
         return found + thick
 
-    def exact(self, pair: int) -> tuple[float, float]:
-        """Return the distance of two points of the bodies, or the height, and a proven lower bound of it."""
+    def exact(self, pair: int, above: float = np.inf) -> tuple[float, float]:
+        """Return the distance of two points of the bodies, or the height, and a proven lower bound of it.
+
+        Where it is proven to be `above` or more, the search ends there, and both numbers are at least that.
+        """
         a, b = self.pairs[pair]
-        placed = [
-            self.vertices[id(mark)] @ self.frame(mark).rotation.T + self.frame(mark).translation for mark in (a, b)
-        ]
+        placed = [self.vertices_now(mark) for mark in (a, b)]
         for plane, other in ((a, placed[1]), (b, placed[0])):
             if isinstance(plane, pb.Plane):
                 normal = self.frame(plane).rotation @ np.array(plane.normal) / np.linalg.norm(plane.normal)
                 height = float(((other - self.frame(plane).act(np.array(plane.xyz))) @ normal).min())
                 return height, height
-        return shortest(*placed)
+        value, lower, self.towards[pair] = shortest(*placed, self.towards.get(pair), above)
+        return value, lower
 
 
-def shortest(A: Any, B: Any) -> tuple[float, float]:
-    """Return `min |x - y|` over two hulls, and a lower bound that its own direction proves.
+def shortest(A: Any, B: Any, towards: Any = None, above: float = np.inf) -> tuple[float, float, Any]:
+    """Return `min |x - y|` over two hulls, a lower bound that its own direction proves, and that direction.
 
-    Of the pairs of vertices only those are kept that were least along a direction so far, until there is no lower one.
+    Of the pairs of vertices only those are kept that were least along a direction so far, until there is no lower one,
+    or until the distance is proven to be `above` or more. The first direction is `towards`, or any.
     """
-    kept = [A[0] - B[0]]
+    kept = [A[0] - B[0]] if towards is None else [A[int(np.argmin(A @ towards))] - B[int(np.argmax(B @ towards))]]
     size = float(np.abs(A).max() + np.abs(B).max()) or 1.0
     best, lower = kept[0], 0.0
+    if towards is not None:
+        lower = float(kept[0] @ towards) - 1e-15 * size
+        if lower >= above:
+            return max(float(np.linalg.norm(best)), above), lower, towards
+        lower = max(lower, 0.0)
+    unit = np.zeros(3)
     for _ in range(60):
         upper = float(np.linalg.norm(best))
         if upper <= 1e-16 * size:
@@ -199,7 +230,9 @@ def shortest(A: Any, B: Any) -> tuple[float, float]:
         unit = best / upper
         corner = A[int(np.argmin(A @ unit))] - B[int(np.argmax(B @ unit))]
         lower = max(lower, float(corner @ unit))
-        if upper - lower <= 1e-15 * size or any(np.array_equal(corner, one) for one in kept):
+        if lower - 1e-15 * size >= above or upper - lower <= 1e-15 * size:
+            break
+        if any(np.array_equal(corner, one) for one in kept):
             break
         kept.append(corner)
         points = np.array(kept)
@@ -212,7 +245,7 @@ def shortest(A: Any, B: Any) -> tuple[float, float]:
             if shares.min() >= 0.0 and shares.sum() <= 1.0:
                 tried.append(points[used[0]] + shares @ edges)
         best = min([*tried, best], key=np.linalg.norm)
-    return float(np.linalg.norm(best)), lower
+    return float(np.linalg.norm(best)), lower, unit if unit.any() else towards
 
 
 class Campaign:
@@ -268,7 +301,7 @@ class Campaign:
             for _ in range(3):
                 for t, q in zip(near, along(near), strict=True):
                     oracle.place(q)
-                    value = oracle.exact(pair)
+                    value = oracle.exact(pair, best[0])
                     if value[0] < best[0]:
                         best, where = value, float(t)
                 width /= 4.0

@@ -18,7 +18,7 @@ from pinbound.model.tree import Tree
 from pinbound.tolerances import EVALUATION, FOLDING, REDUCTION_ROUNDOFFS, REDUCTION_SLIDES, UNIT_ROUNDOFF
 from pinbound.typing import Array
 
-__all__ = ["Walks", "rounding_bound", "walks"]
+__all__ = ["Rounding", "Walks", "rounding_bound", "walks"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +69,40 @@ def walks(tree: Tree, coupling: Coupling, ends: Sequence[tuple[str, str, str]]) 
     return found
 
 
+@dataclass(frozen=True, eq=False)
+class Rounding:
+    """What the rounding bounds of m chains are made of, but for how far q reaches.
+
+    Attributes:
+        walked: The walks that the chains were reduced from.
+        reach: (m,) length of each path as it is without slides [m].
+        rotations: The number k of rotations of the chains, padding counted.
+    """
+
+    walked: Walks
+    reach: Array
+    rotations: int
+
+    @classmethod
+    def of(cls, chains: Bundle, walked: Walks | None) -> Rounding:
+        """Return what is known of chains; `walked` None: they are taken for exact."""
+        size = np.linalg.norm(chains.offsets, axis=2).sum(axis=1)
+        return cls(walked or _as_reduced(chains), np.maximum(chains.scale, size), chains.rotations)
+
+    def bound(self, lower: Array, upper: Array, degree: int = 1) -> Array:
+        """Return `rounding_bound` (m,) [m]."""
+        walked, n = self.walked, self.walked.turning.shape[1]
+        farthest = np.maximum(np.abs(lower), np.abs(upper))
+        reach = self.reach + walked.sliding @ farthest
+        angles = walked.turning @ farthest + walked.turned
+        joints = walked.joints + 1.0
+        constants = FOLDING * joints**2 + EVALUATION * (self.rotations + 1)
+        evaluated = (n + 4 + 8 * degree) * (1.0 + angles) + (1.0 + joints**2) * angles
+        dropped = REDUCTION_ROUNDOFFS * joints * ((walked.turning > 0.0) @ farthest)
+        slid = REDUCTION_SLIDES * joints * ((walked.sliding > 0.0) @ farthest)
+        return UNIT_ROUNDOFF * (reach * (constants + evaluated + dropped) + slid)
+
+
 def rounding_bound(chains: Bundle, walked: Walks | None, lower: Array, upper: Array, degree: int = 1) -> Array:
     """Return a bound of every rounding error in a norm while q stays in a box, (m,) [m].
 
@@ -82,18 +116,7 @@ def rounding_bound(chains: Bundle, walked: Walks | None, lower: Array, upper: Ar
         upper: (n,) upper corner.
         degree: Degree of the motion's pieces.
     """
-    walked = walked or _as_reduced(chains)
-    _, k, n = chains.coefficients.shape
-    farthest = np.maximum(np.abs(lower), np.abs(upper))
-    size = np.linalg.norm(chains.offsets, axis=2).sum(axis=1)
-    reach = np.maximum(chains.scale, size) + walked.sliding @ farthest
-    angles = walked.turning @ farthest + walked.turned
-    joints = walked.joints + 1.0
-    constants = FOLDING * joints**2 + EVALUATION * (k + 1)
-    evaluated = (n + 4 + 8 * degree) * (1.0 + angles) + (1.0 + joints**2) * angles
-    dropped = REDUCTION_ROUNDOFFS * joints * ((walked.turning > 0.0) @ farthest)
-    slid = REDUCTION_SLIDES * joints * ((walked.sliding > 0.0) @ farthest)
-    return UNIT_ROUNDOFF * (reach * (constants + evaluated + dropped) + slid)
+    return Rounding.of(chains, walked).bound(lower, upper, degree)
 
 
 def _as_reduced(chains: Bundle) -> Walks:

@@ -26,8 +26,7 @@ import numpy as np
 
 from pinbound.bounds.bounds import Bundle, Expansion, Terms, box_terms, bundle, lever_arms, motion_terms
 from pinbound.bounds.inside import ball, disc
-from pinbound.bounds.rounding import Walks
-from pinbound.bounds.rounding import rounding_bound as chain_rounding_bound
+from pinbound.bounds.rounding import Rounding, Walks
 from pinbound.bounds.vertices import Corners, corners_of
 from pinbound.evaluate.closest import nearest, overlap, overlap_in_plane
 from pinbound.evaluate.minimum_norm import nearest_hulls, nearest_in_tables
@@ -41,6 +40,8 @@ __all__ = [
     "SweptBundle",
     "all_rows",
     "along_motion",
+    "bound_of",
+    "chain_rounding",
     "over_box",
     "rounding_bound",
     "separated",
@@ -224,9 +225,18 @@ def rounding_bound(swept: SweptBundle, walked: Walks | None, lower: Array, upper
 
     `walked` is what the paths were reduced from; None: the paths are taken for exact.
     """
+    return bound_of(swept, chain_rounding(swept, walked), lower, upper, degree)
+
+
+def chain_rounding(swept: SweptBundle, walked: Walks | None) -> Rounding:
+    """Return what the rounding bounds of all chains and edge vectors are made of, but for how far q reaches."""
+    return Rounding.of(swept.chains, walked and walked.with_ways(swept.rows - 1))
+
+
+def bound_of(swept: SweptBundle, rounding: Rounding, lower: Array, upper: Array, degree: int = 1) -> Array:
+    """Return `rounding_bound` from what `chain_rounding` returned."""
     rows, farthest = swept.rows, np.maximum(np.abs(lower), np.abs(upper))
-    each = chain_rounding_bound(swept.chains, walked and walked.with_ways(rows - 1), lower, upper, degree)
-    reach = swept.reach
+    each, reach = rounding.bound(lower, upper, degree), swept.reach
     if swept.chains.slides is not None:
         reach = reach + (np.linalg.norm(swept.chains.slides[::rows], axis=2).sum(axis=1)) @ farthest
     return _spread(swept.corners, each.reshape(-1, rows)) + _PROJECTING * UNIT_ROUNDOFF * reach

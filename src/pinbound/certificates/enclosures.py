@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
 from pinbound.bounds.bounds import Expansion
 from pinbound.typing import Array, Flags, Indices
 
-__all__ = ["Enclosure", "Family", "OneAngleFamily"]
+__all__ = ["Enclosure", "Family", "OneAngleFamily", "angle_range"]
 
 
 @dataclass(frozen=True)
@@ -74,3 +76,18 @@ class OneAngleFamily(Family, Protocol):
     def judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
         """Return what is known of constraints `which` from the angle somewhere, and from its range."""
         ...
+
+
+def angle_range(C: Array, which: Indices, part: Expansion, rows: Indices) -> tuple[Array, Array, Array]:
+    """Return `c . q` in the middle, and its least and largest value, (N,) each."""
+    if len(part.middle) * len(C) <= 2 * len(which):  # all constraints on all parts: one product, then look up
+        phi = part.values @ C.T
+        wide = np.broadcast_to(part.value_radius @ np.abs(C.T), (len(part.middle), len(C)))
+        tables = part.middle @ C.T, phi.min(axis=1) - wide, phi.max(axis=1) + wide
+        middle, low, high = (table[rows, which] for table in tables)
+        return middle, low, high
+    c, values = C[which], part.values[rows]
+    phi = np.einsum("ni,npi->np", c, values)
+    radius = part.value_radius[rows] if part.value_radius.ndim > 1 else part.value_radius
+    wide = np.einsum("ni,ni->n", np.abs(c), np.broadcast_to(radius, c.shape))
+    return np.einsum("ni,ni->n", c, part.middle[rows]), phi.min(axis=1) - wide, phi.max(axis=1) + wide

@@ -9,15 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pinbound.certificates.constraints import families, far_sides, needs_limits, unplaced
+from pinbound.boundaries.boundary import Boundary
+from pinbound.certificates.constraints import families, needs_limits, unplaced
 from pinbound.certificates.degrees import look_like_degrees
-from pinbound.certificates.records import Budget, Certificate, Finding, OpenPart, Verdict
+from pinbound.certificates.kept import tables_of
+from pinbound.certificates.records import Budget, Certificate, Findings, OpenPart, Verdict
 from pinbound.certificates.scope import ONLY_LIMITS, covered, scope, settled
 from pinbound.certificates.search import Meter, Search
+from pinbound.certificates.sides import far_sides
 from pinbound.certificates.trajectory import Trajectory, as_trajectory
 from pinbound.exceptions import DimensionError
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import PRECISION
+from pinbound.typing import Array
 
 __all__ = ["certify"]
 
@@ -88,15 +92,15 @@ def certify(
     meter = Meter(budget or Budget())
     trajectory = as_trajectory(waypoints, robot.coordinates, times)
     limit_family, *boundary_families = families(robot, chosen, *trajectory.extent, trajectory.degree)
-    found: dict[str, Finding] = {}
+    families_found: list[Findings] = []
     open_parts: list[OpenPart] = []
-    bounds: list[Finding] = []
+    bounds = Findings.none(len(robot.coordinates))
     placed = True
     if limits or needs_limits(chosen):
         search = Search(limit_family, trajectory, meter, None)
         search.run(each)
         kept, left = search.results()
-        placed = not needs_limits(chosen) or _verdict(kept) is Verdict.CERTIFIED
+        placed = not needs_limits(chosen) or kept.verdict is Verdict.CERTIFIED
         if limits:
             bounds, open_parts = kept, left
     if not placed:
@@ -107,24 +111,24 @@ def certify(
         search.run(each)
         findings, left = search.results()
         if not placed:
-            findings = [_unbounded(robot, finding) for finding in findings]
-        best = min(best, *(finding.upper for finding in findings), np.inf)
+            findings = _unbounded(robot, findings)
+        best = min(best, float(findings.upper.min(initial=np.inf)))
         open_parts += left
-        found |= {finding.name: finding for finding in findings}
-    ordered = tuple(found[boundary.name] for boundary in chosen)
+        families_found.append(findings)
+    ordered = Findings.joined(families_found, tables_of(robot, chosen).order)
     start, end = float(trajectory.starts[0]), float(trajectory.starts[-1] + trajectory.durations[-1])
     first_q = trajectory.at(np.zeros(1, dtype=np.intp), np.zeros(1))[0]
     return Certificate(
-        verdict=settled(_verdict([*ordered, *bounds]), chosen, limits_only),
+        verdict=settled(_verdict(ordered, bounds), chosen, limits_only),
         coverage=coverage,
         start=start,
         end=end,
         boundaries=ordered,
-        limits=tuple(bounds),
+        limits=bounds,
         open_parts=tuple(sorted(open_parts, key=lambda part: (part.start, part.name))),
         notes=(
             *trajectory.notes,
-            *_notes(robot, chosen, found, first_q),
+            *_notes(robot, chosen, ordered, first_q),
             *([] if placed else [_NOT_PLACED]),
             *_degrees(robot, trajectory, bounds),
             *((ONLY_LIMITS,) if limits_only else ()),
@@ -134,20 +138,22 @@ def certify(
     )
 
 
-def _unbounded(robot: Robot, finding: Finding) -> Finding:
-    """Return a finding without its bounds if nothing bounds where its links are."""
-    if not robot.boundaries[finding.name].place_error:
-        return finding
-    return replace(finding, lower=-np.inf, upper=np.inf)
+def _unbounded(robot: Robot, found: Findings) -> Findings:
+    """Return findings without their bounds where nothing bounds where the links are."""
+    anywhere = np.array([robot.boundaries[name].place_error != 0.0 for name in found.names], dtype=np.bool_)
+    lower, upper = np.where(anywhere, -np.inf, found.lower), np.where(anywhere, np.inf, found.upper)
+    return replace(found, lower=lower, upper=upper)
 
 
-def _verdict(findings: Sequence[Finding]) -> Verdict:
-    verdicts = {finding.verdict for finding in findings}
+def _verdict(*findings: Findings) -> Verdict:
+    verdicts = {one.verdict for one in findings}
     return next((v for v in (Verdict.VIOLATED, Verdict.UNDECIDED) if v in verdicts), Verdict.CERTIFIED)
 
 
-def _notes(robot: Robot, chosen: Sequence[Any], found: dict[str, Finding], first_q: Any) -> tuple[str, ...]:
-    names = far_sides(robot, [one for one in chosen if found[one.name].verdict is Verdict.CERTIFIED], first_q)
+def _notes(robot: Robot, chosen: Sequence[Boundary], found: Findings, first_q: Array) -> tuple[str, ...]:
+    certified = set(found.named(Verdict.CERTIFIED))
+    turning = tables_of(robot, chosen).turning
+    names = far_sides(robot, [one for one in turning if one.name in certified], first_q)
     if not names:
         return ()
     return (
@@ -156,9 +162,10 @@ def _notes(robot: Robot, chosen: Sequence[Any], found: dict[str, Finding], first
     )
 
 
-def _degrees(robot: Robot, trajectory: Trajectory, limits: Sequence[Finding]) -> tuple[str, ...]:
+def _degrees(robot: Robot, trajectory: Trajectory, limits: Findings) -> tuple[str, ...]:
     """Return a note if a limit is passed by numbers that look like degrees."""
+    if not limits.any(Verdict.VIOLATED):
+        return ()
     pieces = np.arange(len(trajectory.starts))
     Q = np.concatenate([trajectory.at(pieces, np.full(len(pieces), u)) for u in (0.0, 0.5, 1.0)])
-    passed = any(finding.verdict is Verdict.VIOLATED for finding in limits)
-    return look_like_degrees(robot, Q) if passed else ()
+    return look_like_degrees(robot, Q)

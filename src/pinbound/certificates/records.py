@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import overload
 
 import numpy as np
 
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError
-from pinbound.typing import Array
+from pinbound.typing import Array, Indices, Ints
 from pinbound.values import Value
 
 __all__ = [
@@ -18,6 +20,7 @@ __all__ = [
     "Certificate",
     "Contact",
     "Finding",
+    "Findings",
     "OpenBox",
     "OpenPart",
     "Reason",
@@ -110,6 +113,101 @@ class Finding(Value):
     contact: Contact | None = None
 
 
+_ORDER = (Verdict.CERTIFIED, Verdict.VIOLATED, Verdict.UNDECIDED)
+
+
+@dataclass(frozen=True, eq=False)
+class Findings(Value, Sequence[Finding]):
+    """Findings side by side, a `Finding` each when it is asked for; their numbers as arrays.
+
+    Attributes:
+        names: Of the boundaries or limits.
+        codes: (m,) 0 for CERTIFIED, 1 for VIOLATED, 2 for UNDECIDED.
+        lower: (m,) proven lower bounds.
+        upper: (m,) upper bounds.
+        times: (m,) when they were found this small.
+        Q: (m, n) the configurations then.
+        contacts: First contacts, by place.
+
+    Example:
+        >>> import pinbound as pb
+        >>> found = pb.certify(pb.load("minervabot_v3"), np.radians([[0, 0, 0], [90, 30, 40]])).boundaries
+        >>> len(found), found[0].name, found[-1].verdict.value, bool((found.lower > 0.0).all())
+        (10, 'beta_1', 'certified', True)
+    """
+
+    names: tuple[str, ...]
+    codes: Ints
+    lower: Array
+    upper: Array
+    times: Array
+    Q: Array
+    contacts: Mapping[int, Contact]
+
+    @classmethod
+    def none(cls, n: int) -> Findings:
+        """Return no findings, of a robot of n coordinates."""
+        nothing = np.zeros(0)
+        return cls((), np.zeros(0, dtype=np.int64), nothing, nothing, nothing, np.zeros((0, n)), {})
+
+    @classmethod
+    def joined(cls, parts: Sequence[Findings], order: Indices | None = None) -> Findings:
+        """Return findings one after the other; with an order, those rows of them."""
+        starts = np.cumsum([0, *(len(part.names) for part in parts)])
+        names = [name for part in parts for name in part.names]
+        contacts = {
+            int(start) + row: contact
+            for start, part in zip(starts[:-1], parts, strict=True)
+            for row, contact in part.contacts.items()
+        }
+        columns = [
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("codes", "lower", "upper", "times", "Q")
+        ]
+        if order is not None:
+            places = {int(row): place for place, row in enumerate(order)} if contacts else {}
+            names = [names[row] for row in order.tolist()]
+            columns = [column[order] for column in columns]
+            contacts = {places[row]: contact for row, contact in contacts.items()}
+        return cls(tuple(names), *columns, contacts)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of all of them: VIOLATED if one is, else UNDECIDED if one is, else CERTIFIED."""
+        return next((one for one in (Verdict.VIOLATED, Verdict.UNDECIDED) if self.any(one)), Verdict.CERTIFIED)
+
+    def any(self, verdict: Verdict) -> bool:
+        """Return whether one of them has this verdict."""
+        return bool(np.any(self.codes == _ORDER.index(verdict)))
+
+    def named(self, verdict: Verdict) -> Iterable[str]:
+        """Return the names of those that have this verdict."""
+        return (self.names[row] for row in np.flatnonzero(self.codes == _ORDER.index(verdict)).tolist())
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self.names)
+
+    @overload
+    def __getitem__(self, index: int) -> Finding: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Finding, ...]: ...
+    def __getitem__(self, index: int | slice) -> Finding | tuple[Finding, ...]:
+        """Return one finding, or some."""
+        if isinstance(index, slice):
+            return tuple(self[row] for row in range(*index.indices(len(self))))
+        row = range(len(self))[index]
+        return Finding(
+            self.names[row],
+            _ORDER[int(self.codes[row])],
+            float(self.lower[row]),
+            float(self.upper[row]),
+            float(self.times[row]),
+            self.Q[row],
+            self.contacts.get(row),
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class OpenPart:
     """A part of a motion that was not decided.
@@ -164,8 +262,8 @@ class Certificate(_NoTruth):
     coverage: CoverageRecord
     start: float
     end: float
-    boundaries: tuple[Finding, ...]
-    limits: tuple[Finding, ...]
+    boundaries: Findings
+    limits: Findings
     open_parts: tuple[OpenPart, ...]
     notes: tuple[str, ...]
     boxes: int
@@ -185,22 +283,22 @@ class Certificate(_NoTruth):
     @property
     def tightest(self) -> Finding | None:
         """The boundary whose clearance was found smallest; None without boundaries."""
-        return min(self.boundaries, key=lambda finding: finding.upper, default=None)
+        return self.boundaries[int(np.argmin(self.boundaries.upper))] if self.boundaries else None
 
     @property
     def lower(self) -> float:
         """Proven lower bound of the smallest clearance over the whole motion [m]; inf without boundaries."""
-        return min((finding.lower for finding in self.boundaries), default=np.inf)
+        return float(self.boundaries.lower.min(initial=np.inf))
 
     @property
     def upper(self) -> float:
         """Upper bound of the smallest clearance over the whole motion [m]; inf without boundaries."""
-        return min((finding.upper for finding in self.boundaries), default=np.inf)
+        return float(self.boundaries.upper.min(initial=np.inf))
 
     @property
     def violations(self) -> tuple[Finding, ...]:
         """Boundaries and limits that are violated, in order of first contact."""
-        found = [finding for finding in (*self.boundaries, *self.limits) if finding.contact is not None]
+        found = [part[row] for part in (self.boundaries, self.limits) for row in sorted(part.contacts)]
         return tuple(sorted(found, key=lambda finding: finding.contact.after if finding.contact else np.inf))
 
     @property

@@ -32,6 +32,8 @@ def scope(robot: Robot, boundaries: Sequence[str] | None, limits: bool, limits_o
 
 def covered(robot: Robot, chosen: Sequence[Boundary]) -> CoverageRecord:
     """Return what these boundaries watch of the robot."""
+    if len(chosen) == len(robot.boundaries):
+        return robot.coverage.record
     return robot.coverage.of(boundary.name for boundary in chosen).record
 
 

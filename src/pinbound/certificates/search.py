@@ -15,7 +15,7 @@ import numpy as np
 from pinbound.bounds.bounds import Expansion
 from pinbound.certificates.enclosures import Enclosure, Family, OneAngleFamily
 from pinbound.certificates.polynomials import Polynomials, Trajectory
-from pinbound.certificates.records import Budget, Contact, Finding, OpenPart, Reason, Verdict
+from pinbound.certificates.records import Budget, Contact, Findings, OpenPart, Reason
 from pinbound.tolerances import FIRST_CONTACT
 from pinbound.typing import Array, Flags, Indices
 
@@ -222,17 +222,17 @@ class Search:
             self.lower[active] = -np.inf
             self.unseen = (float(self.trajectory.starts[behind]) - self.origin, active, reason)
 
-    def results(self) -> tuple[list[Finding], list[OpenPart]]:
+    def results(self) -> tuple[Findings, list[OpenPart]]:
         """Return one finding a constraint, and the open parts before its first contact, neighbours merged."""
-        m = len(self.family.names)
-        pending = np.full(m, np.inf)
+        m, names = len(self.family.names), self.family.names
+        pending, hit = np.full(m, np.inf), np.isfinite(self.first)
         listed: list[OpenPart] = []
         for parts, lower, code in self.open:
             begin, end = self._times(parts.piece, parts.a), self._times(parts.piece, parts.b)
             before = begin < self.first[parts.which]
             np.minimum.at(pending, parts.which[before], begin[before])
-            for row in np.flatnonzero(before):
-                name, reason = self.family.names[int(parts.which[row])], _REASONS[int(code[row])]
+            for row in np.flatnonzero(before & ~hit[parts.which]):
+                name, reason = names[int(parts.which[row])], _REASONS[int(code[row])]
                 span = self.origin + float(begin[row]), self.origin + float(end[row])
                 listed.append(OpenPart(name, *span, float(lower[row]), reason))
         if self.unseen:
@@ -240,25 +240,23 @@ class Search:
             span = self.origin + begun, self.origin + self.total
             for row in active[self.first[active] > begun]:
                 pending[row] = min(float(pending[row]), begun)
-                listed.append(OpenPart(self.family.names[int(row)], *span, -np.inf, reason))
-        findings: list[Finding] = []
-        at, best_times = self.trajectory.at, self.origin + self._times(self.best_piece, self.best_u)
-        best_q = at(self.best_piece, self.best_u)
-        hit = np.isfinite(self.first)
-        contact_q = at(self.first_piece, self.first_u)
-        for row, name in enumerate(self.family.names):
-            contact = None
-            verdict = Verdict.UNDECIDED if np.isfinite(pending[row]) else Verdict.CERTIFIED
-            if hit[row]:
-                verdict = Verdict.VIOLATED
-                before = self.origin + float(min(pending[row], self.first[row]))
-                after = self.origin + float(self.first[row])
-                contact = Contact(before, after, contact_q[row], self.family.clearance(row, contact_q[row]))
-            lower = float(min(self.lower[row], self.best[row]))
-            one = Finding(name, verdict, lower, float(self.best[row]), float(best_times[row]), best_q[row], contact)
-            findings.append(one)
-        kept = [part for part in listed if not hit[self.family.names.index(part.name)]]
-        return findings, _merged(kept)
+                if not hit[row]:
+                    listed.append(OpenPart(names[int(row)], *span, -np.inf, reason))
+        contacts: dict[int, Contact] = {}
+        for row in np.flatnonzero(hit).tolist():
+            before, after = (float(min(pending[row], self.first[row])), float(self.first[row]))
+            q = self.trajectory.at(self.first_piece[row : row + 1], self.first_u[row : row + 1])[0]
+            contacts[row] = Contact(self.origin + before, self.origin + after, q, self.family.clearance(row, q))
+        findings = Findings(
+            names,
+            np.where(hit, 1, np.where(np.isfinite(pending), 2, 0)),
+            np.minimum(self.lower, self.best),
+            self.best,
+            self.origin + self._times(self.best_piece, self.best_u),
+            self.trajectory.at(self.best_piece, self.best_u),
+            contacts,
+        )
+        return findings, _merged(listed)
 
 
 def _expanded(trajectory: Trajectory, parts: _Parts) -> tuple[Expansion, Indices]:

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.bounds.bounds import Expansion
-from pinbound.bounds.rounding import Walks
-from pinbound.bounds.swept_bounds import (
-    Bounds,
-    SweptBundle,
-    along_motion,
-    over_box,
-    rounding_bound,
-    swept_bundle,
-)
+from pinbound.bounds.swept_bounds import Bounds, SweptBundle, along_motion, over_box
 from pinbound.certificates.enclosures import Enclosure
 from pinbound.evaluate import separation
 from pinbound.typing import Array, Indices
 
-__all__ = ["SweptBoundaries", "swept_boundaries"]
+__all__ = ["SweptBoundaries"]
 
 
 @dataclass(frozen=True)
@@ -74,14 +65,3 @@ class SweptBoundaries:
         value, lower = found.value - threshold, found.lower - threshold
         lower = np.where(self.swept.is_signed[which], lower, np.maximum(lower, -threshold - error))
         return Enclosure(value, lower, error, lower > 0.0, value < -error, value - lower <= 4.0 * error)
-
-
-def swept_boundaries(
-    boundaries: Sequence[Boundary], walked: Walks, lower: Array, upper: Array, degree: int
-) -> SweptBoundaries:
-    """Return boundaries with rounding bounds that hold while q stays in a box; `walked` are the joints between."""
-    swept = swept_bundle([boundary.path for boundary in boundaries], lower, upper)
-    threshold = [boundary.rule.placed_distance for boundary in boundaries]
-    error = rounding_bound(swept, walked, lower, upper, degree) + np.array([b.place_error for b in boundaries])
-    names = tuple(boundary.name for boundary in boundaries)
-    return SweptBoundaries(names, swept, np.array(threshold), error, tuple(boundaries))

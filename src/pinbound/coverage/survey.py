@@ -82,9 +82,8 @@ class Coverage:
         """
         wanted = frozenset(names)
         known = [boundary.name for boundary in self._boundaries]
-        for name in wanted:
-            if name not in known:
-                raise UnknownNameError("boundary", name, known)
+        for name in sorted(wanted - set(known)):
+            raise UnknownNameError("boundary", name, known)
         if len(wanted) == len(known):
             return self
         if wanted not in self._parts:

@@ -1,0 +1,242 @@
+"""What certificates need of a robot's boundaries and no motion changes: made once, and kept for the next question.
+
+Chains side by side, lever arms, closed forms, the joints that each boundary walks over: all of this is the same for
+every motion and box; only rounding bounds depend on how far q reaches, and lever arms where something slides. The last
+few robots are kept. The paths are the key, so that a robot with other distances between the same marks shares them.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pinbound.boundaries.boundary import Boundary
+from pinbound.bounds.bounds import Bundle, bundle, lever_arms, one_angle
+from pinbound.bounds.rounding import Rounding, Walks, walks
+from pinbound.bounds.swept_bounds import SweptBundle, bound_of, chain_rounding, swept_bundle
+from pinbound.certificates.distances import ManyAngleBoundaries
+from pinbound.certificates.guarded import GuardedLimits, pieces
+from pinbound.certificates.limits import Limits
+from pinbound.certificates.one_angle import OneAngleBoundaries, with_stops
+from pinbound.certificates.swept import SweptBoundaries
+from pinbound.robot.robot import Robot
+from pinbound.tolerances import UNIT_ROUNDOFF
+from pinbound.typing import Array
+
+__all__ = ["Tables", "tables_of"]
+
+_KEPT = 16
+"""Questions whose tables are kept: sets of boundaries of a robot."""
+
+
+class _Memory:
+    """The last few values that were made, by keys that say what they were made from."""
+
+    def __init__(self) -> None:
+        self.kept: OrderedDict[Any, tuple[Any, Any]] = OrderedDict()
+        self.lock = threading.Lock()
+
+    def get(self, parts: tuple[Any, ...], make: Callable[[], Any]) -> Any:
+        """Return what was made of these objects themselves; they are held, so that no other object has their id."""
+        key = tuple(map(id, parts))
+        with self.lock:
+            if key in self.kept:
+                self.kept.move_to_end(key)
+                return self.kept[key][1]
+        made = make()
+        with self.lock:
+            self.kept[key] = parts, made
+            while len(self.kept) > _KEPT:
+                self.kept.popitem(last=False)
+        return made
+
+
+_tables, _chains, _bodies = _Memory(), _Memory(), _Memory()
+
+
+def tables_of(robot: Robot, boundaries: Sequence[Boundary]) -> Tables:
+    """Return the tables of some boundaries of a robot, those of the last time where it is the same question."""
+    chosen = tuple(boundaries)
+    parts = (robot.tree, robot.coupling, robot.linear_limits, robot.guarded_limits, *chosen)
+    return _tables.get(parts, lambda: Tables(robot, chosen))
+
+
+class _Chains:
+    """Chains of points side by side, with what bounds their rounding."""
+
+    def __init__(self, robot: Robot, boundaries: Sequence[Boundary]) -> None:
+        self.n = len(robot.coordinates)
+        self.each = [boundary.path.minimal for boundary in boundaries]
+        self.bundle: Bundle = bundle(self.each, self.n)
+        self.rounding = Rounding.of(self.bundle, _walked(robot, boundaries))
+
+    @cached_property
+    def _still(self) -> Array:
+        return lever_arms(self.bundle, np.zeros(self.n), np.zeros(self.n))
+
+    def arms(self, lower: Array, upper: Array) -> Array:
+        """Return the lever arms (m, k) [m], which depend on the box only where something slides."""
+        return self._still if self.bundle.slides is None else lever_arms(self.bundle, lower, upper)
+
+
+class _Bodies:
+    """Paths that are not between two points, side by side, with what bounds their rounding."""
+
+    def __init__(self, robot: Robot, boundaries: Sequence[Boundary]) -> None:
+        self.n = len(robot.coordinates)
+        self.paths = [boundary.path for boundary in boundaries]
+        self.walked = _walked(robot, boundaries)
+        self.slides = any(np.any(c.slides) for path in self.paths for c in (path.minimal, *path.swept.turned))
+
+    @cached_property
+    def _still(self) -> tuple[SweptBundle, Rounding]:
+        return self._made(np.zeros(self.n), np.zeros(self.n))
+
+    def _made(self, lower: Array, upper: Array) -> tuple[SweptBundle, Rounding]:
+        swept = swept_bundle(self.paths, lower, upper)
+        return swept, chain_rounding(swept, self.walked)
+
+    def over(self, lower: Array, upper: Array) -> tuple[SweptBundle, Rounding]:
+        """Return the paths with lever arms that hold in a box: they depend on it only where something slides."""
+        return self._made(lower, upper) if self.slides else self._still
+
+
+class Tables:
+    """The constraints of a robot, for any box of q.
+
+    Attributes:
+        one: Boundaries of one effective angle between two points.
+        many: Those of several angles, or with slides.
+        swept: Boundaries of other marks.
+        order: Place of each boundary among these three, one after the other.
+        turning: Those that may have contact strips: boundaries of one rotation.
+    """
+
+    def __init__(self, robot: Robot, boundaries: Sequence[Boundary]) -> None:
+        """Sort boundaries by what is known of them."""
+        points = [boundary for boundary in boundaries if boundary.path.is_plain]
+        self.one = tuple(boundary for boundary in points if boundary.contact is not None)
+        self.many = tuple(boundary for boundary in points if boundary.contact is None)
+        self.swept = tuple(boundary for boundary in boundaries if not boundary.path.is_plain)
+        self.robot, self.n = robot, len(robot.coordinates)
+        places = {boundary.name: place for place, boundary in enumerate((*self.one, *self.many, *self.swept))}
+        self.order = np.array([places[boundary.name] for boundary in boundaries], dtype=np.intp)
+        self.turning = tuple(boundary for boundary in boundaries if boundary.path.minimal.rotations == 1)
+
+    def families(
+        self, lower: Array, upper: Array, degree: int
+    ) -> tuple[Limits | GuardedLimits, OneAngleBoundaries, ManyAngleBoundaries, SweptBoundaries]:
+        """Return all constraints, with rounding bounds that hold while q stays in a box, for pieces of a degree."""
+        farthest = np.maximum(np.abs(lower), np.abs(upper))
+        return (
+            self._limits(farthest, degree),
+            self._one_angle(lower, upper, degree),
+            self._many_angles(lower, upper, degree),
+            self._swept(lower, upper, degree),
+        )
+
+    @cached_property
+    def _limit_rows(self) -> tuple[tuple[str, ...], Array, Array, Array]:
+        names: list[str] = []
+        rows: list[Array] = []
+        bounds: list[tuple[float, float]] = []
+        for limit in (*self.robot.linear_limits, *(limit for _, limit, _ in pieces(self.robot.guarded_limits))):
+            for end, sign, bound in (("upper", 1.0, limit.upper), ("lower", -1.0, limit.lower)):
+                if np.isfinite(bound):
+                    names.append(f"{limit.joint} {end}")
+                    rows.append(sign * limit.coefficients)
+                    # The two may cancel, their rounding does not.
+                    bounds.append((sign * (bound - limit.offset), abs(bound) + abs(limit.offset)))
+        table = np.array(bounds).reshape(-1, 2)
+        return tuple(names), np.array(rows).reshape(-1, self.n), table[:, 0], table[:, 1]
+
+    def _limits(self, farthest: Array, degree: int) -> Limits | GuardedLimits:
+        names, C, bounds, sizes = self._limit_rows
+        size = np.abs(C) @ farthest + sizes
+        found = Limits(names, C, bounds, UNIT_ROUNDOFF * (C.shape[1] + 4 + 8 * degree) * size)
+        return GuardedLimits.of(found, self.robot.guarded_limits) if self.robot.guarded_limits else found
+
+    def _chains(self, boundaries: Sequence[Boundary]) -> _Chains:
+        parts = (self.robot.tree, self.robot.coupling, *(boundary.path for boundary in boundaries))
+        found: _Chains = _chains.get(parts, lambda: _Chains(self.robot, boundaries))
+        return found
+
+    @cached_property
+    def _closed(self) -> OneAngleBoundaries:
+        """The boundaries of one angle, without their rounding bounds."""
+        boundaries, count = self.one, len(self.one)
+        stops = [boundary.rule.stop for boundary in boundaries]
+        is_stop = np.array([stop is not None for stop in stops], dtype=np.bool_)
+        chosen = [stop for stop in stops if stop is not None]
+        closed = with_stops(one_angle(self._one_chains.each, self.n), is_stop, chosen)
+        gap, amplitude = np.tile([-np.inf, np.inf], (count, 1)), np.ones(count)
+        gap[is_stop] = np.array([stop.gap for stop in chosen]).reshape(-1, 2)
+        amplitude[is_stop] = [stop.amplitude for stop in chosen]
+        names, nothing = tuple(boundary.name for boundary in boundaries), np.zeros(count)
+        return OneAngleBoundaries(names, closed, _thresholds(boundaries), is_stop, gap, amplitude, nothing, nothing)
+
+    @cached_property
+    def _one_chains(self) -> _Chains:
+        return self._chains(self.one)
+
+    @cached_property
+    def _one_places(self) -> tuple[Array, Array, Array]:
+        """Errors of places, the ends of gaps, and the root of the ratio of the arms; the last of stops alone."""
+        known = self._closed
+        ends = np.where(np.isfinite(known.gap), np.abs(known.gap), 0.0).max(axis=1, initial=0.0)
+        stops = [boundary.rule.stop for boundary in self.one]
+        ratio = np.array([np.sqrt(max(stop.arms) / min(stop.arms)) for stop in stops if stop is not None])
+        return _places(self.one), ends, ratio
+
+    def _one_angle(self, lower: Array, upper: Array, degree: int) -> OneAngleBoundaries:
+        known, (places, ends, ratio) = self._closed, self._one_places
+        error = self._one_chains.rounding.bound(lower, upper, degree) + places
+        farthest = np.maximum(np.abs(lower), np.abs(upper))
+        closed, stop = known.chains, known.is_stop
+        size = np.abs(closed.coefficients) @ farthest + np.abs(closed.angle) + ends + 2.0 * np.pi
+        with np.errstate(divide="ignore"):
+            angle_error = 4.0 * error / closed.arm + UNIT_ROUNDOFF * (self.n + 16 + 8 * degree) * size
+        error[stop] = 0.5 * known.amplitude[stop] * angle_error[stop] + 3.0 * ratio * error[stop]
+        gap = known.gap
+        return OneAngleBoundaries(known.names, closed, known.threshold, stop, gap, known.amplitude, error, angle_error)
+
+    @cached_property
+    def _many_known(self) -> tuple[tuple[str, ...], _Chains, Array, Array]:
+        names = tuple(boundary.name for boundary in self.many)
+        return names, self._chains(self.many), _thresholds(self.many), _places(self.many)
+
+    def _many_angles(self, lower: Array, upper: Array, degree: int) -> ManyAngleBoundaries:
+        names, chains, threshold, places = self._many_known
+        error = chains.rounding.bound(lower, upper, degree) + places
+        return ManyAngleBoundaries(names, chains.bundle, chains.arms(lower, upper), threshold, error, self.many)
+
+    @cached_property
+    def _swept_known(self) -> tuple[tuple[str, ...], _Bodies, Array, Array]:
+        parts = (self.robot.tree, self.robot.coupling, *(boundary.path for boundary in self.swept))
+        bodies: _Bodies = _bodies.get(parts, lambda: _Bodies(self.robot, self.swept))
+        return tuple(boundary.name for boundary in self.swept), bodies, _thresholds(self.swept), _places(self.swept)
+
+    def _swept(self, lower: Array, upper: Array, degree: int) -> SweptBoundaries:
+        names, bodies, threshold, places = self._swept_known
+        swept, rounding = bodies.over(lower, upper)
+        error = bound_of(swept, rounding, lower, upper, degree) + places
+        return SweptBoundaries(names, swept, threshold, error, self.swept)
+
+
+def _thresholds(boundaries: Sequence[Boundary]) -> Array:
+    return np.array([boundary.rule.placed_distance for boundary in boundaries])
+
+
+def _places(boundaries: Sequence[Boundary]) -> Array:
+    return np.array([boundary.place_error for boundary in boundaries])
+
+
+def _walked(robot: Robot, boundaries: Sequence[Boundary]) -> Walks:
+    """Return the joints between the marks of each boundary, as they are in the tree."""
+    ends = [(boundary.ancestor, boundary.point_a.link, boundary.point_b.link) for boundary in boundaries]
+    return walks(robot.tree, robot.coupling, ends)
