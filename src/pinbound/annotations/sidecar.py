@@ -43,7 +43,7 @@ def read_sidecar(path: Path, problems: Problems) -> list[RawItem]:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
     except OSError as error:
         if not blames_the_path(error):
-            raise MachineError(f"{path}: reading failed: {error.strerror}") from error
+            raise MachineError(f"{path}: reading failed: {error.strerror}; try again once it can be read") from error
         problems.add(f"cannot be read ({error.strerror})", "Check the path and its permissions", source=str(path))
         return []
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:

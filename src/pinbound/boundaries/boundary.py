@@ -334,7 +334,7 @@ class Boundary(Value):
             coordinate: An active coordinate of the robot.
             q: (n,) configuration, or (N, n); its entry for the coordinate does not matter.
             window: Within which to look, needed only where the coordinate never repeats: it both turns and slides, or
-                turns by angles without a common period.
+                turns by angles without a common period; or where one turn holds too many contacts to list.
 
         Returns:
             `AllowedArcs` for one q, `AllowedArcsTable` for many.
@@ -354,7 +354,7 @@ class Boundary(Value):
             raise UnknownNameError("coordinate", coordinate, self.robot_coordinates)
         points = as_configurations(q, self.robot_coordinates)
         if not np.all(np.isfinite(points)):
-            raise DimensionError("q holds a number that is not finite")
+            raise DimensionError("q holds a number that is not finite; give finite numbers")
         if window is not None:
             window = checked_window(window)
         index = self.robot_coordinates.index(coordinate)
@@ -442,5 +442,7 @@ def one_configuration(q: ArrayLike, coordinates: Sequence[str]) -> Array:
     if point.ndim != 1:
         raise DimensionError(f"give one configuration ({len(coordinates)},), not {point.shape}")
     if not np.all(np.isfinite(point)):
-        raise DimensionError(f"the configuration {point.tolist()} holds a number that is not finite")
+        raise DimensionError(
+            f"the configuration {point.tolist()} holds a number that is not finite; give finite numbers"
+        )
     return point

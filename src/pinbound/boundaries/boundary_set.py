@@ -284,7 +284,9 @@ class BoundarySet(NamedBoundaries):
         array = as_configurations(Q, self._coordinates)
         if array.ndim == 1:
             if out is not None:
-                raise DimensionError("out is for many q (N, n); the smallest clearance of one q is returned as a float")
+                raise DimensionError(
+                    "the smallest clearance of one q is a float, and out is for many q (N, n); leave out= away"
+                )
             clearances = self.signed_clearances(array, threads=threads, backend=backend, dtype=dtype)
             if not len(clearances):
                 return Smallest(float("inf"), -1)
@@ -422,7 +424,7 @@ class BoundarySet(NamedBoundaries):
             raise UnknownNameError("coordinate", coordinate, self._coordinates)
         rows = as_configurations(Q, self._coordinates).reshape(-1, len(self._coordinates))
         if not np.all(np.isfinite(rows)):
-            raise DimensionError("Q holds a number that is not finite")
+            raise DimensionError("Q holds a number that is not finite; give finite numbers")
         index = self._coordinates.index(coordinate)
         ends = np.tile([-math.inf, math.inf], (len(rows), 1))
         stops = np.full((len(rows), 2), "", dtype=object)

@@ -94,7 +94,7 @@ class BoundedTrajectory:
         if bound.shape != (n,):
             raise DimensionError(f"the bound of {name} has shape {bound.shape}; give one number a coordinate, ({n},)")
         if not np.all(np.isfinite(bound)) or np.any(bound < 0.0):
-            raise DimensionError(f"bounds of {name} must be finite and not negative; they are {bound.tolist()}")
+            raise DimensionError(f"the bounds of {name} are {bound.tolist()}; give finite numbers, 0 or more")
         return bound.copy()
 
     @property
@@ -169,15 +169,15 @@ class BoundedTrajectory:
         except TypeError as error:
             if not order:
                 raise
-            message = f"{what} cannot be called: {error}; with a bound of acceleration it must give dq/dt"
+            message = f"{what} cannot be called: {error}; let function(t, 1) be dq/dt, or leave acceleration out"
             raise DimensionError(message) from error
         values = real_array(given, f"the result of {what}").copy()  # and it may hand out one buffer again and again
         expected = (len(times), len(self.coordinates))
         if values.shape != expected:
-            raise DimensionError(f"{what} gives shape {values.shape} for {expected}: (times, coordinates)")
+            raise DimensionError(f"{what} gives shape {values.shape}; give (times, coordinates), here {expected}")
         if not np.all(np.isfinite(values)):
             bad = float(times[np.flatnonzero(~np.all(np.isfinite(values), axis=1))[0]])
-            raise DimensionError(f"{what} is not finite at t = {bad:.9g}")
+            raise DimensionError(f"{what} is not finite at t = {bad:.9g}; end the motion before, or start after")
         return values
 
     def _probe(self) -> None:

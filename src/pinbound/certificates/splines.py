@@ -45,11 +45,14 @@ def from_spline(spline: Any, coordinates: Sequence[str]) -> Polynomials:
     elif isinstance(spline, (interpolation.PPoly, interpolation.BPoly)):
         controls, knots, size = _of_pieces(spline, len(coordinates), isinstance(spline, interpolation.BPoly))
     else:
-        raise UnsupportedError(f"a {type(spline).__name__} is no PPoly, BPoly or BSpline of SciPy")
+        raise UnsupportedError(
+            f"a {type(spline).__name__} is no PPoly, BPoly or BSpline of SciPy; make one of these of it"
+        )
     is_exact = isinstance(spline, interpolation.BPoly)
     if not np.all(np.isfinite(controls)) or not np.all(np.isfinite(size)):
         raise DimensionError(
-            "the spline's terms overflow: its coefficients or the time between breakpoints are too large"
+            "the spline's terms overflow: its coefficients or the time between breakpoints are too large; "
+            "give it in radians, metres and seconds"
         )
     degree = controls.shape[1] - 1
     rounding = CONVERSION * (degree + 1) * UNIT_ROUNDOFF * size
@@ -67,16 +70,16 @@ def _numbers(spline: Any, n: int, knots: Any, degree: int) -> tuple[Array, Array
         real_array(knots, "the array of breakpoints"),
     )
     if not np.all(np.isfinite(coefficients)) or not np.all(np.isfinite(breaks)):
-        raise DimensionError("the spline holds a number that is not finite")
+        raise DimensionError("the spline holds a number that is not finite; give finite numbers")
     if degree > _HIGHEST:
         message = f"the spline has degree {degree}; certificates read degrees up to {_HIGHEST}"
         raise UnsupportedError(f"{message}. Fit it by pieces of a lower degree")
     with np.errstate(over="ignore"):
-        steps = np.diff(breaks)
+        steps, whole = np.diff(breaks), breaks[-1] - breaks[0]
     if np.any(steps < 0.0):
         raise DimensionError("the spline's breakpoints must increase; build it again with its pieces in order of time")
-    if not np.all(np.isfinite(steps)):
-        raise DimensionError("the spline's breakpoints are too far apart for float64")
+    if not np.all(np.isfinite(steps)) or not np.isfinite(whole):
+        raise DimensionError("the spline's breakpoints are too far apart for float64; give them in seconds")
     return coefficients, breaks
 
 
@@ -92,7 +95,7 @@ def _of_bspline(spline: Any, n: int) -> tuple[Array, tuple[Array, Array], Array]
     _check_shape(coefficients.shape[1:], n)
     spans = k + np.flatnonzero(np.diff(t[k : len(t) - k]) > 0.0)
     if not len(spans):
-        raise DimensionError("the spline has no piece of positive duration")
+        raise DimensionError("the spline has no piece of positive duration; give breakpoints that increase")
     a, b = t[spans], t[spans + 1]
     local = np.stack([coefficients[spans - k + i] for i in range(k + 1)], axis=1)
     columns = [_polar(local, t, spans, [a] * (k - j) + [b] * j) for j in range(k + 1)]
@@ -116,7 +119,7 @@ def _of_pieces(spline: Any, n: int, is_bernstein: bool) -> tuple[Array, tuple[Ar
     _check_shape(coefficients.shape[2:], n)
     lasting = np.diff(knots) > 0.0
     if not np.any(lasting):
-        raise DimensionError("the spline has no piece of positive duration")
+        raise DimensionError("the spline has no piece of positive duration; give breakpoints that increase")
     widths, terms = np.diff(knots)[lasting], np.moveaxis(coefficients, 0, 1)[lasting]
     spans = (knots[:-1][lasting], widths)
     if is_bernstein:

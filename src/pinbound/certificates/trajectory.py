@@ -48,10 +48,12 @@ def as_trajectory(motion: Any, coordinates: Sequence[str], times: ArrayLike | No
     Q = as_configurations(motion, coordinates)
     Q = Q[None] if Q.ndim == 1 else Q
     if not len(Q):
-        raise DimensionError("the motion has no waypoint")
+        raise DimensionError("the motion has no waypoint; give at least one")
     bad = np.flatnonzero(~np.all(np.isfinite(Q), axis=1))
     if bad.size:
-        raise DimensionError(f"waypoint {bad[0]} of the motion is not finite: {Q[bad[0]].tolist()}")
+        raise DimensionError(
+            f"waypoint {bad[0]} of the motion is not finite, {Q[bad[0]].tolist()}; give finite numbers"
+        )
     knots = _times(times, len(Q))
     refuse_far(Q.min(axis=0), Q.max(axis=0), coordinates)
     ends = Q if len(Q) > 1 else np.repeat(Q, 2, axis=0)
@@ -67,15 +69,18 @@ def _times(times: ArrayLike | None, count: int) -> Array:
     if knots.shape != (count,):
         raise DimensionError(f"times have shape {knots.shape}; give one a waypoint, ({count},)")
     if not np.all(np.isfinite(knots)):
-        raise DimensionError(f"time {int(np.flatnonzero(~np.isfinite(knots))[0])} is not finite")
+        raise DimensionError(f"time {int(np.flatnonzero(~np.isfinite(knots))[0])} is not finite; give finite numbers")
     with np.errstate(over="ignore"):
         too_long = not np.isfinite(knots[-1] - knots[0])
     if too_long:
-        raise DimensionError(f"times from {knots[0]:g} to {knots[-1]:g} are too far apart for float64")
+        raise DimensionError(
+            f"times from {knots[0]:g} to {knots[-1]:g} are too far apart for float64; give them in seconds"
+        )
     falling = np.flatnonzero(np.diff(knots) <= 0.0)
     if falling.size:
         row = int(falling[0])
-        raise DimensionError(f"times must increase: t[{row + 1}] = {knots[row + 1]:g} after t[{row}] = {knots[row]:g}")
+        said = f"t[{row + 1}] = {knots[row + 1]:g} comes after t[{row}] = {knots[row]:g}"
+        raise DimensionError(f"times must increase, and {said}; sort the waypoints, one a moment")
     return knots
 
 
@@ -89,4 +94,5 @@ def refuse_far(lower: Array, upper: Array, coordinates: Sequence[str]) -> None:
     beyond = np.flatnonzero(~(farthest <= FARTHEST))
     if beyond.size:
         name, value = coordinates[int(beyond[0])], farthest[beyond[0]]
-        raise DimensionError(f"{name!r} may reach {value:.3g}; float64 proves nothing beyond {FARTHEST:g} rad or m")
+        said = f"{name!r} may reach {value:.3g}, and float64 proves nothing beyond {FARTHEST:g} rad or m"
+        raise DimensionError(f"{said}; give a motion that stays nearer to zero")

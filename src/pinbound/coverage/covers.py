@@ -103,7 +103,7 @@ def cover(body: Body, accuracy: float, by: By = "bodies") -> Cover:
         4
     """
     if not accuracy > 0.0:
-        raise DimensionError(f"the accuracy {accuracy} is not a positive length")
+        raise DimensionError(f"the accuracy {accuracy} is not a positive length; give metres above 0")
     if body.shape not in SHAPES:
         raise UnsupportedError(f"no mark holds a {body.shape} ({body.name}); give one of: {', '.join(SHAPES)}")
     name = f"{body.link}.{body.index}"

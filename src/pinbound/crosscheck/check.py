@@ -135,7 +135,7 @@ def cross_check(
             raise UnknownNameError("level", level, LEVELS)
     for name, count in (("samples", samples), ("rays", rays)):
         if count < 1:
-            raise DimensionError(f"{name} must be positive, not {count}")
+            raise DimensionError(f"{name} is {count}; give 1 or more")
     if not len(robot.boundaries):
         reasons = dict.fromkeys((level for level in LEVELS if level in levels), "the robot has no boundaries")
         return CrossCheck(robot.name, samples, rays, seed, None, None, None, None, reasons, robot.coverage.record)

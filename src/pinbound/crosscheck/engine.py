@@ -206,7 +206,9 @@ def mark_shape(mark: Mark, more: float, reach: float = 1.0) -> Shape:
         if shape.is_zonotope and len(lengths) in (2, 3) and upright:
             return _box(mark.link, shape, axes, lengths, thick)
         if np.linalg.matrix_rank(axes) < _SOLID:
-            raise UnsupportedError(f"coal has no flat body like {mark.name!r}, but for rectangles")
+            raise UnsupportedError(
+                f"coal has no flat body like {mark.name!r}, but for rectangles; mark a body with some thickness"
+            )
         return Shape(mark.link, "hull", (thick,), np.eye(3), first, shape.corners @ shape.directions)
     if shape.is_point:
         return Shape(mark.link, "sphere", (thick,), np.eye(3), first)

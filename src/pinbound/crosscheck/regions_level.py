@@ -110,7 +110,7 @@ def check_region(
     engine, shapes, ignored = found
     step = step if step is not None else math.sqrt(region.area / _NODES)
     if not (math.isfinite(step) and step > 0.0):
-        raise DimensionError(f"the step {step} of the grid is not a positive angle")
+        raise DimensionError(f"the step {step} of the grid is not a positive angle; give radians above 0")
     columns = [robot.coordinates.index(name) for name in region.coordinates]
     flood = _Flood(robot, engine, columns, step, region.plane.window if window else None)
     flood.run()

@@ -29,7 +29,17 @@ from pinbound.path.restriction import restrict
 from pinbound.tolerances import CONTOUR_ROUNDING, ROOT
 from pinbound.typing import Array
 
-__all__ = ["MOST_TURNS", "arcs", "around", "check_turns", "common_period", "holding", "outward", "wrapped"]
+__all__ = [
+    "MOST_TURNS",
+    "arcs",
+    "around",
+    "check_turns",
+    "common_period",
+    "holding",
+    "listed_period",
+    "outward",
+    "wrapped",
+]
 
 MOST_TURNS = 10_000.0
 """Turns of the fastest angle over which contacts are listed: more are some 20,000 intervals, which nobody reads."""
@@ -61,6 +71,20 @@ def common_period(coefficients: Array) -> float | None:
     return None if turns > _LARGEST_DENOMINATOR else 2.0 * math.pi * float(turns) / abs(base)
 
 
+def listed_period(coefficients: Array, window: tuple[float, float] | None) -> float | None:
+    """Return the period over which contacts are listed; None: nothing repeats, or only the window is short enough.
+
+    Example:
+        >>> listed_period(np.array([1.0, 1e6]), (0.0, 0.01)), listed_period(np.array([1.0]), (0.0, 0.01))
+        (None, 6.283185307179586)
+    """
+    period = common_period(coefficients)
+    if period is None or window is None:
+        return period
+    fastest = float(np.abs(coefficients).max()) / (2.0 * math.pi)
+    return None if fastest * period > MOST_TURNS >= fastest * (window[1] - window[0]) else period
+
+
 def arcs(
     chain: Chain, index: int, name: str, q: Array, threshold: float, window: tuple[float, float] | None
 ) -> tuple[Array, float, tuple[float, float]]:
@@ -78,7 +102,7 @@ def arcs(
     if not line.rotations and not np.any(line.slides):
         clear = float(np.linalg.norm(line.offsets[0])) > threshold
         return np.array([everywhere] if clear else []).reshape(-1, 2), math.inf, everywhere
-    period = common_period(used) if len(used) and not np.any(line.slides) else None
+    period = listed_period(used, window) if len(used) and not np.any(line.slides) else None
     if period is None and (window is None or not all(map(math.isfinite, window))):
         raise UnsupportedError(
             f"{name!r} turns the path in angles without a common period, or turns and slides it; without joint "

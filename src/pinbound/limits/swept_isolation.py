@@ -20,7 +20,7 @@ from pinbound.bounds.bounds import Expansion
 from pinbound.bounds.swept_bounds import Bounds, SweptBundle, along_motion, rounding_bound, swept_bundle
 from pinbound.evaluate import separation
 from pinbound.exceptions import UnsupportedError
-from pinbound.limits.isolation import check_turns, common_period, holding, outward, wrapped
+from pinbound.limits.isolation import check_turns, holding, listed_period, outward, wrapped
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import PRECISION, ROOT
 from pinbound.typing import Array, Flags, Ints
@@ -51,7 +51,7 @@ def arcs(
     used = path.minimal.coefficients[:, index]
     used = used[used != 0.0]
     slides = bool(np.any(path.minimal.slides[:, :, index]))
-    period = common_period(used) if len(used) and not slides else None
+    period = listed_period(used, window) if len(used) and not slides else None
     if not len(used) and not slides:
         period = 2.0 * math.pi  # it changes nothing: all or nothing is free
     if period is None and (window is None or not all(map(math.isfinite, window))):

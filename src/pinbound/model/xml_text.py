@@ -37,7 +37,7 @@ def parse_file(path: Path) -> etree._Element:
         data = path.read_bytes()
     except OSError as error:
         if not blames_the_path(error):
-            raise MachineError(f"{path}: reading failed: {error.strerror}") from error
+            raise MachineError(f"{path}: reading failed: {error.strerror}; try again once it can be read") from error
         raise refusal(str(path), f"cannot be read ({error.strerror})", "Check the path and its permissions") from error
     return parse_bytes(data, path.name)
 

@@ -131,7 +131,8 @@ def solve_ik(
     q = np.array(robot.home if start is None else as_configurations(start, robot.coordinates))
     inside = q.ndim == 1 and np.all(solver.A @ q <= solver.b + LIMIT) and _broken(robot, q) is None
     if not inside:
-        raise DimensionError(f"the start {q.tolist()} is not one configuration within all joint limits")
+        said = f"the start {q.tolist()} is not one configuration within all joint limits"
+        raise DimensionError(f"{said}; give such a one, or leave start out")
     starts = [q, *_random_starts(robot, q, max(restarts - 1, 0), seed)][:restarts]
     answers, tried = list[_Answer](), list[int]()
     for goal in goals.reshape(-1, 3):

@@ -30,7 +30,7 @@ class Deadline:
             DimensionError: If the budget [s] is not positive.
         """
         if not budget > 0.0:
-            raise DimensionError(f"the budget {budget} is not a positive number of seconds; inf is no limit")
+            raise DimensionError(f"the budget is {budget}; give seconds above 0, inf for no limit")
         self.budget, self.task, self.left = budget, task, ""
         self.end = math.inf if budget == math.inf else time.monotonic() + budget
 

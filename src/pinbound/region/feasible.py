@@ -72,12 +72,14 @@ def feasible_region(
     """
     if not 0.0 < accuracy < 1.0:
         raise DimensionError(
-            f"the accuracy {accuracy} is not between 0 and 1 (radians, metres, or a share of the window)"
+            f"the accuracy is {accuracy}; give a number between 0 and 1 (radians, metres, or a share of the window)"
         )
     if not 0.0 < width < 1.0:
-        raise DimensionError(f"the width {width} is not between 0 and 1 (radians, metres, or a share of the window)")
+        raise DimensionError(
+            f"the width is {width}; give a number between 0 and 1 (radians, metres, or a share of the window)"
+        )
     if not 0.0 <= margin < math.inf:
-        raise DimensionError(f"the margin {margin} is not a finite length of zero or more")
+        raise DimensionError(f"the margin is {margin}; give metres, 0 or more")
     start = np.array(robot.home if at is None else one_configuration(at, robot.coordinates), dtype=np.float64)
     plane = plane_of(robot, coordinates, start, dict(window or {}), margin)
     return region_of(plane, accuracy, width, budget)

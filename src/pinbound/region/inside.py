@@ -90,7 +90,7 @@ def read_points(plane: Plane, Q: ArrayLike, order: Order | None = None) -> Readi
     try:
         array = np.asarray(Q, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise DimensionError(f"q is no array of numbers: {error}") from error
+        raise DimensionError(f"q is no array of numbers ({error}); give numbers") from error
     if order is None and array.shape[-1:] == (_PLANE,) == (len(coordinates),) and names != coordinates:
         raise DimensionError(
             f"two numbers can be read in two ways here: as a configuration ({', '.join(coordinates)}) of the robot, "
@@ -221,7 +221,9 @@ def metric(plane: Plane, weights: Weights | None, what: str) -> Array:
     factors = np.array([float(weights.get(name, np.nan)) for name in plane.coordinates])
     if not np.all((factors > 0.0) & np.isfinite(factors)):
         x, y = plane.coordinates
-        raise DimensionError(f"the weights {dict(weights)} are not positive numbers for both {x!r} and {y!r}")
+        raise DimensionError(
+            f"the weights {dict(weights)} are not positive numbers for both; give {x!r} and {y!r} one each"
+        )
     return factors
 
 

@@ -154,7 +154,7 @@ def smallest_clearance(plane: Plane, polygon: Any, gap: float) -> SmallestCleara
         DimensionError: If the gap is not positive, or the polygon is empty.
     """
     if not gap > 0.0 or polygon.is_empty:
-        raise DimensionError(f"the gap {gap} must be positive, and the region must not be empty")
+        raise DimensionError(f"the gap is {gap}; give metres above 0")
     indices = [plane.robot.coordinates.index(name) for name in plane.coordinates]
     best = SmallestClearance(np.inf, np.inf, "", np.full(len(plane.at), np.nan))
     lower = np.inf

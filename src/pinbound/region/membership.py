@@ -102,7 +102,7 @@ def projections(region: Region) -> tuple[Array, Array]:
         [70.001229, 68.981699]
     """
     if region.is_empty:
-        raise DimensionError("the region is empty, so it has no projection")
+        raise DimensionError("the region is empty, so it has no projection; ask `is_empty` before")
     west, south, east, north = region.polygon.bounds
     return np.array([west, south]), np.array([east, north])
 
@@ -159,7 +159,7 @@ def classify(signed_distance: ArrayLike, tolerance: float = ON_CONTOUR) -> Ints:
         ['INSIDE', 'ON', 'OUTSIDE', 'UNKNOWN']
     """
     if not 0.0 <= tolerance < np.inf:
-        raise DimensionError(f"the tolerance {tolerance} is not a finite angle of zero or more")
+        raise DimensionError(f"the tolerance is {tolerance}; give radians, 0 or more")
     d = np.asarray(signed_distance, dtype=np.float64)
     place = np.where(d > tolerance, Place.INSIDE, np.where(d < -tolerance, Place.OUTSIDE, Place.ON))
     return np.where(np.isnan(d), Place.UNKNOWN, place).astype(np.int64)

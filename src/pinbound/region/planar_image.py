@@ -146,7 +146,8 @@ def planar_image(chain: Chain, upright: Array, foot: Array, most: Array, middle:
     is_planar = all(are_parallel(normal, axis) for axis in chain.axes[1:])
     if not is_planar or np.any(np.abs(np.einsum("i,jik->jk", normal, chain.slides)) > REDUCTION):
         raise UnsupportedError(
-            "this frame moves on a curved surface, not in a plane; areas need rotations about one direction"
+            "this frame moves on a curved surface, not in a plane; areas need rotations about one direction; choose "
+            "others"
         )
     across = upright - normal * float(normal @ upright)
     if float(np.linalg.norm(across)) <= np.sqrt(REDUCTION):  # looking along the axis: take any direction

@@ -286,7 +286,7 @@ def _contacts(
     if not path.minimal.coordinates:
         value = float(rule.signed(start[None])[0]) - (distance - rule.distance if rule.stop is None else margin)
         if not value > 0.0:
-            raise DimensionError(f"the start point is not free: {boundary.name!r} is in contact")
+            raise DimensionError(f"the start point is not free: {boundary.name!r} is in contact; start out of contact")
         return ()
     found = one_angle_strips(path, distance, 0.0)
     if found is None:

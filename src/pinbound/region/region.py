@@ -59,7 +59,9 @@ class Region(PlanarShape):
             0.81
         """
         if not 0.0 < factor <= 1.0:
-            raise DimensionError(f"the factor {factor} is not in (0, 1]; beyond 1 the region leaves the feasible one")
+            raise DimensionError(
+                f"the factor is {factor}, and beyond 1 the region leaves the feasible one; give above 0, at most 1"
+            )
         centre = self.centroid
         if self.planes:
             return self._with(
@@ -91,7 +93,7 @@ class Region(PlanarShape):
             UnsupportedError: If the budget runs out.
         """
         if not 0.0 <= angle < math.inf:
-            raise DimensionError(f"the inset {angle} is not a finite angle of zero or more")
+            raise DimensionError(f"the inset is {angle}; give radians, 0 or more")
         factors = inside.metric(self.plane, weights, "an inset")
         if self.planes:
             return self._with(plane.inset(angle, factors) for plane in self.planes)
@@ -115,7 +117,7 @@ class Region(PlanarShape):
             (True, True)
         """
         if not 0.0 <= margin < math.inf:
-            raise DimensionError(f"the margin {margin} is not a finite length of zero or more")
+            raise DimensionError(f"the margin is {margin}; give metres, 0 or more")
         low, high = self.plane.window
         window = {name: (float(low[i]), float(high[i])) for i, name in enumerate(self.coordinates)}
         plane = plane_of(self.plane.robot, self.coordinates, self.at, window, self.plane.margin + margin)
@@ -167,7 +169,7 @@ class Region(PlanarShape):
 
     def _inner(self, rim: float, weights: Mapping[str, float] | None) -> tuple[Any, Array]:
         if not 0.0 < rim < math.inf:
-            raise DimensionError(f"the rim {rim} is not a finite angle above zero")
+            raise DimensionError(f"the rim is {rim}; give radians above 0")
         factors, scales = inside.metric(self.plane, weights, "the rim"), self.plane.scales
         accuracy = self.accuracy * float(np.max(factors * scales)) / float(np.max(scales))
         return convex.inner(inside.weighted(self.polygon, factors), rim, accuracy), factors

@@ -90,7 +90,7 @@ class SweptBody:
         if self.crosses_axis and abs(offset) > REDUCTION:
             raise UnsupportedError(
                 f"the section crosses its axis in a plane {1e3 * abs(offset):.6g} mm beside it; "
-                "such a body is not supported"
+                "take a region whose section stays on one side of it"
             )
 
     def _folded_over(self, polygon: Any) -> tuple[Any, Any]:
@@ -115,14 +115,14 @@ class SweptBody:
         import trimesh
 
         if not REDUCTION < chord < math.inf:
-            raise DimensionError(f"the chord {chord} is not a positive length [m]")
+            raise DimensionError(f"the chord is {chord}; give metres above 0")
         if self.crosses_axis:  # chord / 2 for the section, chord / 2 for the turning
-            raise UnsupportedError("the section reaches its axis; a mesh is made only of sections on one side of it")
+            raise UnsupportedError("the section reaches its axis; take a region whose section stays on one side of it")
         polygon = sh.orient_polygons(self.section.polygon(chord / 2))
         if polygon.geom_type != "Polygon":
-            raise UnsupportedError(f"the section is a {polygon.geom_type}, not one polygon")
+            raise UnsupportedError(f"the section is a {polygon.geom_type}, not one polygon; give a smaller chord")
         if not self.angle > 0.0:
-            raise DimensionError(f"from {self.lower} to {self.upper} rad nothing is swept")
+            raise DimensionError(f"from {self.lower} to {self.upper} rad nothing is swept; give lower < upper")
         radius = float(np.hypot(polygon.bounds[2], self.section.map.offset))
         widest = 2.0 * math.acos(max(1.0 - chord / 2 / radius, 0.0))
         is_closed = self.angle >= _TURN - REDUCTION

@@ -279,7 +279,7 @@ def workspace_section(
     if link not in robot.tree.links:
         raise UnknownNameError("link", link, robot.tree.links)
     if region.is_empty:
-        raise DimensionError("the region is empty, so it has no image")
+        raise DimensionError("the region is empty, so it has no image; ask `is_empty` before")
     x, y, z = (float(value) for value in xyz)
     chain = absolute_chain(robot.tree, robot.coupling, link, (x, y, z))
     indices = [robot.coordinates.index(name) for name in region.coordinates]
@@ -289,7 +289,8 @@ def workspace_section(
     image = planar_image(hold(chain, region.at, indices), upright, foot, most, region.centroid)
     if turning is not None and not are_parallel(image.v, turning.axis):
         raise UnsupportedError(
-            f"the axis of {turn!r} does not lie along the plane in which {link!r} moves: no volume is swept"
+            f"the axis of {turn!r} does not lie along the plane in which {link!r} moves: no volume is swept; "
+            "leave turn= out"
         )
     return Section(region, link, (x, y, z), image, turning)
 
@@ -307,7 +308,7 @@ def _turn(robot: Robot, chain: Chain, indices: Sequence[int], region: Region, na
     if index in indices or len(uses) != 1 or np.any(chain.slides[:, :, index]) or before:
         raise UnsupportedError(
             f"{name!r} does not turn the section as a whole: it must turn the frame exactly once, before "
-            f"{' and '.join(region.coordinates)} do"
+            f"{' and '.join(region.coordinates)} do; name another coordinate, or leave turn= out"
         )
     alone = hold(chain, region.at, [index])
     axis, point = alone.axes[0], alone.offsets[0]
@@ -329,4 +330,4 @@ def _area(polygon: Any) -> float:
 
 def _positive(what: str, value: float) -> None:
     if not REDUCTION < value < math.inf:
-        raise DimensionError(f"the {what} {value} is not a positive length [m]")
+        raise DimensionError(f"the {what} is {value}; give metres above 0")

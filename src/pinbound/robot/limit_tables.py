@@ -125,7 +125,8 @@ def limit_table(
     kept = np.flatnonzero(lower <= upper)
     if not len(kept):
         said = f"no multiple of {spacing:g} deg of {target!r} leaves {dependent!r} anything"
-        raise DimensionError(f"{said}: the range of {target!r} is {_degrees(low)} .. {_degrees(high)}")
+        said += f", for the range of {target!r} is {_degrees(low)} .. {_degrees(high)}"
+        raise DimensionError(f"{said}; give a smaller spacing, or leave whole out")
     inside = slice(int(kept[0]), int(kept[-1]) + 1)  # a convex set: no gap between
     angles, lower, upper = angles[inside], lower[inside], upper[inside]
     notes = [
@@ -206,7 +207,7 @@ def _range(planes: Array, dependent: str) -> tuple[float, float]:
     """Return the range of x over the polygon: the ends lie at corners."""
     a, c, b = planes.T
     if not (np.any(c > 0.0) and np.any(c < 0.0)):
-        raise UnsupportedError(f"nothing limits {dependent!r} on both sides: a table cannot say it")
+        raise UnsupportedError(f"nothing limits {dependent!r} on both sides: a table cannot say it; give it limits")
     corners = _breaks(planes)
     straight = c == 0.0
     fits = [
@@ -215,7 +216,9 @@ def _range(planes: Array, dependent: str) -> tuple[float, float]:
         if np.all(a[straight] * x <= b[straight] + TABLE) and _interval(planes, x)[0] <= _interval(planes, x)[1] + TABLE
     ]
     if len(fits) < 2:
-        raise UnsupportedError("the target has no range with limits on both sides: a table cannot say it")
+        raise UnsupportedError(
+            "the target has no range with limits on both sides: a table cannot say it; give it limits"
+        )
     return min(fits), max(fits)
 
 

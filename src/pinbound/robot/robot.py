@@ -131,7 +131,8 @@ class Robot(Value):
     def _model(self) -> Any:
         model = build_model(self.document, self.tree.kinematics)
         if tuple(model.names)[1:] != self.coupling.joints:
-            raise PinboundError(f"Pinocchio orders the joints as {tuple(model.names)[1:]}, not {self.coupling.joints}")
+            said = f"Pinocchio orders the joints as {tuple(model.names)[1:]}, not {self.coupling.joints}"
+            raise PinboundError(f"{said}; report this as a bug of pinbound")
         return model
 
     @cached_property
