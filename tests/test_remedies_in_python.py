@@ -11,6 +11,7 @@ import ast
 import importlib
 import pickle
 import re
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
@@ -169,6 +170,19 @@ def without(*modules: str, then: Do, where: str = "importlib.import_module") -> 
         return real(name, package)
 
     return patched(where, missing, then)
+
+
+def without_numba(then: Do) -> Do:
+    """Return `then` as it goes where Numba is not installed."""
+
+    def done(folder: Path) -> object:
+        with pytest.MonkeyPatch.context() as patch:
+            for name, module in list(sys.modules.items()):
+                if name.startswith("pinbound.") and hasattr(module, "has_numba"):
+                    patch.setattr(module, "has_numba", lambda: False)
+            return then(folder)
+
+    return done
 
 
 def command(line: str) -> Do:
@@ -707,9 +721,7 @@ def entries() -> Iterator[Entry]:
     yield one("give a whole number of 1 or more", norms([ZERO], threads=0), norms([ZERO], threads=1))
     compiled = norms([ZERO], backend="compiled")
     numba = "install pinbound[fast], or leave the choice to 'auto'"
-    absent = patched("pinbound.kernel.engine.has_numba", lambda: False, compiled)
-    auto = patched("pinbound.kernel.engine.has_numba", lambda: False, norms([ZERO]))
-    yield one(numba, absent, compiled, auto)
+    yield one(numba, without_numba(compiled), compiled, without_numba(norms([ZERO])))
     array = "give a writeable {} array of shape {}"
     yield one(array, out_of((3, 1)), out_of())
     yield one("give an array of its own", shared_memory(False), shared_memory(True))
