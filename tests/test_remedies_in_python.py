@@ -32,6 +32,7 @@ from pinbound.coverage.bodies import Body
 from pinbound.coverage.covers import cover
 from pinbound.crosscheck.regions_level import check_region
 from pinbound.figures.report import tool_link
+from pinbound.meshes import read_mesh
 from pinbound.model.coupling import LinearLimit
 from pinbound.model.xml_text import parse_file
 from robots import ZOO, joint, robot_xml
@@ -177,6 +178,7 @@ def without_numba(then: Do) -> Do:
 
     def done(folder: Path) -> object:
         with pytest.MonkeyPatch.context() as patch:
+            planar().boundaries.norms(ZERO)  # whatever asks for Numba is imported
             for name, module in list(sys.modules.items()):
                 if name.startswith("pinbound.") and hasattr(module, "has_numba"):
                     patch.setattr(module, "has_numba", lambda: False)
@@ -670,6 +672,12 @@ def entries() -> Iterator[Entry]:
         return read_sidecar(file, Problems(file.name))
 
     yield one(again, file_fault(sidecar, with_sidecar, True), file_fault(sidecar, with_sidecar, False))
+
+    def mesh(folder: Path) -> Path:
+        (folder / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+        return folder / "m.obj"
+
+    yield one(again, file_fault(mesh, read_mesh, True), file_fault(mesh, read_mesh, False))
     # batch
     mark_it = "mark it, or ask for limits_only=True"
     verdict = ("verdict",)
@@ -1192,7 +1200,24 @@ def doubtful(radius: float, **options: Any) -> Do:
 
 
 def others() -> Iterator[Entry]:
-    """Yield those of tables, models, scripts and the machine."""
+    """Yield those of free space, tables, models, scripts and the machine."""
+    polytope = lambda robot, **more: lambda _: pb.certified_polytope(robot(), robot().home, **more)
+    stopped = lambda: made(robot_xml(TURNS, {"p": ("base", "0.3 0 0"), "s": ("a", "0 0 0.3")}, [("p", "s")]))
+    ends = {"q1": (-0.5, 0.5)}
+    yield one(
+        "give window={{}: (lower, upper)}",
+        polytope(endless, boundaries=[]),
+        polytope(endless, boundaries=[], window=ends),
+    )
+    yield one(
+        "name others by boundaries=, or ask certified_box",
+        polytope(planar),
+        polytope(planar, boundaries=[]),
+        lambda _: pb.certified_box(planar(), ZERO),
+    )
+    asked = lambda what: patched("pinbound.freespace.vertices._EXACT", 1, lambda _: what(polytope(minerva)(_)))
+    known = "take .A and .b, or sampled_volume()"
+    yield one(known, asked(lambda p: p.vertices), asked(lambda p: (p.A, p.b)), asked(lambda p: p.sampled_volume()))
     # the paper
     from pinbound.reproduce.study import Study
 

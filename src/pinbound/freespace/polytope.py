@@ -92,7 +92,8 @@ def certified_polytope(
         return replace(empty, verdict=verdict, violated=violated, seconds=meter.seconds, notes=note)
     if ground.searched:
         names = ", ".join(boundary.name for boundary in ground.searched[:3])
-        raise UnsupportedError(f"boundaries of several effective angles have no exact polytope: {names}")
+        said = f"boundaries of several effective angles have no exact polytope: {names}"
+        raise UnsupportedError(f"{said}; name others by boundaries=, or ask certified_box")
     verdict = settled(Verdict.CERTIFIED, chosen, limits_only)
     faces = needed_faces(ground.faces)
     return replace(empty, verdict=verdict, faces=faces, is_exact=True, seconds=meter.seconds, notes=tuple(ground.notes))

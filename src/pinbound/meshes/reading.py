@@ -77,7 +77,7 @@ def _bytes(file: Path, source: str, suffix: str) -> bytes:
             return stream.read(MOST_BYTES)
     except (OSError, ValueError) as error:
         if isinstance(error, OSError) and not blames_the_path(error):
-            raise MachineError(f"{source}: reading failed: {error.strerror}") from error
+            raise MachineError(f"{source}: reading failed: {error.strerror}; try again once it can be read") from error
         if not isinstance(error, OSError) and type(error) is not ValueError:
             raise  # an InputError is a ValueError, too
         refuse(source, f"cannot be read ({getattr(error, 'strerror', error)})", "Check the path and its permissions")
