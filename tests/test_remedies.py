@@ -113,6 +113,11 @@ def load(text: str, sidecar: str | None = None, name: str = "crane.urdf", kind: 
     return done
 
 
+def only(text: str) -> Do:
+    """Return a load and nothing else: marks are not proposed for robots with loops that are no parallelograms."""
+    return lambda _: pb.load(text)
+
+
 def urdf(remedy: str, old: str, bad: str, good: str | None = None, base: str = CRANE) -> Entry:
     """Return an entry in which `bad` in place of `old` is the fault, and `good` (else `old`) what the remedy says."""
     assert base.count(old) >= 1, old
@@ -626,8 +631,19 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     wide = tolerated.replace('lower="-1" upper="1"', 'lower="-2" upper="2"', 1)
     yield Entry("Give it equal sides, or limit {} ({} deg from flat)", load(wide), load(tolerated))
     yield Entry("Give it equal sides, or limit {} ({} deg from flat)", load(wide), load(wide.replace("2.00001", "2")))
-    crossed = '<pinbound:home j2="-0.9272952180016122" j3="2.214297435588181"/>'
-    yield loop("Its motion is not affine in the joints: mend the pose, or couple it by hand", crossed, "")
+    other = LOOP.replace('xyz_b="0 1 0"', 'xyz_b="0 1.5 0"').replace('lower="-3" upper="3"', 'lower="-9" upper="9"')
+    posed = other.replace("</pinbound:annotations>", "{}</pinbound:annotations>")
+    far, straight = '<pinbound:home j1="1.6"/>', '<pinbound:home j2="0" j3="1.5707963267948966"/>'
+    wide = posed.replace('lower="-1" upper="1"', 'lower="-4" upper="4"', 1).replace('xyz="2 0 0"', 'xyz="3 0 0"')
+    yield Entry("Let home name a pose in which it closes", only(wide.format(far)), only(wide.format("")))
+    one, two = only(posed.format(straight)), only(posed.format('<pinbound:home j2="0.5" j3="0.5"/>'))
+    yield Entry("Let home name values of {} (roughly) in the assembly that is meant", one, two)
+    single = other.replace('passive="j2 j3"', 'passive="j2"')
+    again = 'Name two other joints of the loop, passive="...", or couple its joints by <mimic>'
+    yield Entry(again, only(single), only(other))
+    counted = "Leave the axes out, or couple the loop by <mimic>"
+    axis = '<pinbound:axis name="k" instead_of="j1" coefficients="j1: 1, j4: 1"/>'
+    yield Entry(counted, only(posed.format(axis)), only(posed.format("")))
     floating = LOOP.replace('name="j3" type="revolute"', 'name="j3" type="floating"').replace('"j2 j3"', '"j2"')
     yield Entry("Close the loop over single joints", load(floating), load(LOOP))
     led = LOOP.replace('name="j5" type="revolute">', 'name="j5" type="revolute"><mimic joint="j4"/>')
@@ -875,6 +891,7 @@ NOT_FOLLOWED: dict[str, str] = {
     "Name other passive joints": LOOPS,
     "Give these loops equal sides": LOOPS,
     "Give them equal sides": LOOPS,
+    "Give closure {} equal sides, or couple loop {} by <mimic>": LOOPS,
     "Choose other points": "the refusal before it says which ones",
 }
 """Remedies that no entry follows, and why."""

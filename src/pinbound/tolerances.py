@@ -66,6 +66,7 @@ __all__ = [
     "STOP_MISS",
     "SYMBOLIC_DIGITS",
     "TABLE",
+    "TOGGLE",
     "UNIT_CIRCLE",
     "UNIT_ROUNDOFF",
     "VERTEX",
@@ -102,6 +103,11 @@ loop of micrometres would be equal."""
 EXACT_LOOP: Final = 2e-12
 """Relative to the length of a loop. Sides that differ by less are equal: folding six joints' constants in float64 can
 make this difference (`FOLDING` * 7^2 * 2^-53 = 1.4e-12 at most, 1e-15 as a rule)."""
+
+TOGGLE: Final = 1e-4
+"""Radians, of the angle between the two arms that close a loop. So near a toggle no q is allowed: beyond it the passive
+joints move 10^4 times as fast as the others, and rounding moves them by 1e-12. A crank is kept away from its own
+toggle by half the square of it, 5e-9 rad, times the ratio of the loop's sides."""
 
 FLAT: Final = 2e-3
 """Radians. A loop so near its flat pose in the pose that home gives is drawn flat: angles rounded to three decimals, or

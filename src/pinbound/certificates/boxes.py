@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,11 +13,13 @@ from pinbound.boundaries.boundary import Boundary, one_configuration
 from pinbound.certificates.constraints import families, needs_limits, unplaced
 from pinbound.certificates.degrees import look_like_degrees
 from pinbound.certificates.enclosures import Family
+from pinbound.certificates.lifted import LiftedFamily, closed_only, loop_errors
 from pinbound.certificates.records import BoxCertificate, Budget, OpenBox, Reason, Verdict
 from pinbound.certificates.scope import covered, scope, settled
 from pinbound.certificates.search import Meter
 from pinbound.certificates.trajectory import refuse_far
 from pinbound.exceptions import DimensionError
+from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import FARTHEST
 from pinbound.typing import Array, Flags, Indices
@@ -90,7 +93,8 @@ def certify_box(
     chosen = scope(robot, boundaries, limits, limits_only)
     coverage = covered(robot, chosen)
     meter, state = Meter(budget or Budget()), _State()
-    limit_family, *others = families(robot, chosen, low, high)
+    limit_family, *others = _families(robot, chosen, low, high, limits)
+    limits = limits or isinstance(robot, LoopRobot)  # that its loops close is no wish
     if limits or needs_limits(chosen):
         kept = state if limits else _State()
         if len(limit_family.names):
@@ -119,6 +123,18 @@ def certify_box(
         seconds=meter.seconds,
         notes=notes,
     )
+
+
+def _families(robot: Robot, chosen: Sequence[Boundary], low: Array, high: Array, limits: bool) -> Sequence[Any]:
+    """Return all constraints over boxes of q; through loops that are no parallelograms, too."""
+    if not isinstance(robot, LoopRobot):
+        return families(robot, chosen, low, high)
+    errors = loop_errors(robot, low, high, 1)
+    box = robot.lift.over(low[None], high[None], errors.tolist())
+    opened = robot.opened if limits else closed_only(robot)
+    over_z = [robot.opened.boundaries[one.name] for one in chosen]
+    found = families(opened, over_z, box.lower[0], box.upper[0])
+    return [LiftedFamily(one, robot.lift, errors) for one in found]
 
 
 @dataclass(frozen=True)

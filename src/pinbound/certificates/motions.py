@@ -13,12 +13,14 @@ from pinbound.boundaries.boundary import Boundary
 from pinbound.certificates.constraints import families, needs_limits, unplaced
 from pinbound.certificates.degrees import look_like_degrees
 from pinbound.certificates.kept import tables_of
+from pinbound.certificates.lifted import LiftedTrajectory, closed_only, lowered
 from pinbound.certificates.records import Budget, Certificate, Findings, OpenPart, Verdict
 from pinbound.certificates.scope import ONLY_LIMITS, covered, scope, settled
 from pinbound.certificates.search import Meter, Search
 from pinbound.certificates.sides import far_sides
 from pinbound.certificates.trajectory import Trajectory, as_trajectory
 from pinbound.exceptions import DimensionError
+from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import PRECISION
 from pinbound.typing import Array
@@ -87,10 +89,17 @@ def certify(
     """
     if not precision >= 0.0:
         raise DimensionError(f"the precision is {precision}; give a length in metres, zero or more")
+    if isinstance(robot, LoopRobot):
+        motion = LiftedTrajectory.of(robot, as_trajectory(waypoints, robot.coordinates, times))
+        names = [one.name for one in scope(robot, boundaries, limits, limits_only)]
+        opened = robot.opened if limits else closed_only(robot)  # that its loops close is no wish
+        found = certify(opened, motion, None, names, budget, limits_only=limits_only, each=each, precision=precision)
+        return lowered(found, robot)
     chosen = scope(robot, boundaries, limits, limits_only)
     coverage = covered(robot, chosen)
     meter = Meter(budget or Budget())
-    trajectory = as_trajectory(waypoints, robot.coordinates, times)
+    is_ready = isinstance(waypoints, LiftedTrajectory)
+    trajectory = waypoints if is_ready else as_trajectory(waypoints, robot.coordinates, times)
     limit_family, *boundary_families = families(robot, chosen, *trajectory.extent, trajectory.degree)
     families_found: list[Findings] = []
     open_parts: list[OpenPart] = []

@@ -15,7 +15,9 @@ import numpy as np
 from pinbound.annotations import Annotations, ClosureMark
 from pinbound.exceptions import Problems, UnsupportedError
 from pinbound.loops.closures import Closure, close
+from pinbound.loops.linkages import Linkage
 from pinbound.loops.planar_loops import Refusal, parallelogram
+from pinbound.loops.solving import linkage, ordered, said
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
 from pinbound.tolerances import REDUCTION
@@ -36,12 +38,17 @@ class Settled(Value):
         closures: The closures with their paths in this coupling.
         passive: Joints that a closure made follow, by the closure's name.
         notes: What was coupled.
+        linkages: Loops that are no parallelograms, in the order in which they are solved; their passive joints are
+            among the coupling's coordinates.
+        linked: The closures of these loops.
     """
 
     coupling: Coupling
     closures: tuple[Closure, ...]
     passive: Mapping[str, tuple[str, ...]]
     notes: tuple[str, ...]
+    linkages: tuple[Linkage, ...] = ()
+    linked: tuple[Closure, ...] = ()
 
 
 def couple_parallelogram(
@@ -108,7 +115,8 @@ def settle(tree: Tree, coupling: Coupling, annotations: Annotations, problems: P
     """Return the coupling in which every closure closes, the closures, and what was coupled.
 
     A closure that already closes is proven; one of an open tree is taken for a parallelogram if its geometry says so;
-    any other is a fault. Closures may depend on each other, so this goes on while something is gained.
+    of the others, planar ones with two passive joints are solved in closed form (`solving`). What is left is a fault.
+    Closures may depend on each other, so this goes on while something is gained.
     """
     notes: list[str] = []
     passive: dict[str, tuple[str, ...]] = {}
@@ -129,11 +137,43 @@ def settle(tree: Tree, coupling: Coupling, annotations: Annotations, problems: P
         if len(rest) == len(pending):
             break
         pending = rest
+    reference, depth = _reference(tree, coupling, annotations)
+    linked: dict[str, tuple[Linkage, Closure]] = {}
+    for mark in pending:
+        if not refused[mark.name].is_other:
+            continue
+        closure = close(tree, coupling, mark)
+        taken = [index for one, _ in linked.values() for index in one.passive]
+        found = linkage(closure, coupling.coordinates, reference, depth, taken)
+        if isinstance(found, Refusal):
+            refused[mark.name] = Refusal(f"{refused[mark.name].reason}; {found.reason}", found.remedy)
+            continue
+        linked[mark.name] = found, closure
+    pending = [mark for mark in pending if mark.name not in linked]
+    order = ordered([one for one, _ in linked.values()])
+    if isinstance(order, str):
+        message = f"closure {order!r} cannot be solved: its passive joints move a loop that moves its own input"
+        problems.add(message, "Name other passive joints", None, annotations.sources.get(f"closure {order}"))
+        order = ()
+    for one in order:
+        passive[one.name] = tuple(coupling.coordinates[index] for index in one.passive)
+        why = refused[one.name].reason.split(", and ", 1)[-1]
+        notes.append(f"closure {one.name!r}: {said(one, coupling.coordinates)}; no parallelogram: {why}")
     for mark in pending:
         message = f"closure {mark.name!r} does not close: {refused[mark.name].reason}"
         problems.add(message, refused[mark.name].remedy, mark.line, annotations.sources.get(f"closure {mark.name}"))
-    closures = [close(tree, coupling, mark) for mark in annotations.closures if mark not in pending]
-    return Settled(coupling, tuple(closures), passive, tuple(notes))
+    left = [mark for mark in annotations.closures if mark not in pending and mark.name not in linked]
+    closures = [close(tree, coupling, mark) for mark in left]
+    return Settled(
+        coupling, tuple(closures), passive, tuple(notes), tuple(order), tuple(linked[one.name][1] for one in order)
+    )
+
+
+def _reference(tree: Tree, coupling: Coupling, annotations: Annotations) -> tuple[Array, list[int]]:
+    """Return the pose that home gives (n,), and how far each coordinate's joint is from the root."""
+    reference = np.array([annotations.home.get(name, 0.0) for name in coupling.coordinates])
+    depth = {joint.name: level for _, joint, level in tree.walk() if joint is not None}
+    return reference, [depth[name] for name in coupling.coordinates]
 
 
 def _settle_one(tree: Tree, coupling: Coupling, annotations: Annotations, mark: ClosureMark) -> Coupling | Refusal:
@@ -143,14 +183,12 @@ def _settle_one(tree: Tree, coupling: Coupling, annotations: Annotations, mark: 
         return Refusal(str(error), "Close the loop over single joints")
     if closure.closes:
         return coupling
-    reference = np.array([annotations.home.get(name, 0.0) for name in coupling.coordinates])
-    depth = {joint.name: level for _, joint, level in tree.walk() if joint is not None}
-    found = couple_parallelogram(closure, coupling, reference, [depth[name] for name in coupling.coordinates])
+    found = couple_parallelogram(closure, coupling, *_reference(tree, coupling, annotations))
     if isinstance(found, Refusal):
         residual, q = _worst_residual(closure, tree, coupling)
         pose = ", ".join(f"{name} = {value:.4g}" for name, value in zip(coupling.coordinates, q, strict=True))
         reason = f"its ends are {1e3 * residual:.6g} mm apart at {pose or 'every pose'}, and {found.reason}"
-        return Refusal(reason, found.remedy)
+        return Refusal(reason, found.remedy, found.is_other)
     again = close(tree, found, mark)
     if not again.closes:
         message = f"coupled as a parallelogram its ends are still up to {1e3 * again.bound:.6g} mm apart"

@@ -47,10 +47,14 @@ class Side(Value):
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why a loop is not taken for a parallelogram, and what to do."""
+    """Why a loop is not taken for a parallelogram, and what to do.
+
+    `is_other`: whether it is surely none, so that it may be a loop of another form (`solving`).
+    """
 
     reason: str
     remedy: str
+    is_other: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +117,7 @@ def parallelogram(
         message = f"its joints are coupled, or fixed, so that this gap of {1e3 * gap:.6g} mm is the same in every pose"
         return Refusal(message, "Mend xyz_a or xyz_b of the pin (in the frame of its link), or the joints' origins")
     if not chain.rotations or not chain.is_planar or np.any(chain.slides):
-        return Refusal(f"it is no planar loop of revolute joints ({moving})", _MEND)
+        return Refusal(f"it is no planar loop of revolute joints ({moving})", _MEND, is_other=True)
     apart = apart_along(chain)
     if apart > tolerance:
         return Refusal(f"its two pins are {1e3 * apart:.6g} mm apart along the axis of its joints", _MEND)
@@ -123,7 +127,7 @@ def parallelogram(
     small = [side for side in every if side.length <= tolerance]
     lengths = ", ".join(f"{1e3 * side.length:.9g}" for side in sides)
     if len(sides) != _SIDES:
-        return Refusal(f"it has {len(sides)} sides of {lengths} mm, a parallelogram has 4", _MEND)
+        return Refusal(f"it has {len(sides)} sides of {lengths} mm, a parallelogram has 4", _MEND, is_other=True)
     room = tolerance - sum(side.length for side in small)
     across = [pairing for pairing in _PAIRINGS if _difference(sides, pairing) <= room]
     if not across:
@@ -188,7 +192,7 @@ def _ambiguous(
         message = f"it is assembled as an anti-parallelogram (sides of {lengths} mm): its opposite sides cross"
     else:
         message = f"it is a kite (sides of {lengths} mm): sides of equal length are neighbours, not opposite"
-    return Refusal(message, "Its motion is not affine in the joints: mend the pose, or couple it by hand")
+    return Refusal(message, _MEND, is_other=True)
 
 
 def _unequal(closure: Closure, sides: Sequence[Side], lengths: str, small: float) -> Refusal:
@@ -196,7 +200,7 @@ def _unequal(closure: Closure, sides: Sequence[Side], lengths: str, small: float
     least = small + min(_difference(sides, pairing) for pairing in _PAIRINGS)
     message = f"its sides of {lengths} mm are not equal in two pairs"
     if least > min(CLOSURE_SHARE, 1e-3) * closure.size:
-        return Refusal(message, _MEND)
+        return Refusal(message, _MEND, is_other=True)
     message += f": they differ by {_microns(least)} um, its tolerance is {_microns(closure.tolerance)} um"
     power = 10.0 ** math.floor(math.log10(least))
     enough = math.ceil(least / power * (1.0 + 1e-9)) * power

@@ -21,6 +21,8 @@ from pinbound.exceptions import (
     name_hint,
 )
 from pinbound.loops.closures import Closure, close, joint_errors, place_error
+from pinbound.loops.lift import Lift
+from pinbound.loops.loop_coupling import toggle_limits
 from pinbound.loops.loop_errors import carry, narrowed
 from pinbound.loops.parallelograms import settle
 from pinbound.model.coupling import Coupling, GuardedLimit, LinearLimit, couple, linear_limits, narrowed_by_mimics
@@ -33,6 +35,8 @@ from pinbound.model.urdf import Mimic, read_kinematics
 from pinbound.path.relative import absolute_chain, direction_chain, relative_path
 from pinbound.robot.axes import joint_home, new_coordinates
 from pinbound.robot.home import feasible_start
+from pinbound.robot.loop_loading import home_of_loops, marked_home, opened_loops
+from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.presets import FAMILY, PREFIX, find_model
 from pinbound.robot.robot import Robot
 from pinbound.robot.rules import rule_limits
@@ -153,27 +157,37 @@ def _made(
         replaced = {mark.joint for mark in marks.limits}, {mark.joint for mark in marks.followers}
         compare_with_pinocchio(document, tree, problems, *replaced)
     settled = settle(tree, couple(tree.moving_joints), marks, problems)
+    lift: Lift | None = None
+    if settled.linkages:
+        settled, lift = opened_loops(tree, settled, marks, problems)
     coupling = settled.coupling
     limits = linear_limits(tree.moving_joints, coupling)
     closures, errors = carry(tree, settled, marks, limits, problems)
+    closures = (*closures, *settled.linked)
     off = joint_errors(coupling, closures)
     limits = narrowed(limits, coupling, off)
     own = narrowed_by_mimics(tree.moving_joints, coupling, limits)
+    if lift is not None:
+        limits = (*limits, *toggle_limits(lift, lift(marked_home(lift, marks))))
     taken = [boundary.name for boundary in marks.boundaries]
     rules, guarded = rule_limits(marks.rules, coupling, off, problems, taken, marks.sources)
     limits = (*limits, *rules)
-    home, notes = _home(tree, coupling, marks, limits, guarded, problems)
+    if lift is None:
+        home, notes = _home(tree, coupling, marks, limits, guarded, problems)
+    else:
+        home, notes = home_of_loops(lift, marks, limits, guarded, problems)
     slides = [joint.name for joint in tree.moving_joints if joint.type == "prismatic"]
     change = new_coordinates(marks.axes, coupling, problems, slides, marks.sources)
     if change is not None:
         coupling, home = change.coupling(coupling), change.forward(home)
         limits, guarded = tuple(map(change.limit, limits)), tuple(map(change.guarded, guarded))
-        again = [(close(tree, coupling, one.mark), one) for one in closures]
-        closures = tuple(replace(new, deviations=one.deviations, apart=one.apart) for new, one in again)
+        anew = [(close(tree, coupling, one.mark), one) for one in closures]
+        closures = tuple(replace(new, deviations=one.deviations, apart=one.apart) for new, one in anew)
         home.flags.writeable = False
     boundaries, stops = _boundaries(tree, coupling, marks, home, problems, limits, closures)
     problems.raise_if_any()
-    return Robot(
+    again = _Again(document, tuple(items), tuple(said), package_dirs)
+    robot = Robot(
         document=document,
         tree=tree,
         annotations=marks,
@@ -195,9 +209,10 @@ def _made(
             *_excesses(marks),
         ),
         package_dirs=package_dirs,
-        again=_Again(document, tuple(items), tuple(said), package_dirs),
+        again=again,
         guarded_limits=guarded,
     )
+    return robot if lift is None else LoopRobot(replace(robot, again=None), lift, again)
 
 
 def _excesses(marks: Annotations) -> list[str]:

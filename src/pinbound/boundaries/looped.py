@@ -1,0 +1,296 @@
+"""Boundaries of a robot with loops that are no parallelograms: those over z, asked at `z = F(q)`, by the chain rule.
+
+What is not answered through such a loop is refused with its name: nothing here takes F for linear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, NoReturn, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pinbound.boundaries.boundary import Boundary
+from pinbound.boundaries.boundary_set import BoundarySet
+from pinbound.boundaries.spans import Smallest
+from pinbound.evaluate.depth import Penetration
+from pinbound.exceptions import DimensionError
+from pinbound.loops.lift import Lift
+from pinbound.loops.loop_coupling import refuse_linear
+from pinbound.model.coupling import as_configurations
+from pinbound.path.relative import Kind
+from pinbound.typing import Array
+
+__all__ = ["LoopBoundary", "LoopBoundarySet"]
+
+
+def _chained(gradients: Array, J: Array) -> Array:
+    """Return `g_z dz/dq` for gradients (N, ..., n + k) and J (N, n + k, n)."""
+    return np.einsum("n...z,nzq->n...q", gradients, J)
+
+
+class LoopBoundary(Boundary):
+    """A boundary through loops that are no parallelograms.
+
+    Attributes:
+        opened: The same boundary over z, in which the passive joints are coordinates.
+        lift: `z = F(q)`.
+    """
+
+    opened: Boundary
+    lift: Lift
+
+    def __init__(self, opened: Boundary, lift: Lift) -> None:
+        """Hold a boundary over z."""
+        n = len(lift.coordinates)
+        own = ("name", "point_a", "point_b", "min_distance", "contact_tolerance", "place_error", "stop")
+        for name in own:
+            object.__setattr__(self, name, getattr(opened, name))
+        home = None if opened.home is None else opened.home[:n]
+        values = {"robot_coordinates": lift.coordinates, "home": home, "opened": opened, "lift": lift}
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        """Refuse the path over q, which does not exist.
+
+        Raises:
+            UnsupportedError: For `path`.
+            AttributeError: For any other name.
+        """
+        if name == "path":
+            self._refuse("its path over q does not exist")
+        raise AttributeError(name)
+
+    def _refuse(self, what: str) -> NoReturn:
+        refuse_linear(f"boundary {self.name!r}: {what}", self.lift)
+
+    def __repr__(self) -> str:
+        """Return name, kind, points and coordinates."""
+        return repr(self.opened).rsplit("; ", 1)[0] + f"; depends on {', '.join(self.coordinates)}>"
+
+    @property
+    def kind(self) -> Kind:
+        """How the two links lie to each other in the tree, the loop's pin left out."""
+        return self.opened.kind
+
+    @property
+    def ancestor(self) -> str:
+        """The lowest common ancestor link in the tree, helper links aside."""
+        return self.opened.ancestor
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The active coordinates that the norm depends on, through loops too."""
+        uses = set(self.opened.path.minimal.coordinates)
+        for one in reversed(self.lift.linkages):
+            if uses & set(one.passive):
+                uses |= set(one.inputs)
+        return tuple(name for index, name in enumerate(self.robot_coordinates) if index in uses)
+
+    @property
+    def is_direct(self) -> bool:
+        """Whether no passive joint of these loops lies on its path."""
+        return max(self.opened.path.minimal.coordinates, default=0) < len(self.robot_coordinates)
+
+    @property
+    def contact_distance(self) -> float:
+        """Up to which separation there is contact [m]."""
+        return self.opened.contact_distance
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether contact is the angle at which two arms align."""
+        return self.opened.is_stop
+
+    @property
+    def has_size(self) -> bool:
+        """Whether it keeps two bodies apart, not two mere points of zero threshold."""
+        return self.opened.has_size
+
+    @property
+    def contacts(self) -> None:  # type: ignore[override]
+        """None: what is one effective angle in z is none in q."""
+        return None
+
+    def vector(self, q: ArrayLike) -> Array:
+        """Return `r = x_a - x_b` in the frame of the ancestor link: (3,) or (N, 3) [m]."""
+        return self.opened.vector(self.lift(q))
+
+    def norm(self, q: ArrayLike) -> Any:
+        """Return `beta = |r|` [m]: a float, or (N,)."""
+        return self.opened.norm(self.lift(q))
+
+    def nearest(self, q: ArrayLike) -> Array:
+        """Return where on its segments the boundary is nearest: (k,) or (N, k) in [0, 1]."""
+        return self.opened.nearest(self.lift(q))
+
+    def nearest_points(self, q: ArrayLike) -> Array:
+        """Return the nearest points of both marks, (2, 3) or (N, 2, 3) [m] in the frame of the ancestor link."""
+        return self.opened.nearest_points(self.lift(q))
+
+    def signed_clearance(self, q: ArrayLike) -> Any:
+        """Return how free q is: a float, or (N,) [m]."""
+        return self.opened.signed_clearance(self.lift(q))
+
+    def signed_distance(self, q: ArrayLike) -> Any:
+        """Return the distance of the two bodies, or minus their depth: a float, or (N,) [m]."""
+        return self.opened.signed_distance(self.lift(q))
+
+    def penetration(self, q: ArrayLike) -> Penetration:
+        """Return how deep the bodies are in each other."""
+        return self.opened.penetration(self.lift(q))
+
+    def signed_gradient(self, q: ArrayLike) -> Array:
+        """Return the gradient of the signed clearance, (n,) or (N, n)."""
+        return self._gradient(q, self.opened.signed_gradient)
+
+    def gradient(self, q: ArrayLike) -> Array:
+        """Return the gradient of the norm, (n,) or (N, n); NaN where the norm is zero."""
+        return self._gradient(q, self.opened.gradient)
+
+    def signed_distance_gradient(self, q: ArrayLike) -> Array:
+        """Return the gradient of the signed distance, (n,) or (N, n)."""
+        return self._gradient(q, self.opened.signed_distance_gradient)
+
+    def _gradient(self, q: ArrayLike, ask: Callable[[Array], Array]) -> Array:
+        Q = as_configurations(q, self.robot_coordinates)
+        rows = Q if Q.ndim > 1 else Q[None]
+        found = _chained(ask(self.lift(rows)), self.lift.jacobians(rows))
+        return found if Q.ndim > 1 else found[0]
+
+    def hessian(self, q: ArrayLike) -> Array:
+        """Return the Hessian of the norm, (n, n) or (N, n, n): `J^T H_z J + sum_k g_k d^2 z_k / dq^2`."""
+        Q = as_configurations(q, self.robot_coordinates)
+        rows = Q if Q.ndim > 1 else Q[None]
+        Z = self.lift(rows)
+        J, H = self.lift.derivatives(rows, order=2)
+        found: Array = np.swapaxes(J, 1, 2) @ self.opened.hessian(Z) @ J
+        found = found + np.einsum("nz,nzab->nab", self.opened.gradient(Z), H)
+        return found if Q.ndim > 1 else found[0]
+
+    def parts(self, start: Array, end: Array) -> bool:
+        """Return whether a contact line of a stop lies between two configurations (n,), as it does between their z."""
+        return self.opened.parts(self.lift(start), self.lift(end))
+
+    def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> Any:
+        """Return the allowed values of a coordinate that moves none of the loops on the path.
+
+        Raises:
+            UnsupportedError: If the coordinate moves a passive joint on the path.
+        """
+        Z = self.lift(as_configurations(q, self.robot_coordinates))
+        self._refuse_moved(coordinate)
+        return self.opened.limits(coordinate, Z, window)
+
+    def _refuse_moved(self, coordinate: str) -> None:
+        if coordinate in self.coordinates and not self.is_direct:
+            self._refuse(f"limits of {coordinate!r} are not derived")
+
+
+class LoopBoundarySet(BoundarySet):
+    """The boundaries of a robot with loops that are no parallelograms, evaluated together at `z = F(q)`."""
+
+    def __init__(self, opened: BoundarySet, lift: Lift) -> None:
+        """Hold the boundaries over z, with their kernel."""
+        self.opened, self.lift = opened, lift
+        looped = [LoopBoundary(one, lift) for one in opened]
+        super().__init__(looped, lift.coordinates, home=None)
+
+    def select(self, names: str | Iterable[str]) -> LoopBoundarySet:
+        """Return some boundaries as a set of their own, in the order of `names`."""
+        return LoopBoundarySet(self.opened.select(names), self.lift)
+
+    @property
+    def kernel(self) -> Any:  # type: ignore[override]
+        """Refused: the kernel speaks of z."""
+        refuse_linear("B.kernel does not exist", self.lift)
+
+    @property
+    def signed_kernel(self) -> Any:  # type: ignore[override]
+        """Refused: the kernel speaks of z."""
+        refuse_linear("B.signed_kernel does not exist", self.lift)
+
+    def to_casadi(self, name: str = "signed_clearances") -> Any:
+        """Refuse: the graph of a loop is not written."""
+        refuse_linear("B.to_casadi is not written", self.lift)
+
+    def vectors(self, Q: ArrayLike) -> Array:
+        """Return every r in its ancestor's frame: (m, 3) for one q, (N, m, 3) for many [m]."""
+        return self.opened.vectors(self.lift(Q))
+
+    def hessians(self, Q: ArrayLike) -> Array:
+        """Return the Hessians of the norms: (m, n, n) or (N, m, n, n)."""
+        array = as_configurations(Q, self._coordinates)
+        if not self._boundaries:
+            return np.empty((*array.shape[:-1], 0, *(len(self._coordinates),) * 2))
+        return np.stack([one.hessian(array) for one in self], axis=array.ndim - 1)
+
+    def _rows(self, Q: ArrayLike, mode: Any, out: Any, threads: int, backend: Any, dtype: Any) -> Array:
+        ask = {"norms": self.opened.norms, "clearances": self.opened.clearances, "gradients": self.opened.gradients}
+        return self._asked(Q, mode, ask[mode], out, threads, backend, dtype)
+
+    def _signed(self, Q: ArrayLike, mode: str, out: Any, threads: int, backend: Any, dtype: Any) -> Array:
+        ask = {"clearances": self.opened.signed_clearances, "gradients": self.opened.signed_gradients}
+        return self._asked(Q, mode, ask[mode], out, threads, backend, dtype)
+
+    def _asked(
+        self, Q: ArrayLike, mode: str, ask: Callable[..., Array], out: Any, threads: int, backend: Any, dtype: Any
+    ) -> Array:
+        array = as_configurations(Q, self._coordinates)
+        Z = self.lift(array)
+        if mode != "gradients":
+            return ask(Z, out, threads=threads, backend=backend, dtype=dtype)
+        found = ask(Z, threads=threads, backend=backend, dtype=dtype)
+        rows = array if array.ndim > 1 else array[None]
+        chained = _chained(found if array.ndim > 1 else found[None], self.lift.jacobians(rows)).astype(found.dtype)
+        chained = chained if array.ndim > 1 else chained[0]
+        if out is None:
+            return chained
+        given = cast(Any, out)
+        if not isinstance(given, np.ndarray) or given.shape != chained.shape or given.dtype != chained.dtype:
+            raise DimensionError(f"out must be an array {chained.shape} of {chained.dtype}")
+        given[...] = chained
+        return given
+
+    def smallest(
+        self, Q: ArrayLike, out: Any = None, *, threads: int = 1, backend: Any = "auto", dtype: Any = np.float64
+    ) -> Smallest:
+        """Return the smallest signed clearance and its boundary: floats, or (N,)."""
+        return self.opened.smallest(self.lift(Q), out, threads=threads, backend=backend, dtype=dtype)
+
+    def free(self, Q: ArrayLike, *, limits: bool = True, threads: int = 1, backend: Any = "auto") -> Any:
+        """Return whether q is free: a bool, or (N,) bools; False where a loop does not close, with or without limits.
+
+        Limits of passive joints count as others do.
+        """
+        array = as_configurations(Q, self._coordinates)
+        Z = self.lift(array)
+        found = self.opened.free(Z, limits=limits, threads=threads, backend=backend)
+        return found if limits else (found & self.closed(Z))
+
+    def closed(self, Z: Array) -> Any:
+        """Return whether every loop closes at z, in home's assembly: a bool, or (N,)."""
+        found: Any = np.ones(Z.shape[:-1], dtype=np.bool_)
+        for one, columns in zip(self.lift.linkages, self.lift.columns, strict=True):
+            low, high = one.transmission_range
+            w = Z[..., columns[2]]
+            found = found & (w >= low) & (w <= high)
+        return found if Z.ndim > 1 else bool(found)
+
+    def beyond(self, q: ArrayLike) -> tuple[str, ...]:
+        """Return the boundaries of one effective angle, in z, whose contact lies between home and q."""
+        return self.opened.beyond(self.lift(q))
+
+    def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> Any:
+        """Refuse: limits through such loops are not derived."""
+        refuse_linear(f"limits of {coordinate!r} are not derived", self.lift)
+
+    def limits_table(self, coordinate: str, Q: ArrayLike) -> Any:
+        """Refuse: limits through such loops are not derived."""
+        refuse_linear(f"limits of {coordinate!r} are not derived", self.lift)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how to make it again."""
+        return LoopBoundarySet, (self.opened, self.lift)

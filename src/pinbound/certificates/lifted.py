@@ -1,0 +1,207 @@
+"""Motions and boxes through loops that are no parallelograms: what is known of `z = F(q)` where q is known.
+
+A motion of q is a motion of z, whose passive parts are bounded by interval arithmetic: value, first and second
+derivative. The robot over z, in which these loops are open, is then certified as any other. `docs/loops.md` proves it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinbound.bounds.bounds import Expansion, bundle
+from pinbound.bounds.intervals import Interval, hull
+from pinbound.bounds.rounding import rounding_bound, walks
+from pinbound.certificates.enclosures import Enclosure, Family
+from pinbound.certificates.polynomials import Trajectory
+from pinbound.certificates.records import Certificate, Contact, Findings
+from pinbound.loops.lift import Lift
+from pinbound.loops.linkages import Jet
+from pinbound.robot.loop_robot import LoopRobot
+from pinbound.robot.robot import Robot
+from pinbound.tolerances import UNIT_ROUNDOFF
+from pinbound.typing import Array, Indices
+
+__all__ = ["LiftedFamily", "LiftedTrajectory", "closed_only", "loop_errors", "lowered"]
+
+
+@dataclass(frozen=True, eq=False)
+class LiftedTrajectory:
+    """A motion of z, from one of q.
+
+    Attributes:
+        motion: Of q.
+        lift: `z = F(q)`.
+        errors: (loops,) [m], by how much the numbers of each loop may be off its file's.
+    """
+
+    motion: Trajectory
+    lift: Lift
+    errors: Array
+
+    @classmethod
+    def of(cls, robot: LoopRobot, motion: Trajectory) -> LiftedTrajectory:
+        """Return the motion of a robot's z."""
+        return cls(motion, robot.lift, loop_errors(robot, *motion.extent, motion.degree))
+
+    @property
+    def starts(self) -> Array:
+        """Those of q."""
+        return self.motion.starts
+
+    @property
+    def durations(self) -> Array:
+        """Those of q."""
+        return self.motion.durations
+
+    @property
+    def degree(self) -> int:
+        """That of q: intervals hold the rounding of what else z is made of."""
+        return self.motion.degree
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Those of q."""
+        return self.motion.notes
+
+    @property
+    def extent(self) -> tuple[Array, Array]:
+        """What holds z while q is in its extent."""
+        low, high = self.motion.extent
+        found = self.lift.over(low[None], high[None], self.errors.tolist())
+        return found.lower[0], found.upper[0]
+
+    def at(self, piece: Indices, u: Array) -> Array:
+        """Return z (N, n + k) at the fractions u of pieces."""
+        return self.lift(self.motion.at(piece, u))
+
+    def expand(self, piece: Indices, a: Array, b: Array) -> Expansion:
+        """Return what is known of z on the parts [a, b] of pieces."""
+        q = self.motion.expand(piece, a, b)
+        n, size, count = q.middle.shape[1], len(self.lift.names), len(q.middle)
+        spread = (count, n)
+        value = _around(q.values, np.broadcast_to(q.value_radius, spread))
+        slope = _around(q.slopes, np.broadcast_to(q.slope_radius, spread))
+        bends = np.zeros((count, 1, n)) if q.bends is None else q.bends
+        bend = _around(bends, np.broadcast_to(q.bend_radius, spread))
+        start = Interval.at(q.middle, np.broadcast_to(q.middle_radius, spread))
+        zero = Interval.at(np.zeros(count))
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            parts = [Jet(_column(value, k), _column(slope, k), _column(bend, k)) for k in range(n)]
+            over = self.lift.jets(parts, self.errors.tolist())
+            parts = [Jet(_column(start, k), Interval.at(q.slope[:, k]), zero) for k in range(n)]
+            at = self.lift.jets(parts, self.errors.tolist())
+        radius = np.zeros((4, count, size))
+        for row, given in enumerate((q.middle_radius, q.value_radius, q.slope_radius, q.bend_radius)):
+            radius[row, :, :n] = given
+        wide = np.zeros((5, count, size))
+        wide[0, :, :n], wide[1, :, :n] = q.middle, q.slope
+        for k in range(n, size):
+            middle, rate, moved = at[k].value, at[k].first, over[k].first
+            held = over[k].value.meet(middle + 0.5 * hull(moved, -moved))
+            wide[:, :, k] = middle.middle, rate.middle, held.middle, moved.middle, over[k].second.middle
+            # what the slope in the middle is off by counts as bending: r moves by half of it at an end, by an eighth
+            bent = over[k].second.radius + 4.0 * rate.radius
+            radius[:, :, k] = middle.radius, held.radius, moved.radius, bent
+        return Expansion(
+            middle=wide[0],
+            middle_radius=radius[0],
+            slope=wide[1],
+            values=_with(q.values, wide[2, :, n:]),
+            value_radius=radius[1],
+            slopes=_with(q.slopes, wide[3, :, n:]),
+            slope_radius=radius[2],
+            bends=None if q.bends is None else _with(q.bends, wide[4, :, n:]),
+            bend_radius=radius[3],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class LiftedFamily:
+    """Constraints over z, asked over boxes of q.
+
+    Attributes:
+        family: The constraints over z.
+        lift: `z = F(q)`.
+        errors: (loops,) [m], as those of `LiftedTrajectory`.
+    """
+
+    family: Family
+    lift: Lift
+    errors: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Those of the constraints."""
+        return self.family.names
+
+    @property
+    def weights(self) -> Array:
+        """By how much each coordinate of q counts, those that move loops as much as what follows them."""
+        w, n = self.family.weights, len(self.lift.coordinates)
+        found = w[:, :n].copy()
+        for one in self.lift.linkages:
+            for k in (k for k in one.inputs if k < n):
+                found[:, k] += w[:, list(one.passive)].sum(axis=1)
+        return found
+
+    def enclose_box(self, which: Indices, centre: Array, half: Array) -> Enclosure:
+        """Return the enclosure over the box of z that holds `F(centre +- half)`, its middle being `F(centre)`."""
+        box = Interval.at(centre, half)
+        found = self.lift.over(box.lower, box.upper, self.errors.tolist())
+        Z, n = self.lift(centre), half.shape[1]
+        wide = np.maximum(found.upper - Z, Z - found.lower) * (1.0 + 4.0 * UNIT_ROUNDOFF)
+        wide[:, :n] = half
+        return self.family.enclose_box(which, Z, np.where(np.isfinite(wide), wide, 1e30))
+
+
+def loop_errors(robot: LoopRobot, lower: Array, upper: Array, degree: int) -> Array:
+    """Return by how much the gap of each loop may be off by rounding of its constants and angles (loops,) [m].
+
+    While q stays in [lower, upper] (n,); passive joints as far as that takes them.
+    """
+    opened, lift = robot.opened, robot.lift
+    found = lift.over(lower[None], upper[None])
+    closures = {one.name: one for one in opened.closures}
+    chosen = [closures[one.name] for one in lift.linkages]
+    ends = [(one.path.ancestor, one.mark.link_a, one.mark.link_b) for one in chosen]
+    chains = bundle([one.path.minimal for one in chosen], len(lift.names))
+    return rounding_bound(chains, walks(opened.tree, opened.coupling, ends), found.lower[0], found.upper[0], degree)
+
+
+def closed_only(robot: LoopRobot) -> Robot:
+    """Return the robot over z with no other limits than that its loops close: those are no wish."""
+    toggles = robot.lift.toggle_names()
+    kept = tuple(limit for limit in robot.opened.linear_limits if limit.joint in toggles)
+    return replace(robot.opened, linear_limits=kept, guarded_limits=())
+
+
+def lowered(found: Certificate, robot: LoopRobot) -> Certificate:
+    """Return a certificate over z as one over q."""
+    n = len(robot.coordinates)
+
+    def own(findings: Findings) -> Findings:
+        contacts = {
+            row: Contact(one.before, one.after, one.q[:n].copy(), one.clearance)
+            for row, one in findings.contacts.items()
+        }
+        return replace(findings, Q=findings.Q[:, :n].copy(), contacts=contacts)
+
+    return replace(found, boundaries=own(found.boundaries), limits=own(found.limits))
+
+
+def _around(points: Array, radius: Array) -> Interval:
+    """Return the box (N, n) that holds the hull of points (N, p, n), widened."""
+    low, high = Interval.at(points.min(axis=1), radius), Interval.at(points.max(axis=1), radius)
+    return Interval(low.lower, high.upper)
+
+
+def _column(x: Interval, k: int) -> Interval:
+    return Interval(x.lower[:, k], x.upper[:, k])
+
+
+def _with(points: Array, more: Array) -> Array:
+    """Return points (N, p, n) with the same further columns (N, k) each."""
+    count, p, _ = points.shape
+    return np.concatenate((points, np.broadcast_to(more[:, None], (count, p, more.shape[1]))), axis=2)

@@ -1,0 +1,174 @@
+"""From active coordinates q to all of z: q, the passive joints of loops that are no parallelograms, and their toggles.
+
+Everything that is linear in joints stays linear in z (`theta = S z + o`). What is not linear is this one map
+`z = F(q)`, with its derivatives, and with bounds of them over a motion or a box.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pinbound.bounds.intervals import Interval
+from pinbound.loops.linkages import Jet, Linkage
+from pinbound.model.coupling import as_configurations
+from pinbound.tolerances import UNIT_ROUNDOFF
+from pinbound.typing import Array
+from pinbound.values import Value
+
+__all__ = ["Lift", "lifted_names", "places"]
+
+
+_TOGGLE, _TURN = " toggle", " turn"
+_BLOCK = 1 << 12  # rows at a time: they stay in the cache
+
+
+def lifted_names(names: Sequence[str], linkages: Sequence[Linkage]) -> tuple[str, ...]:
+    """Return the names of z: those of q first, then what each loop adds; its w is called ``"NAME toggle"``.
+
+    Args:
+        names: Of the coordinates that the linkages' indices speak of.
+        linkages: The loops, in the order in which they are solved.
+    """
+    passive = {index for one in linkages for index in one.passive}
+    found = [name for index, name in enumerate(names) if index not in passive]
+    for one in linkages:
+        found += [names[index] for index in one.passive]
+        found += [one.name + _TOGGLE, *([one.name + _TURN] if one.ahead < 0 else [])]
+    return tuple(found)
+
+
+def places(names: Sequence[str], linkages: Sequence[Linkage]) -> list[int]:
+    """Return where each of the names is in z."""
+    lifted = lifted_names(names, linkages)
+    return [lifted.index(name) for name in names]
+
+
+@dataclass(frozen=True, eq=False)
+class Lift(Value):
+    """The map `z = F(q)` of a robot.
+
+    Attributes:
+        coordinates: Names of q (n).
+        names: Names of z (n + k), q's first.
+        linkages: The loops over z, in the order in which they are solved.
+    """
+
+    coordinates: tuple[str, ...]
+    names: tuple[str, ...]
+    linkages: tuple[Linkage, ...]
+
+    @cached_property
+    def inputs(self) -> tuple[int, ...]:
+        """Indices of the coordinates in q that move any loop."""
+        found = {index for one in self.linkages for index in one.inputs}
+        return tuple(sorted(index for index in found if index < len(self.coordinates)))
+
+    @cached_property
+    def columns(self) -> tuple[tuple[int, ...], ...]:
+        """Where each linkage's passive joints, w and turn are in z."""
+        found: list[tuple[int, ...]] = []
+        for one in self.linkages:
+            extra = [one.name + _TOGGLE, *([one.name + _TURN] if one.ahead < 0 else [])]
+            found.append((*one.passive, *(self.names.index(name) for name in extra)))
+        return tuple(found)
+
+    def toggle_names(self) -> tuple[str, ...]:
+        """Return the names of what z holds beside joints."""
+        return tuple(self.names[index] for columns in self.columns for index in columns[2:])
+
+    def __call__(self, Q: ArrayLike) -> Array:
+        """Return z of q: (n + k,) or (N, n + k); a row that is not finite gives NaN for what its loops move.
+
+        Raises:
+            DimensionError: If the last axis of Q is not n long.
+        """
+        array = as_configurations(Q, self.coordinates)
+        rows = array if array.ndim > 1 else array[None]
+        n = len(self.coordinates)
+        found = np.empty((len(rows), len(self.names)))
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            for start in range(0, len(rows), _BLOCK):
+                part = rows[start : start + _BLOCK]
+                found[start : start + _BLOCK, :n] = part
+                zero = np.zeros(len(part))
+                jets = self.jets([Jet(part[:, k], zero, zero) for k in range(n)])
+                for index in range(n, len(self.names)):
+                    found[start : start + _BLOCK, index] = jets[index].value
+        return found if array.ndim > 1 else found[0]
+
+    def jets(self, given: Sequence[Jet], errors: Sequence[float] | None = None) -> list[Jet]:
+        """Return all of z as jets, from those of q: of arrays, or of intervals.
+
+        Args:
+            given: Jets of q (n).
+            errors: Of intervals, by how much the gap of each loop may be off [m] (`Linkage.widened`).
+        """
+        missing: Any = None
+        z: list[Jet] = [*given, *([missing] * (len(self.names) - len(given)))]
+        for number, (one, columns) in enumerate(zip(self.linkages, self.columns, strict=True)):
+            solved = one.solve(z)
+            if errors is not None:
+                solved = one.widened(solved, errors[number])
+            parts = (solved.first, solved.second, solved.transmission, solved.turn)
+            for index, part in zip(columns, parts, strict=False):
+                if part is not None:
+                    z[index] = part
+        return z
+
+    def jacobians(self, Q: Array) -> Array:
+        """Return `dz/dq` (N, n + k, n) of many q (N, n)."""
+        return self.derivatives(Q, order=1)[0]
+
+    def derivatives(self, Q: Array, order: int) -> tuple[Array, Array]:
+        """Return `dz/dq` (N, n + k, n) and `d^2 z / dq^2` (N, n + k, n, n), which is empty for order 1."""
+        (count, n), size = Q.shape, len(self.names)
+        J, zero, one = np.zeros((count, size, n)), np.zeros(count), np.ones(count)
+        J[:, np.arange(n), np.arange(n)] = 1.0
+        H = np.zeros((count, size, n, n) if order > 1 else (count, size, 0, 0))
+
+        def along(*ways: int) -> list[Jet]:
+            return self.jets([Jet(Q[:, k], one if k in ways else zero, zero) for k in range(n)])
+
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            for a in self.inputs:
+                for index, jet in enumerate(along(a)[n:], n):
+                    J[:, index, a] = jet.first
+                    if order > 1:
+                        H[:, index, a, a] = jet.second
+            if order > 1:
+                for a in self.inputs:
+                    for b in (b for b in self.inputs if b > a):
+                        for index, jet in enumerate(along(a, b)[n:], n):
+                            mixed = 0.5 * (jet.second - H[:, index, a, a] - H[:, index, b, b])
+                            H[:, index, a, b] = H[:, index, b, a] = mixed
+        return J, H
+
+    def over(self, lower: Array, upper: Array, errors: Sequence[float] | None = None) -> Interval:
+        """Return what holds z, (N, n + k), while q is in boxes (N, n); `errors` as in `jets`."""
+        (count, n), size = lower.shape, len(self.names)
+        rate = np.zeros((count, size, n))
+        zero, one = Interval.at(np.zeros(count)), Interval.at(np.ones(count))
+        box = [Interval(lower[:, k], upper[:, k]) for k in range(n)]
+        low, high = np.empty((count, size)), np.empty((count, size))
+        low[:, :n], high[:, :n] = lower, upper
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            for a in self.inputs:
+                jets = self.jets([Jet(box[k], one if k == a else zero, zero) for k in range(n)], errors)
+                for index in range(n, size):
+                    rate[:, index, a] = jets[index].first.magnitude
+                    low[:, index], high[:, index] = jets[index].value.lower, jets[index].value.upper
+            middle = 0.5 * (lower + upper)
+            point = self.jets([Jet(Interval.at(middle[:, k]), zero, zero) for k in range(n)], errors)
+            half = np.maximum(upper - middle, middle - lower)
+            for index in range(n, size):
+                moved = np.einsum("na,na->n", rate[:, index], half) * (1.0 + 4.0 * n * UNIT_ROUNDOFF)
+                near = point[index].value + Interval(-moved, moved)
+                low[:, index] = np.fmax(low[:, index], near.lower)
+                high[:, index] = np.fmin(high[:, index], near.upper)
+        return Interval(low, high)

@@ -1,0 +1,413 @@
+"""Planar loops in closed form: four-bar, five-bar and slider-crank, values and derivatives, exact or as intervals.
+
+The part of a loop that active joints move is one complex number X(z), in the plane of the loop. What closes it are two
+passive joints. `docs/loops.md` derives the three forms:
+
+    ARMS       X + Y e^(i alpha) + Z e^(i beta) = 0        two arms of fixed length, pinned to each other
+    SLIDE      X + s + Y e^(i alpha) = 0                   an arm, and a slide that is fixed to X's frame
+    TELESCOPE  X + e^(i alpha) (s + i b) = 0               a slide that turns with the arm, b beside its pivot
+
+Each has two solutions, its assemblies. They meet where the *transmission* w reaches an end of its range: a toggle.
+Beyond it, the formulas go on with w held at its end, so that they are defined everywhere; a limit of w forbids it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, TypeVar
+
+import numpy as np
+
+from pinbound.bounds import intervals
+from pinbound.bounds.intervals import Interval
+from pinbound.tolerances import TOGGLE
+from pinbound.typing import Array, Flags
+from pinbound.values import Value
+
+__all__ = ["Form", "Jet", "Linkage", "Solution"]
+
+T = TypeVar("T", Array, Interval)
+
+_NO_BOUND = 1e30  # of a second derivative at a kink; times any length it is more than any path
+
+
+class Form(Enum):
+    """What closes a loop."""
+
+    ARMS = "two arms"
+    SLIDE = "an arm and a slide"
+    TELESCOPE = "an arm with a slide in it"
+
+
+@dataclass(frozen=True, eq=False)
+class Jet:
+    """A value and its first two derivatives by one parameter: arrays, or intervals."""
+
+    value: Any
+    first: Any
+    second: Any
+
+    def __add__(self, other: Jet) -> Jet:
+        """Return the sum."""
+        return Jet(self.value + other.value, self.first + other.first, self.second + other.second)
+
+    def __mul__(self, other: Jet) -> Jet:
+        """Return the product."""
+        a, b = self, other
+        return Jet(
+            a.value * b.value,
+            a.first * b.value + a.value * b.first,
+            a.second * b.value + 2.0 * (a.first * b.first) + a.value * b.second,
+        )
+
+    def __sub__(self, other: Jet) -> Jet:
+        """Return the difference."""
+        return self + other.times(-1.0)
+
+    def times(self, factor: float) -> Jet:
+        """Return the jet times a constant."""
+        if factor == 1.0:
+            return self
+        return Jet(self.value * factor, self.first * factor, self.second * factor)
+
+    def plus(self, constant: float) -> Jet:
+        """Return the jet plus a constant."""
+        return Jet(self.value + constant, self.first, self.second) if constant else self
+
+    def squared(self) -> Jet:
+        """Return the square."""
+        slope = 2.0 * self.value
+        return Jet(_squared(self.value), slope * self.first, 2.0 * _squared(self.first) + slope * self.second)
+
+    def turned(self) -> tuple[Jet, Jet]:
+        """Return cosine and sine."""
+        c, s, rate = _cos(self.value), _sin(self.value), _squared(self.first)
+        return (
+            Jet(c, -(s * self.first), -(c * rate + s * self.second)),
+            Jet(s, c * self.first, c * self.second - s * rate),
+        )
+
+    def clipped(self, low: float, high: float) -> Jet:
+        """Return the value held within [low, high]: beyond an end it does not move."""
+        value = self.value
+        if isinstance(value, Interval):
+            outside = (value.upper <= low) | (value.lower >= high)
+            across = ~outside & ((value.lower < low) | (value.upper > high))
+            first = _where(outside, Interval.at(np.zeros(len(outside))), self.first)
+            second = _where(outside, Interval.at(np.zeros(len(outside))), self.second)
+            wide = np.full(len(outside), _NO_BOUND)
+            return Jet(
+                value.clipped(low, high),
+                _where(across, intervals.hull(first, 0.0), first),
+                _where(across, Interval(-wide, wide), second),
+            )
+        held = (value < low) | (value > high)
+        return Jet(np.clip(value, low, high), np.where(held, 0.0, self.first), np.where(held, 0.0, self.second))
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What a linkage's passive joints do, and how far it is from a toggle.
+
+    Attributes:
+        first: Of the first passive joint [rad or m].
+        second: Of the second passive joint.
+        transmission: w, without unit: its range is `Linkage.transmission_range`.
+        turn: The angle of X from its reference [rad], where X can go round zero; None where it cannot.
+    """
+
+    first: Jet
+    second: Jet
+    transmission: Jet
+    turn: Jet | None
+
+
+@dataclass(frozen=True, eq=False)
+class Linkage(Value):
+    """A loop with two passive joints, solved.
+
+    `X = sum_k (vectors_k + slides_k . z) e^(i angles_k . z)`; the passive joints are
+    `mix @ (alpha, beta or s) + rows @ z + offset`.
+
+    Attributes:
+        name: The closure's name.
+        form: What closes it.
+        angles: (m, n) coefficients of the angles of the terms of X, over all coordinates z.
+        vectors: (m, 2) [m].
+        slides: (m, 2, n) [m per unit].
+        lengths: (Y, Z) of ARMS [m], (Y, 0) of SLIDE, (b, 0) of TELESCOPE.
+        sign: +1 or -1, the assembly.
+        passive: Indices of its passive joints in z.
+        mix: (2, 2), integers.
+        rows: (2, n).
+        offset: (2,) [rad or m], whole turns so that home's values are those that are given there.
+        ahead: Index of the term that is longer than all others together, so that X cannot go round zero; -1: none is.
+        reference: [rad], of the angle of X where none is.
+    """
+
+    name: str
+    form: Form
+    angles: Array
+    vectors: Array
+    slides: Array
+    lengths: tuple[float, float]
+    sign: float
+    passive: tuple[int, int]
+    mix: Array
+    rows: Array
+    offset: Array
+    ahead: int
+    reference: float
+
+    @property
+    def inputs(self) -> tuple[int, ...]:
+        """Indices of the coordinates in z that move it."""
+        used = np.any(self.angles, axis=0) | np.any(self.slides, axis=(0, 1)) | np.any(self.rows, axis=0)
+        return tuple(int(index) for index in np.flatnonzero(used))
+
+    @property
+    def transmission_range(self) -> tuple[float, float]:
+        """The ends of w at which it toggles, less `tolerances.TOGGLE`."""
+        most = math.sqrt((1.0 - TOGGLE) * (1.0 + TOGGLE))
+        if self.form is Form.TELESCOPE:
+            return self.lengths[0] ** 2 + (TOGGLE * self._size) ** 2, math.inf
+        return -most, most
+
+    @property
+    def _size(self) -> float:
+        """The largest length of X [m], slides left out."""
+        return float(np.linalg.norm(self.vectors, axis=1).sum())
+
+    def moved(self, z: list[Jet]) -> tuple[Jet, Jet]:
+        """Return X (real and imaginary part) where the coordinates are `z`, of which None do not occur."""
+        x: Jet | None = None
+        y: Jet | None = None
+        for row, vector, slides in zip(self.angles, self.vectors, self.slides, strict=True):
+            u, v = vector.tolist()
+            angle, slid = _linear(row, z), [_linear(slide, z) for slide in slides]
+            zero = z[self.inputs[0]].times(0.0)
+            parts = [(part or zero).plus(start) for part, start in zip(slid, (u, v), strict=True)]
+            if angle is not None:
+                c, s = angle.turned()
+                if np.any(slides):
+                    parts = [parts[0] * c - parts[1] * s, parts[0] * s + parts[1] * c]
+                else:
+                    parts = [c.times(u) - s.times(v), s.times(u) + c.times(v)]
+            x = parts[0] if x is None else x + parts[0]
+            y = parts[1] if y is None else y + parts[1]
+        assert x is not None
+        assert y is not None
+        return x, y
+
+    def solve(self, z: list[Jet]) -> Solution:
+        """Return the passive joints where the others are `z`; entries of z that it does not use do not matter."""
+        x, y = self.moved(z)
+        ask = {Form.ARMS: self._arms, Form.SLIDE: self._slide, Form.TELESCOPE: self._telescope}[self.form]
+        return ask(x, y, z)
+
+    def widened(self, found: Solution, error: float) -> Solution:
+        """Return an interval solution with room for a gap of `error` [m], which rounded numbers of the loop leave.
+
+        A gap e moves alpha and beta by at most e over the arm and the sine of the angle between the arms; their
+        derivatives change by the same, relative to themselves, over the sine once more. Twice and sixteen times that
+        are taken, which holds all higher terms while they are below 1e-3.
+        """
+        if self.form is Form.TELESCOPE:
+            slide: Interval = found.second.value - float(self.offset[1])
+            least = np.minimum(np.abs(slide.lower), np.abs(slide.upper))
+            least = np.where((slide.lower > 0.0) | (slide.upper < 0.0), least, 0.0)
+            least = np.maximum(least, 0.25 * TOGGLE * self._size)
+            far = np.maximum(1.0, np.hypot(slide.magnitude, self.lengths[0]))
+            off, flat = 2.0 * error * far / least, np.minimum(1.0, least / far)
+        else:
+            w: Interval = found.transmission.value
+            most = np.minimum(w.magnitude, 1.0)
+            flat = np.maximum(np.sqrt((1.0 - most) * (1.0 + most)), 0.25 * TOGGLE)
+            arms = 1.0 / self.lengths[0] + (1.0 / self.lengths[1] if self.form is Form.ARMS else 1.0)
+            off = 2.0 * error * arms / flat
+        share = 16.0 * off / flat
+
+        def wide(one: Jet) -> Jet:
+            first, second = share * one.first.magnitude, share * (one.first.magnitude + one.second.magnitude)
+            return Jet(
+                one.value + Interval(-off, off),
+                one.first + Interval(-first, first),
+                one.second + Interval(-second, second),
+            )
+
+        turn = None if found.turn is None else wide(found.turn)
+        return Solution(wide(found.first), wide(found.second), wide(found.transmission), turn)
+
+    def _arms(self, x: Jet, y: Jet, z: list[Jet]) -> Solution:
+        Y, Z = self.lengths
+        square = x.squared() + y.squared()
+        most = 0.5 * TOGGLE
+        flat = math.sqrt((1.0 - most) * (1.0 + most))
+        low, high = Y * Y + Z * Z - 2.0 * Y * Z * flat, Y * Y + Z * Z + 2.0 * Y * Z * flat
+        held = square.clipped(low, high)
+        area = _area(held, Y, Z)
+        turn = self._angle(x, y, square, held, z)
+        beyond = _ratio(held.times(-self.sign), area)  # d phi = -s d(D^2) / S
+        phi = Jet(_arctan2(self.sign * area.value, held.value - (Y * Y + Z * Z)), beyond.first, beyond.second)
+        aside = _aside(held, area, Y, Z, self.sign)
+        alpha = turn.plus(math.pi) - aside
+        return self._solution(alpha, alpha + phi, square.plus(-(Y * Y + Z * Z)).times(1.0 / (2.0 * Y * Z)), turn, z)
+
+    def _slide(self, x: Jet, y: Jet, z: list[Jet]) -> Solution:
+        Y = self.lengths[0]
+        most = 0.5 * TOGGLE
+        flat = Y * math.sqrt((1.0 - most) * (1.0 + most))
+        held = y.clipped(-flat, flat)
+        root = _root_below(Y, held)  # sqrt(Y^2 - y^2), its derivative -y y' / root
+        s = x.times(-1.0) - root.times(self.sign)
+        rate = _ratio(held.times(-self.sign), root)
+        beta = Jet(self.sign * _arctan2(-1.0 * held.value, root.value), rate.first, rate.second)
+        beta = beta.plus(0.0 if self.sign > 0.0 else math.pi)
+        return self._solution(beta, s, y.times(1.0 / Y), None, z)
+
+    def _telescope(self, x: Jet, y: Jet, z: list[Jet]) -> Solution:
+        b = self.lengths[0]
+        square = x.squared() + y.squared()
+        low, _ = self.transmission_range
+        held = square.clipped(b * b + 0.25 * (low - b * b), math.inf)
+        root = _root(held.plus(-b * b))
+        s = root.times(self.sign)
+        turn = self._angle(x, y, square, held, z)
+        # the angle of (s, b): its derivative is -b s' / (s^2 + b^2)
+        rate = _quotient_rate(s.times(-b), held)
+        within = Jet(_arctan2(_like(b + 0.0, s.value), s.value), rate[0], rate[1])
+        return self._solution(turn.plus(math.pi) - within, s, square, turn, z)
+
+    def _solution(self, one: Jet, other: Jet, w: Jet, turn: Jet | None, z: list[Jet]) -> Solution:
+        found: list[Jet] = []
+        for mix, row, offset in zip(self.mix.tolist(), self.rows, self.offset.tolist(), strict=True):
+            total = _linear(row, z)
+            for factor, part in zip(mix, (one, other), strict=True):
+                if factor:
+                    scaled = part.times(factor)
+                    total = scaled if total is None else total + scaled
+            assert total is not None
+            found.append(total.plus(offset))
+        return Solution(found[0], found[1], w, None if self.ahead >= 0 or turn is None else turn.plus(-self.reference))
+
+    def _angle(self, x: Jet, y: Jet, square: Jet, held: Jet, z: list[Jet]) -> Jet:
+        """Return the angle of X, continuous where one term is ahead, else within half a turn of the reference."""
+        if self.ahead >= 0:
+            start = math.atan2(*self.vectors[self.ahead][::-1].tolist())
+            lead = _linear(self.angles[self.ahead], z)
+        else:
+            start, lead = self.reference, None
+        first, second = _angle_rates(x, y, held)
+        value = _turned_back(x.value, y.value, start, None if lead is None else lead.value)
+        value = value + start
+        return Jet(value if lead is None else value + lead.value, first, second)
+
+
+def _linear(row: Array, z: list[Jet]) -> Jet | None:
+    total: Jet | None = None
+    for index in np.flatnonzero(row).tolist():
+        term = z[index].times(float(row[index]))
+        total = term if total is None else total + term
+    return total
+
+
+def _angle_rates(x: Jet, y: Jet, square: Jet) -> tuple[Any, Any]:
+    """Return the derivatives of the angle of (x, y): `(x y' - y x') / (x^2 + y^2)` and its own."""
+    cross = x.value * y.first - y.value * x.first
+    again = x.value * y.second - y.value * x.second
+    first = cross / square.value
+    return first, (again - first * square.first) / square.value
+
+
+def _area(square: Jet, Y: float, Z: float) -> Jet:
+    """Return `S = sqrt(4 Y^2 Z^2 - (D^2 - Y^2 - Z^2)^2)`, four times the triangle's area, from D^2."""
+    outer, inner = (Y + Z) ** 2, (Y - Z) ** 2
+    if isinstance(square.value, Interval):  # each occurs once: no wider than it must be
+        value = _sqrt((2.0 * Y * Z) * Interval.at(np.array(2.0 * Y * Z)) - (square.value - (Y * Y + Z * Z)).squared())
+    else:
+        value = _sqrt((outer - square.value) * (square.value - inner))
+    lead = square.plus(-(Y * Y + Z * Z))
+    first = -(lead.value * square.first) / value
+    second = -(_squared(square.first) + lead.value * square.second + _squared(first)) / value
+    return Jet(value, first, second)
+
+
+def _aside(square: Jet, area: Jet, Y: float, Z: float, sign: float) -> Jet:
+    """Return the angle of the triangle between D and Y: its derivative is `-s (D^2)' g`, `g = (D^2 + c) / (2 D^2 S)`.
+
+    c is Z^2 - Y^2.
+    """
+    c = Z * Z - Y * Y
+    below = 2.0 * (square.value * area.value)
+    g = (square.value + c) / below
+    slope = (square.first - g * (2.0 * (square.first * area.value + square.value * area.first))) / below
+    value = _arctan2(sign * area.value, square.value - c)
+    first = (g * square.first) * (-sign)
+    return Jet(value, first, (slope * square.first + g * square.second) * (-sign))
+
+
+def _root_below(Y: float, y: Jet) -> Jet:
+    value = _sqrt((Y - y.value) * (Y + y.value))
+    first = -(y.value * y.first) / value
+    return Jet(value, first, -(_squared(y.first) + y.value * y.second + _squared(first)) / value)
+
+
+def _root(x: Jet) -> Jet:
+    value = _sqrt(x.value)
+    first = 0.5 * x.first / value
+    return Jet(value, first, (0.5 * x.second - _squared(first)) / value)
+
+
+def _ratio(x: Jet, y: Jet) -> Jet:
+    """Return a jet whose derivatives are those of an integral of `x' / y`: its value means nothing."""
+    first = x.first / y.value
+    return Jet(x.value, first, (x.second - first * y.first) / y.value)
+
+
+def _quotient_rate(x: Jet, y: Jet) -> tuple[Any, Any]:
+    first = x.first / y.value
+    return first, (x.second - first * y.first) / y.value
+
+
+def _turned_back(x: Any, y: Any, start: float, lead: Any) -> Any:
+    """Return the angle of (x, y) from `start + lead`."""
+    if lead is None and not isinstance(x, Interval):
+        c, s = math.cos(start), math.sin(start)
+        return np.arctan2(y * c - x * s, x * c + y * s)
+    angle = (lead if lead is not None else x * 0.0) + start
+    c, s = _cos(angle), _sin(angle)
+    return _arctan2(y * c - x * s, x * c + y * s)
+
+
+def _like(value: float, other: Any) -> Any:
+    if isinstance(other, Interval):
+        return Interval.at(np.full(len(other.lower), value))
+    return np.full(len(other), value)
+
+
+def _where(condition: Flags, x: Interval, y: Interval) -> Interval:
+    return Interval(np.where(condition, x.lower, y.lower), np.where(condition, x.upper, y.upper))
+
+
+def _squared(x: T) -> T:
+    return x.squared() if isinstance(x, Interval) else x * x
+
+
+def _sqrt(x: T) -> T:
+    if isinstance(x, Interval):
+        return intervals.sqrt(Interval(np.maximum(x.lower, 0.0), np.maximum(x.upper, 0.0)))
+    return np.sqrt(x)
+
+
+def _cos(x: T) -> T:
+    return intervals.cos(x) if isinstance(x, Interval) else np.cos(x)
+
+
+def _sin(x: T) -> T:
+    return intervals.sin(x) if isinstance(x, Interval) else np.sin(x)
+
+
+def _arctan2(y: T, x: T) -> T:
+    return intervals.arctan2(y, x) if isinstance(x, Interval) and isinstance(y, Interval) else np.arctan2(y, x)

@@ -1,0 +1,78 @@
+"""Loading robots with loops that are no parallelograms: their passive joints and toggles become coordinates of z."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pinbound.annotations import Annotations
+from pinbound.exceptions import Problems, name_hint
+from pinbound.loops.closures import close
+from pinbound.loops.lift import Lift
+from pinbound.loops.loop_coupling import lifted
+from pinbound.loops.parallelograms import Settled
+from pinbound.model.coupling import GuardedLimit, LinearLimit
+from pinbound.model.tree import Tree
+from pinbound.tolerances import HOME
+from pinbound.typing import Array
+
+__all__ = ["home_of_loops", "marked_home", "opened_loops"]
+
+
+def opened_loops(tree: Tree, settled: Settled, marks: Annotations, problems: Problems) -> tuple[Settled, Lift]:
+    """Return what was settled, with passive joints of loops that are no parallelograms as coordinates; and F."""
+    coupling, lift = lifted(settled.coupling, settled.linkages)
+    closures = tuple(close(tree, coupling, one.mark) for one in settled.closures)
+    name = settled.linkages[0].name
+    for one in closures:
+        if not one.is_exact:
+            message = f"closure {one.name!r} has sides that differ, and loop {name!r} is no parallelogram"
+            remedy = f"Give closure {one.name!r} equal sides, or couple loop {name!r} by <mimic>"
+            problems.add(f"{message}: how the error of the one moves the other is not bounded", remedy, one.mark.line)
+    if marks.axes:
+        message = f"axes are counted anew, and loop {name!r} is no parallelogram: its closed form speaks of joints"
+        problems.add(message, "Leave the axes out, or couple the loop by <mimic>", marks.closures[0].line)
+    problems.raise_if_any()
+    linked = tuple(close(tree, coupling, one.mark) for one in settled.linked)
+    return replace(settled, coupling=coupling, closures=closures, linked=linked), lift
+
+
+def marked_home(lift: Lift, marks: Annotations) -> Array:
+    """Return q as home marks it, zero where it marks nothing."""
+    return np.array([marks.home.get(name, 0.0) for name in lift.coordinates], dtype=np.float64)
+
+
+def home_of_loops(
+    lift: Lift,
+    marks: Annotations,
+    limits: Sequence[LinearLimit],
+    guarded: Sequence[GuardedLimit],
+    problems: Problems,
+) -> tuple[Array, list[str]]:
+    """Return home (n + k,): q as marked, zero where nothing is; passive joints as the loops put them."""
+    home = lift(marked_home(lift, marks))
+    joints = dict(zip(lift.names, home.tolist(), strict=True))
+    line, source = marks.home_line, marks.sources.get("home")
+    for name in marks.home:
+        if name not in joints:
+            problems.add(f"home names {name!r}, which is no free joint", name_hint(name, lift.names), line, source)
+    for limit in limits:
+        if not limit.holds(home[None])[0]:
+            value, ends = float(limit.values(home[None])[0]), f"[{limit.lower:.6g}, {limit.upper:.6g}]"
+            message = f"home is outside the limits of {limit.joint!r}: {value:.6g} is not in {ends}"
+            problems.add(message, "Choose a home inside all limits; angles are in radians", line, source)
+    for one in guarded:
+        if not one.holds(home[None])[0]:
+            remedy = "Choose a home that keeps the rule; angles are in radians"
+            problems.add(f"rule {one.rule!r} forbids home", remedy, line, source)
+    notes: list[str] = []
+    for one in lift.linkages:
+        for name in (lift.names[index] for index in one.passive):
+            given = marks.home.get(name, 0.0)
+            if abs(joints[name] - given) > HOME:
+                what = f"home gives {given:.6g}, which picks the assembly" if name in marks.home else "from zero"
+                notes.append(f"loop {one.name!r} puts {name!r} at {joints[name]:.9g} at home ({what})")
+    home.flags.writeable = False
+    return home, notes

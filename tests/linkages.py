@@ -1,0 +1,169 @@
+"""Planar linkages from their lengths, as URDF text; and the joint values that close them, by Newton at 50 digits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import mpmath
+import numpy as np
+
+mpmath.mp.dps = 50
+
+
+@dataclass
+class Part:
+    """A joint in the plane of x and y: where it is in the parent's frame [m], and how it moves its child link.
+
+    `way` is the direction of a slide in the parent's frame (a unit number); None: it turns about z times `sign`.
+    """
+
+    name: str
+    parent: str
+    child: str
+    at: complex
+    way: complex | None = None
+    sign: int = 1
+    lower: float = -60.0
+    upper: float = 60.0
+
+
+@dataclass
+class Mechanism:
+    """A planar tree with pins (name, link, point, link, point), each with its two passive joints."""
+
+    parts: list[Part]
+    pins: list[tuple[str, str, complex, str, complex]]
+    passive: dict[str, tuple[str, str]]
+    home: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def active(self) -> list[str]:
+        """Names of the joints that no pin settles."""
+        taken = {name for pair in self.passive.values() for name in pair}
+        return [part.name for part in self.parts if part.name not in taken]
+
+    def urdf(self, marks: str = "", links: str = "") -> str:
+        """Return the URDF, with marks inside its annotations, and more links and joints."""
+        text = ['<robot name="linkage" xmlns:pinbound="urn:pinbound:1"><link name="base"/>']
+        for part in self.parts:
+            kind = "revolute" if part.way is None else "prismatic"
+            x, y = (0.0, 0.0) if part.way is None else (part.way.real, part.way.imag)
+            z = part.sign if part.way is None else 0
+            text.append(
+                f'<joint name="{part.name}" type="{kind}"><parent link="{part.parent}"/><child link="{part.child}"/>'
+                f'<origin xyz="{part.at.real!r} {part.at.imag!r} 0"/><axis xyz="{x!r} {y!r} {z}"/>'
+                f'<limit lower="{part.lower!r}" upper="{part.upper!r}" effort="1" velocity="1"/></joint>'
+                f'<link name="{part.child}"/>'
+            )
+        home = " ".join(f'{name}="{value!r}"' for name, value in self.home.items())
+        text.append(f"{links}<pinbound:annotations><pinbound:home {home}/>")
+        for name, link_a, a, link_b, b in self.pins:
+            pair = " ".join(self.passive[name])
+            text.append(
+                f'<pinbound:closure name="{name}" link_a="{link_a}" xyz_a="{a.real!r} {a.imag!r} 0" '
+                f'link_b="{link_b}" xyz_b="{b.real!r} {b.imag!r} 0" passive="{pair}"/>'
+            )
+        return "".join([*text, marks, "</pinbound:annotations></robot>"])
+
+    def place(self, link: str, point: complex, theta: dict[str, mpmath.mpf]) -> mpmath.mpc:
+        """Return where a point of a link is, at 50 digits."""
+        above = {part.child: part for part in self.parts}
+        found = mpmath.mpc(point)
+        while link != "base":
+            part = above[link]
+            value = theta[part.name]
+            if part.way is None:
+                found = mpmath.mpc(part.at) + mpmath.expj(part.sign * value) * found
+            else:
+                way = mpmath.mpc(part.way)
+                found = mpmath.mpc(part.at) + value * way / abs(way) + found
+            link = part.parent
+        return found
+
+    def gap(self, pin: tuple[str, str, complex, str, complex], theta: dict[str, mpmath.mpf]) -> mpmath.mpc:
+        """Return the gap of a pin."""
+        _, link_a, a, link_b, b = pin
+        return self.place(link_a, a, theta) - self.place(link_b, b, theta)
+
+    def solved(self, theta: dict[str, float]) -> dict[str, mpmath.mpf]:
+        """Return all joint values from near ones, the passive joints of each pin by Newton, pin after pin."""
+        values = {name: mpmath.mpf(value) for name, value in theta.items()}
+        step = mpmath.mpf(10) ** -28
+        for pin in self.pins:
+            pair = self.passive[pin[0]]
+            for _ in range(60):
+                gap = self.gap(pin, values)
+                if abs(gap) < mpmath.mpf(10) ** -44:
+                    break
+                columns = [(self.gap(pin, {**values, name: values[name] + step}) - gap) / step for name in pair]
+                p, q = columns
+                determinant = p.real * q.imag - p.imag * q.real
+                values[pair[0]] -= (gap.real * q.imag - gap.imag * q.real) / determinant
+                values[pair[1]] -= (p.real * gap.imag - p.imag * gap.real) / determinant
+            else:
+                raise ArithmeticError("Newton did not converge")
+        return values
+
+
+def _turn(rng: np.random.Generator) -> complex:
+    return complex(np.exp(1j * rng.uniform(-np.pi, np.pi)))
+
+
+def _signs(rng: np.random.Generator, count: int) -> list[int]:
+    return [int(s) for s in rng.choice([-1, 1], count)]
+
+
+def four_bar(rng: np.random.Generator) -> Mechanism:
+    """Return crank, coupler and rocker of random lengths, frames and signs; any joint may be the active one."""
+    ground, crank, coupler, rocker = (float(x) for x in rng.uniform(0.1, 1.0, 4))
+    s = _signs(rng, 3)
+    parts = [
+        Part("A", "base", "crank", 0j, None, s[0]),
+        Part("B", "crank", "coupler", crank * _turn(rng), None, s[1]),
+        Part("D", "base", "rocker", ground * _turn(rng), None, s[2]),
+    ]
+    pin = ("loop", "coupler", coupler * _turn(rng), "rocker", rocker * _turn(rng))
+    pairs = [("B", "D"), ("A", "D"), ("A", "B")]
+    return Mechanism(parts, [pin], {"loop": pairs[int(rng.integers(3))]})
+
+
+def five_bar(rng: np.random.Generator) -> Mechanism:
+    """Return two cranks on the ground and the two arms that join them."""
+    lengths = [float(x) for x in rng.uniform(0.2, 1.0, 5)]
+    s = _signs(rng, 4)
+    parts = [
+        Part("A", "base", "left", 0j, None, s[0]),
+        Part("B", "left", "near", lengths[0] * _turn(rng), None, s[1]),
+        Part("D", "base", "right", lengths[4] * _turn(rng), None, s[2]),
+        Part("E", "right", "far", lengths[1] * _turn(rng), None, s[3]),
+    ]
+    pin = ("loop", "near", lengths[2] * _turn(rng), "far", lengths[3] * _turn(rng))
+    pairs = [("B", "E"), ("A", "D"), ("B", "D")]
+    return Mechanism(parts, [pin], {"loop": pairs[int(rng.integers(3))]})
+
+
+def slider_crank(rng: np.random.Generator) -> Mechanism:
+    """Return a crank, a coupler and a slide on the ground; crank or slide leads."""
+    s = _signs(rng, 2)
+    parts = [
+        Part("A", "base", "crank", 0j, None, s[0]),
+        Part("B", "crank", "coupler", float(rng.uniform(0.1, 0.6)) * _turn(rng), None, s[1]),
+        Part("S", "base", "slide", complex(*rng.uniform(-0.5, 0.5, 2)), _turn(rng)),
+    ]
+    pin = ("loop", "coupler", float(rng.uniform(0.3, 1.0)) * _turn(rng), "slide", complex(*rng.uniform(-0.1, 0.1, 2)))
+    return Mechanism(parts, [pin], {"loop": [("B", "S"), ("A", "B"), ("A", "S")][int(rng.integers(3))]})
+
+
+def cylinder(rng: np.random.Generator) -> Mechanism:
+    """Return a boom that a cylinder lifts: the cylinder turns on the ground, its rod is pinned to the boom."""
+    s = _signs(rng, 2)
+    parts = [
+        Part("A", "base", "boom", 0j, None, s[0]),
+        Part("C", "base", "barrel", complex(*rng.uniform(-0.6, 0.6, 2)), None, s[1]),
+        Part("R", "barrel", "rod", complex(*rng.uniform(-0.1, 0.1, 2)), _turn(rng)),
+    ]
+    pin = ("loop", "rod", complex(*rng.uniform(-0.1, 0.1, 2)), "boom", float(rng.uniform(0.2, 1.0)) * _turn(rng))
+    return Mechanism(parts, [pin], {"loop": [("C", "R"), ("A", "C")][int(rng.integers(2))]})
+
+
+KINDS = {"four-bar": four_bar, "five-bar": five_bar, "slider-crank": slider_crank, "cylinder": cylinder}
