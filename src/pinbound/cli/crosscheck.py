@@ -140,13 +140,14 @@ def _print_bodies(robot: Robot, level: BodyLevel) -> None:
             pair.refusals,
             pair.unreachable,
             pair.ways,
+            pair.near,
             millimetres(pair.miss),
             millimetres(pair.refusal),
         )
         for pair in level.pairs
     ]
     columns = ("links", "boundaries []", "both clear []", "both contact []", "missed []", "refused []")
-    columns += ("unreachable []", "ways []", "worst miss [mm]", "needless refusal [mm]")
+    columns += ("unreachable []", "ways []", "near []", "worst miss [mm]", "needless refusal [mm]")
     title = f"Bodies: verdicts against coal on the collision bodies, {level.samples} configurations"
     allowed = f"Allowed: misses {millimetres(level.tolerance)} mm; refusals, for boundaries of zero threshold,"
     print_table(title, columns, rows, f"{allowed} {millimetres(level.stop_tolerance)} mm.")
@@ -159,6 +160,13 @@ def _print_bodies(robot: Robot, level: BodyLevel) -> None:
                     values = zip(robot.coordinates, q.tolist(), strict=True)
                     at = ",".join(f"{name}={value:.9g}" for name, value in values)
                     said.print(f"  worst {what} at {at}", markup=False)
+    meshed = [pair for pair in level.pairs if pair.meshes]
+    if meshed:
+        text = f"{len(meshed)} pairs have meshes: coal says yes or no on their triangles, no way is swept, refusals are"
+        said.print(f"{text} measured {sum(pair.measured for pair in meshed)} times.", markup=False)
+    part = [" - ".join(pair.links) for pair in level.pairs if pair.coverage not in ("watched", "")]
+    if part:
+        said.print(f"Not watched as a whole, so that misses are possible: {', '.join(part)}.", markup=False)
     for link, reason in level.left_out.items():
         said.print(f"Not compared: {link} {reason}.", markup=False)
 

@@ -47,6 +47,14 @@ class MeshSource:
             raise found
         return found.placed(body.rotation, body.translation)
 
+    def path(self, body: Body) -> Path:
+        """Return the file of a body's mesh.
+
+        Raises:
+            InputError: If there is no such file.
+        """
+        return find_mesh(body.filename, self._beside, self._package_dirs)
+
     def fault(self, body: Body) -> str:
         """Return why the mesh of a body cannot be read, in one line; empty if it can be."""
         found = self._found(body)

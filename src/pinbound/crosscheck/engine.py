@@ -35,6 +35,7 @@ __all__ = [
 ]
 
 _BLOCK = 20_000
+_MOST_CONTACTS = 1_000
 _UNLIMITED_SLIDE = 1.0  # metres: how far a slide without limits is sampled
 _MOST_DRAWS = 50
 _SOLID = 3  # dimensions
@@ -50,12 +51,14 @@ class Shape(Value):
 
     Attributes:
         link: The link.
-        kind: ``"sphere"``, ``"box"``, ``"cylinder"``, ``"capsule"``, ``"halfspace"`` or ``"hull"``.
+        kind: ``"sphere"``, ``"box"``, ``"cylinder"``, ``"capsule"``, ``"halfspace"``, ``"hull"`` or ``"mesh"``.
         size: [m], as in `bodies.Body`; of a half-space its height, z up; of a hull the radius around it.
         rotation: (3, 3), from the shape's frame to the link's.
         translation: (3,) [m] in the link's frame.
         vertices: (k, 3) [m], of a hull.
         swept_radius: [m], around a box.
+        file: Of a mesh, read by coal's own loader, which is Pinocchio's.
+        scale: (3,) factors on a mesh.
     """
 
     link: str
@@ -65,6 +68,8 @@ class Shape(Value):
     translation: Array
     vertices: Array | None = None
     swept_radius: float = 0.0
+    file: str = ""
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
 class Engine:
@@ -117,6 +122,42 @@ class Engine:
         self._pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._geometry_data, theta)
         return float(self._pin.computeDistance(self._geometry, self._geometry_data, pair).min_distance)
 
+    def collisions(self, Q: Array) -> Flags:
+        """Return which pairs are in collision (N, pairs) at every row of Q (N, n), by coal's yes-or-no query."""
+        found = np.empty((len(Q), len(self.pairs)), dtype=np.bool_)
+        results = self._geometry_data.collisionResults
+        for row, theta in enumerate(self._robot.coupling.expand(Q)):
+            self._pin.computeCollisions(self._model, self._data, self._geometry, self._geometry_data, theta, False)
+            found[row] = [result.isCollision() for result in results]
+        return found
+
+    def collides(self, q: Array, pair: int) -> bool:
+        """Return whether one pair is in collision at q (n,), by coal's yes-or-no query."""
+        theta = self._robot.coupling.expand(q)
+        self._pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._geometry_data, theta)
+        return bool(self._pin.computeCollision(self._geometry, self._geometry_data, pair))
+
+    def depth(self, q: Array, pair: int) -> float:
+        """Return the largest penetration among the contacts that coal finds for one pair at q (n,) [m]; 0 without.
+
+        Of meshes it is a depth of single triangles, and so no more than a sign of how deep the bodies are.
+        """
+        import coal as coal_untyped
+
+        coal = cast(Any, coal_untyped)
+        theta = self._robot.coupling.expand(q)
+        self._pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._geometry_data, theta)
+        first, second = self.pairs[pair]
+        request, result = (
+            coal.CollisionRequest(coal.CollisionRequestFlag.CONTACT, _MOST_CONTACTS),
+            coal.CollisionResult(),
+        )
+        bodies = [(self._geometry.geometryObjects[i].geometry, self._geometry_data.oMg[i]) for i in (first, second)]
+        placed = [(shape, coal.Transform3s(at.rotation, at.translation)) for shape, at in bodies]
+        coal.collide(*placed[0], *placed[1], request, result)
+        depths = [abs(float(result.getContact(i).penetration_depth)) for i in range(result.numContacts())]
+        return max(depths, default=0.0)
+
     def is_free(self, q: Array) -> bool:
         """Return whether no pair is in collision at q (n,), by coal's yes-or-no query."""
         theta = self._robot.coupling.expand(q)
@@ -136,6 +177,9 @@ def _coal_shape(shape: Shape) -> Any:
         hull = coal.Convex.convexHull(points, True, "Qt")
         hull.setSweptSphereRadius(shape.size[0])
         return hull
+    if shape.kind == "mesh":
+        loader = coal.CachedMeshLoader(coal.NODE_TYPE.BV_OBBRSS)
+        return loader.load(shape.file, np.array(shape.scale))
     if shape.kind == "halfspace":
         return coal.Halfspace(np.array([0.0, 0.0, 1.0]), shape.size[0])
     makers = {"sphere": coal.Sphere, "box": coal.Box, "cylinder": coal.Cylinder, "capsule": coal.Capsule}

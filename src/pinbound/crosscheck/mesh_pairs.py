@@ -1,0 +1,132 @@
+"""Body level where a body is a mesh: coal's yes or no on raw triangles, and distances where they are worth their time.
+
+Distances of meshes cost a hundred times more than yes or no. So every sample is asked for yes or no; a gap is measured
+where pinbound refuses and the bodies are clear, 200 times at most; and the places that tell most are looked for: where
+the straight way from home meets the boundaries of the two links. There the marks touch, so that the gap of the bodies
+is the needless refusal; just before there they are clear, so that contact of the bodies is a miss.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pinbound.boundaries.boundary import Boundary
+from pinbound.coverage.bodies import Body
+from pinbound.crosscheck.engine import Engine, blocks
+from pinbound.crosscheck.link_pairs import LinkPair, largest, least_clearance
+from pinbound.crosscheck.raw import raw_shapes
+from pinbound.robot.robot import Robot
+from pinbound.typing import Array, Flags
+
+__all__ = ["check_mesh_pairs", "near_contact"]
+
+Links = tuple[str, str]
+
+_MOST_MEASURED = 200
+_MOST_WAYS = 100
+_HALVINGS = 30
+_LEAST = 1e-9  # metres: a contact of meshes counts as a depth of this at least
+
+
+def check_mesh_pairs(
+    robot: Robot,
+    groups: Mapping[Links, Sequence[int]],
+    bodies: Mapping[str, Sequence[Body]],
+    Q: Array,
+    first_met: Array,
+) -> dict[Links, LinkPair | None]:
+    """Compare pairs of links of which some body is a mesh; None for those whose bodies all touch at home.
+
+    Args:
+        robot: The robot.
+        groups: By links, the places of their boundaries.
+        bodies: By link.
+        Q: (N, n), the samples.
+        first_met: (N,), where the way from home to each q meets any contact.
+    """
+    if not groups:
+        return {}
+    chosen = [body for name in dict.fromkeys(name for links in groups for name in links) for body in bodies[name]]
+    of_link: dict[str, list[int]] = {}
+    for place, body in enumerate(chosen):
+        of_link.setdefault(body.link, []).append(place)
+    places = [(i, j) for a, b in groups for i in of_link[a] for j in of_link[b]]
+    owner = [links for links in groups for _ in range(len(bodies[links[0]]) * len(bodies[links[1]]))]
+    engine = Engine(robot, raw_shapes(robot, chosen), places)
+    at_home = engine.collisions(robot.home[None])[0]
+    hits = np.concatenate([engine.collisions(Q[block]) for block in blocks(len(Q))])
+    found: dict[Links, LinkPair | None] = {}
+    for links, members in groups.items():
+        columns = [place for place, one in enumerate(owner) if one == links]
+        apart = [place for place in columns if not at_home[place]]
+        boundaries = [robot.boundaries[index] for index in members]
+        found[links] = (
+            _compared(robot, engine, links, boundaries, (columns, apart), (Q, hits, first_met)) if apart else None
+        )
+    return found
+
+
+def _compared(
+    robot: Robot,
+    engine: Engine,
+    links: Links,
+    boundaries: Sequence[Boundary],
+    places: tuple[Sequence[int], Sequence[int]],
+    samples: tuple[Array, Flags, Array],
+) -> LinkPair:
+    (columns, apart), (Q, hits, first_met) = places, samples
+    contact = np.any(hits[:, list(apart)], axis=1)
+    touching = least_clearance(boundaries, Q) <= 0.0
+    beyond = np.isfinite(first_met) & ~touching
+    clear = ~beyond & ~touching
+    missed, refused = np.flatnonzero(clear & contact), np.flatnonzero(touching & ~contact)[:_MOST_MEASURED]
+    before, after = near_contact(robot, boundaries, Q)
+    hit_before = engine.collisions(before)[:, list(apart)].any(axis=1) if len(before) else np.zeros(0, dtype=bool)
+    free_after = ~engine.collisions(after)[:, list(apart)].any(axis=1) if len(after) else np.zeros(0, dtype=bool)
+    deep_at = np.concatenate((Q[missed[:_MOST_MEASURED]], before[hit_before]))
+    gap_at = np.concatenate((Q[refused], after[free_after]))
+    depths = np.array([max(_LEAST, *(engine.depth(q, place) for place in apart)) for q in deep_at])
+    gaps = np.array([min(engine.distance(q, place) for place in apart) for q in gap_at])
+    miss, miss_q = largest([(np.ones(len(depths), dtype=np.bool_), depths, deep_at)])
+    refusal, refusal_q = largest([(np.ones(len(gaps), dtype=np.bool_), gaps, gap_at)])
+    return LinkPair(
+        links=links,
+        boundaries=tuple(boundary.name for boundary in boundaries),
+        bodies=len(apart),
+        touching=len(columns) - len(apart),
+        both_clear=int(np.sum(clear & ~contact)),
+        both_contact=int(np.sum(~clear & contact)),
+        misses=len(missed) + int(np.sum(hit_before)),
+        refusals=int(np.sum(touching & ~contact)),
+        unreachable=int(np.sum(beyond & ~contact)),
+        ways=0,
+        miss=miss,
+        miss_q=miss_q,
+        refusal=refusal,
+        refusal_q=refusal_q,
+        stops=any(not boundary.has_size for boundary in boundaries),
+        meshes=True,
+        near=len(before),
+        measured=len(gap_at),
+    )
+
+
+def near_contact(robot: Robot, boundaries: Sequence[Boundary], Q: Array) -> tuple[Array, Array]:
+    """Return configurations (k, n), (k, n) just before and just after straight ways from home meet boundaries.
+
+    Ways that one effective angle stops before, as `first_met` knows, are bisected all the same: what they find is a
+    place of contact of the marks, reachable or not.
+    """
+    sized = [boundary for boundary in boundaries if not boundary.is_stop]
+    if not sized or not least_clearance(sized, robot.home[None])[0] > 0.0:
+        return np.empty((0, Q.shape[1])), np.empty((0, Q.shape[1]))
+    ends = Q[least_clearance(sized, Q) <= 0.0][:_MOST_WAYS]
+    low, high = np.zeros(len(ends)), np.ones(len(ends))
+    for _ in range(_HALVINGS if len(ends) else 0):
+        middle = 0.5 * (low + high)
+        clear = least_clearance(sized, robot.home + middle[:, None] * (ends - robot.home)) > 0.0
+        low, high = np.where(clear, middle, low), np.where(clear, high, middle)
+    ways = ends - robot.home
+    return robot.home + low[:, None] * ways, robot.home + high[:, None] * ways

@@ -1,0 +1,131 @@
+"""Marks against raw meshes: what the triangles touch is no free, and what is refused needlessly is measured."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+from typer.testing import CliRunner
+
+import pinbound as pb
+from pinbound.cli.app import app
+from pinbound.crosscheck.mesh_pairs import near_contact
+from pinbound.crosscheck.raw import RawBodies
+from robots import joint
+from test_marking import urdf
+
+Load = Callable[..., pb.Robot]
+
+CUBE = [(x, y, z) for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1)]
+QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+MESH = '<collision><origin xyz="{0}"/><geometry><mesh filename="{1}.obj" scale="{2}"/></geometry></collision>'
+JOINTS = [
+    joint("q1", "revolute", "base", "a", axis="0 1 0", xyz="0 0 0.35", limit="-3.1 3.1"),
+    joint("q2", "prismatic", "a", "b", axis="1 0 0", limit="-0.6 0.6"),
+]
+
+
+def save_obj(path: Path, blocks: list[tuple[tuple[float, float, float], tuple[float, float, float]]]) -> None:
+    """Write boxes with a middle and a size each, as one mesh."""
+    lines: list[str] = []
+    for index, (middle, size) in enumerate(blocks):
+        lines += [f"v {' '.join(map(str, np.array(v) * 5 * size + middle))}" for v in CUBE]
+        lines += [f"f {' '.join(str(8 * index + one + 1) for one in quad)}" for quad in QUADS]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def corners(size: float, xyz: tuple[float, float, float]) -> list[list[float]]:
+    return [[float(size * a / 0.1 + b) for a, b in zip(v, xyz, strict=True)] for v in CUBE]
+
+
+def marked(load_text: Load, tmp_path: Path, size: float = 0.1, missing: bool = False) -> pb.Robot:
+    """Return a cube of 0.2 m that swings about a fork of two teeth, and hulls over both; `size`: half the hull's."""
+    save_obj(tmp_path / "cube.obj", [((0.0, 0.0, 0.0), (2.0, 2.0, 2.0))])
+    save_obj(tmp_path / "fork.obj", [((-0.2, 0.0, 0.0), (0.05, 0.2, 0.2)), ((0.2, 0.0, 0.0), (0.05, 0.2, 0.2))])
+    links = {
+        "base": MESH.format("0 0 0", "fork" if not missing else "none", "1 1 1"),
+        "a": "",
+        "b": MESH.format("0 0 0.3", "cube", "0.1 0.1 0.1"),
+    }
+    text = f"""
+home: {{q1: 0.0, q2: 0.0}}
+hulls:
+- {{name: fork, link: base, vertices: {[[x * 2.25, y, z] for x, y, z in CUBE]}}}
+- {{name: cube, link: b, vertices: {corners(size, (0.0, 0.0, 0.3))}}}
+boundaries: [{{name: one, a: fork, b: cube}}]
+"""
+    return load_text(urdf(links, JOINTS), text)
+
+
+def test_hulls_that_hold_meshes_miss_nothing_and_their_refusals_are_the_gap_between_the_teeth(
+    load_text: Load, tmp_path: Path
+) -> None:
+    robot = marked(load_text, tmp_path)
+    found = pb.cross_check(robot, samples=600, levels=("bodies",)).bodies
+    assert found is not None
+    assert found.holds
+    (pair,) = found.pairs
+    assert pair.meshes
+    assert (pair.misses, pair.miss) == (0, 0.0)
+    assert pair.refusals > 10
+    assert pair.both_contact > 20
+    assert pair.near > 20
+    assert (
+        0.005 < pair.refusal <= 0.075 + 1e-6
+    )  # between the teeth the cube has (0.35 - 0.2) / 2 on either side at best
+
+
+def test_a_mark_that_is_too_small_is_caught(load_text: Load, tmp_path: Path) -> None:
+    robot = marked(load_text, tmp_path, size=0.06)
+    found = pb.cross_check(robot, samples=400, levels=("bodies",)).bodies
+    assert found is not None
+    assert not found.holds
+    (pair,) = found.pairs
+    assert pair.misses > 0
+    assert pair.miss_q is not None
+    assert RawBodies(robot, [("base", "b")]).collisions(pair.miss_q[None]).all()
+    assert robot.boundaries["one"].signed_clearance(pair.miss_q) > 0.0
+    result = CliRunner().invoke(
+        app, ["crosscheck", str(tmp_path / "robot.urdf"), "--levels", "bodies", "--samples", "99"]
+    )
+    assert result.exit_code == 1
+    assert "worst miss at q1=" in result.output
+
+
+def test_raw_meshes_are_what_stock_pinocchio_loads(load_text: Load, tmp_path: Path) -> None:
+    robot = marked(load_text, tmp_path)
+    raw = RawBodies(robot, [("base", "b")])
+    model = pinocchio.buildModelFromUrdf(str(tmp_path / "robot.urdf"))
+    stock = pinocchio.buildGeomFromUrdf(model, str(tmp_path / "robot.urdf"), pinocchio.COLLISION)
+    stock.addAllCollisionPairs()
+    data, geometry_data = model.createData(), pinocchio.GeometryData(stock)
+    Q = np.random.default_rng(5).uniform((-3.1, -0.6), (3.1, 0.6), (300, 2))
+    ours, theirs = raw.collisions(Q)[:, 0], np.empty(300, dtype=bool)
+    for row, q in enumerate(Q):
+        theirs[row] = pinocchio.computeCollisions(model, data, stock, geometry_data, q, False)
+    assert np.array_equal(ours, theirs)
+    assert 20 < ours.sum() < 280
+    assert raw.first_contact(("base", "b"), Q) == int(np.argmax(ours))
+    assert raw.first_contact(("base", "b"), Q[~ours]) is None
+
+
+def test_just_before_contact_is_clear_and_just_after_is_not(load_text: Load, tmp_path: Path) -> None:
+    robot = marked(load_text, tmp_path)
+    Q = np.random.default_rng(6).uniform((-3.1, -0.6), (3.1, 0.6), (300, 2))
+    before, after = near_contact(robot, list(robot.boundaries), Q)
+    one = robot.boundaries["one"]
+    assert len(before) > 20
+    assert np.all(one.signed_clearance(before) > 0.0)
+    assert np.all(one.signed_clearance(after) <= 0.0)
+    assert np.abs(before - after).max() < 1e-8
+
+
+@pytest.mark.parametrize("how", ["missing", "broken"])
+def test_a_mesh_that_cannot_be_read_is_named(load_text: Load, tmp_path: Path, how: str) -> None:
+    robot = marked(load_text, tmp_path, missing=how == "missing")
+    if how == "broken":
+        (tmp_path / "fork.obj").write_text("v 0 0\n")
+    found = pb.cross_check(robot, samples=10, levels=("bodies",))
+    assert "bodies" in found.not_checked
+    assert not found.holds
