@@ -71,9 +71,7 @@ def test_hulls_that_hold_meshes_miss_nothing_and_their_refusals_are_the_gap_betw
     assert pair.refusals > 10
     assert pair.both_contact > 20
     assert pair.near > 20
-    assert (
-        0.005 < pair.refusal <= 0.075 + 1e-6
-    )  # between the teeth the cube has (0.35 - 0.2) / 2 on either side at best
+    assert 0.02 < pair.refusal <= 0.175 + 1e-6  # a corner midway between the teeth is half their distance from both
 
 
 def test_a_mark_that_is_too_small_is_caught(load_text: Load, tmp_path: Path) -> None:
@@ -96,8 +94,10 @@ def test_a_mark_that_is_too_small_is_caught(load_text: Load, tmp_path: Path) -> 
 def test_raw_meshes_are_what_stock_pinocchio_loads(load_text: Load, tmp_path: Path) -> None:
     robot = marked(load_text, tmp_path)
     raw = RawBodies(robot, [("base", "b")])
-    model = pinocchio.buildModelFromUrdf(str(tmp_path / "robot.urdf"))
-    stock = pinocchio.buildGeomFromUrdf(model, str(tmp_path / "robot.urdf"), pinocchio.COLLISION)
+    stock_file = tmp_path / "stock.urdf"  # Pinocchio looks for names without package:// in the working folder
+    stock_file.write_text((tmp_path / "robot.urdf").read_text().replace('filename="', f'filename="{tmp_path}/'))
+    model = pinocchio.buildModelFromUrdf(str(stock_file))
+    stock = pinocchio.buildGeomFromUrdf(model, str(stock_file), pinocchio.COLLISION)
     stock.addAllCollisionPairs()
     data, geometry_data = model.createData(), pinocchio.GeometryData(stock)
     Q = np.random.default_rng(5).uniform((-3.1, -0.6), (3.1, 0.6), (300, 2))

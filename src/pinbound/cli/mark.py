@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, cast
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
@@ -30,6 +30,9 @@ from pinbound.marking.judge import Evidence
 from pinbound.marking.propose import SHAPES, Proposal, propose_marks
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array
+
+if TYPE_CHECKING:
+    from pinbound.crosscheck.raw import RawBodies
 
 __all__ = ["mark"]
 
@@ -78,8 +81,23 @@ def _disabled(robot: Robot, proposal: Proposal, srdf: Path | None) -> tuple[tupl
     found = () if srdf is not None else find_srdf(robot)
     if srdf is None and len(found) == 1:
         srdf = found[0]
-    disabled = disabled_pairs(robot, proposal.covers, srdf)
+    disabled = disabled_pairs(robot, proposal.covers, srdf, _Raw(robot))
     return disabled, list(found) if srdf is None else []
+
+
+class _Raw:
+    """Asks coal about the raw bodies of a robot, meshes among them, if it is asked at all."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self._known: dict[tuple[str, str], RawBodies] = {}
+
+    def __call__(self, links: tuple[str, str], Q: Array) -> int | None:
+        from pinbound.crosscheck.raw import RawBodies
+
+        if links not in self._known:
+            self._known[links] = RawBodies(self.robot, [links])
+        return self._known[links].first_contact(links, Q)
 
 
 def _print_disabled(robot: Robot, disabled: Sequence[DisabledPair], files: Sequence[Path]) -> None:

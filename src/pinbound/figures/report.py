@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,13 +12,18 @@ from typing import Any
 import numpy as np
 
 from pinbound import units
+from pinbound.annotations import Mark
 from pinbound.boundaries.boundary import Boundary
+from pinbound.coverage.bodies import Body, collision_bodies
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.figures import plots
+from pinbound.figures.cover_figure import draw_cover
 from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
 
-__all__ = ["BoundaryRow", "boundary_rows", "tool_link", "write_report"]
+_MOST_FORMULAS = 200
+
+__all__ = ["BoundaryRow", "boundary_rows", "tool_link", "write_covers", "write_report"]
 
 
 @dataclass(frozen=True)
@@ -126,6 +132,7 @@ def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Pat
         figures["workspace"] = plots.draw_workspace(robot, region, tool)
     for name, figure in figures.items():
         plots.save(figure, out / name)
+    covers = list(write_covers(robot, out))
     rows = boundary_rows(robot, region)
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("pinbound"), autoescape=True, trim_blocks=True, lstrip_blocks=True
@@ -137,8 +144,9 @@ def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Pat
         reason=reason,
         rows=rows,
         tool=tool,
+        covers=covers,
         tree=list(_tree_rows(robot)),
-        formulas={boundary.name: _formulas(boundary) for boundary in robot.boundaries},
+        formulas={boundary.name: _formulas(boundary) for boundary in _with_formulas(robot)},
         residuals=dict(
             zip((c.name for c in robot.closures), robot.closure_residuals(samples).max(axis=0), strict=True)
         ),
@@ -150,6 +158,38 @@ def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Pat
     target = out / "index.html"
     target.write_text(page, encoding="utf-8")
     return target, rows
+
+
+def write_covers(robot: Robot, out: Path) -> Iterator[tuple[str, str, str]]:
+    """Write a picture of every link that has bodies and marks; yield link, file name, and what is said of it."""
+    by_link: dict[str, list[Body]] = {}
+    for body in collision_bodies(robot):
+        by_link.setdefault(body.link, []).append(body)
+    for index, (link, bodies) in enumerate(by_link.items()):
+        marks = [one for one in robot.annotations.marks.values() if one.link == link and not one.shape.is_unbounded]
+        if not marks:
+            continue
+        readable = [body.shape == "mesh" and not robot.meshes.fault(body) for body in bodies]
+        meshes = [robot.meshes.of(body) if one else None for body, one in zip(bodies, readable, strict=True)]
+        said = _said_of(robot, link, bodies, marks)
+        figure = draw_cover(link, bodies, meshes, marks, said)
+        name = f"cover_{index}.png"
+        figure.savefig(out / name, dpi=130)
+        yield link, name, said
+
+
+def _said_of(robot: Robot, link: str, bodies: Sequence[Body], marks: Sequence[Mark]) -> str:
+    coverage = robot.coverage.links[link]
+    shapes = ", ".join(f"{count} {shape}" for shape, count in Counter(body.shape for body in bodies).items())
+    held = len(coverage.held)
+    proven = "held, proven" if held == len(bodies) else f"{held} of {len(bodies)} bodies proven to be held"
+    return f"{shapes}; {len(marks)} mark{'' if len(marks) == 1 else 's'}; {proven}"
+
+
+def _with_formulas(robot: Robot) -> list[Boundary]:
+    """Return the boundaries whose formulas are printed: of points and segments, the first of them if there are many."""
+    plain = [one for one in robot.boundaries if one.path.swept.is_zonotope]
+    return plain[:_MOST_FORMULAS]
 
 
 def _region(robot: Robot) -> tuple[Region | None, str]:
