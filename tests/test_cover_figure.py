@@ -32,7 +32,7 @@ def test_an_outline_is_the_support_of_its_mark() -> None:
                 normal[list(view)] = np.cos(angle), np.sin(angle)
                 support = 1e3 * (np.max(mark.shape.vertices @ normal) + mark.shape.radius)
                 drawn = np.max(ring @ normal[list(view)])
-                assert support * (1 - 1e-12) - 0.32 * mark.shape.radius < drawn <= support + 1e-9
+                assert support - 0.32 * mark.shape.radius - 1e-9 <= drawn <= support + 1e-9
 
 
 def blue_points(robot: pb.Robot, link: str, marks: list[object]) -> int:
