@@ -28,7 +28,7 @@ from pinbound.model.coupling import GuardedLimit, LinearLimit, as_configurations
 from pinbound.typing import Array
 
 if TYPE_CHECKING:
-    from pinbound.kernel import Backend, CommonMark, Kernel, MixedKernel
+    from pinbound.kernel import Backend, CommonMark, Kernel, MixedKernel, UnionKernel
 
 __all__ = ["BoundarySet", "CoordinateLimits", "Smallest"]
 
@@ -109,7 +109,7 @@ class BoundarySet(NamedBoundaries):
         return self._stack(Q, Boundary.vector, (3,))
 
     @cached_property
-    def kernel(self) -> Kernel | MixedKernel:
+    def kernel(self) -> Kernel | UnionKernel | MixedKernel:
         """The batch kernel behind `norms`, `clearances` and `gradients`."""
         from pinbound.kernel import Pair, Reference, kernel_of
 

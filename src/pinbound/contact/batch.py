@@ -21,7 +21,7 @@ from pinbound.typing import AnyArray, Array, Ints
 from pinbound.values import read_only
 
 if TYPE_CHECKING:
-    from pinbound.kernel import Backend, CommonMark, Kernel, MixedKernel, Pair
+    from pinbound.kernel import Backend, CommonMark, Kernel, MixedKernel, Pair, UnionKernel
 
 __all__ = ["SignedKernel"]
 
@@ -52,7 +52,7 @@ class SignedKernel:
         is_stop = np.array([rule.is_stop for rule in rules], dtype=np.bool_)
         self.areas, self.stops = read_only(np.flatnonzero(~is_stop)), read_only(np.flatnonzero(is_stop))
         reference = Reference(separation.separations, separation.gradients)
-        self.kernel: Kernel | MixedKernel = kernel_of(
+        self.kernel: Kernel | UnionKernel | MixedKernel = kernel_of(
             [self.pairs[k] for k in self.areas.tolist()], n, reference, common
         )
         chosen = self._chosen = [stop for rule in rules if (stop := rule.stop) is not None]
@@ -90,14 +90,18 @@ class SignedKernel:
 
     def free(self, Q: Array, limits: bool, threads: int = 1, backend: Backend = "auto") -> AnyArray:
         """Return which rows (N,) have positive signed clearances alone, and are within all joint limits."""
-        from pinbound.kernel import check_choices
+        from pinbound.kernel import BallKernel, check_choices
 
         check_choices(threads, backend)
-        found = (self._within if limits else self._open).hold(Q)
-        if len(self.areas):
-            least, _ = self.kernel.smallest(Q, False, None, threads, backend)
-            found &= least > 0.0
-        return found
+
+        intervals = self._within if limits else self._open
+        if not len(self.areas):
+            return intervals.hold(Q)
+        if not isinstance(self.kernel, BallKernel):
+            return intervals.hold(Q) & self.kernel.free(Q, threads, backend)
+        low, high, others = intervals.split()  # the coordinates' own ends are compared beside the spheres
+        found = self.kernel.free_within(Q, low, high, threads, backend)
+        return found if others is None else found & others.hold(Q)
 
     def one(self, q: Array) -> Array:
         """Return the signed clearances (m,) of one configuration, by plain Python where that is faster."""

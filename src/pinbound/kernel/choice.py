@@ -58,11 +58,13 @@ class Work:
         rows: How many configurations.
         cost: Counted operations a configuration.
         nodes: How many expressions the program has.
+        code: Seconds to compile it, where that does not depend on the nodes.
     """
 
     rows: int
     cost: float
     nodes: int
+    code: float | None = None
 
     @property
     def seconds(self) -> float:
@@ -72,7 +74,7 @@ class Work:
     @property
     def compilation(self) -> float:
         """Seconds to compile it."""
-        return _COMPILE + self.nodes * _COMPILE_NODE
+        return self.code if self.code is not None else _COMPILE + self.nodes * _COMPILE_NODE
 
     @property
     def loading(self) -> float:

@@ -163,6 +163,10 @@ class Kernel:
             self._run(Q, "smallest" if with_index else "least", least[:, None], index, threads, backend, kind)
         return least, index
 
+    def free(self, Q: NDArray[np.float64], threads: int = 1, backend: Backend = "auto") -> NDArray[np.bool_]:
+        """Return which rows (N,) have positive clearances alone."""
+        return self.smallest(Q, False, None, threads, backend)[0] > 0.0
+
     def prepare(self, mode: str = "norms", dtype: Any = np.float64) -> str:
         """Compile or load a mode now, and return the backend that it will run on."""
         if not has_numba():
@@ -190,30 +194,44 @@ class Kernel:
     @cached_property
     def _turns(self) -> Array:
         """(n,) the sum of all angles' |c_j|: how much a unit of each coordinate can add to the rounding of angles."""
-        coefficients = np.array(self.program.graph.angles).reshape(-1, self.n)
-        return np.abs(coefficients).sum(axis=0)
+        return np.abs(self._angles).sum(axis=0)
+
+    @cached_property
+    def _angles(self) -> Array:
+        """(k, n) coefficients of all angles."""
+        return np.array(self.program.graph.angles).reshape(-1, self.n)
+
+    @cached_property
+    def _scale(self) -> float:
+        """The longest path that anything is summed along [m]; zero where no sign is asked for."""
+        return self.program.scale
+
+    @cached_property
+    def _signed(self) -> tuple[bool, ...]:
+        """Whether each result is a height, whose norm has a sign."""
+        return self.program.signed
 
     def _unsure(self, size: Array) -> Array:
         """Return up to which size (N,) the sign of a result is not sure, for |q| (N, n) [m]."""
-        length = self.program.scale + size @ self._rates
-        return KERNEL_SIGN * length * (1.0 + len(self.program.graph.angles) + size @ self._turns)
+        length = self._scale + size @ self._rates
+        return KERNEL_SIGN * length * (1.0 + len(self._angles) + size @ self._turns)
 
     @cached_property
     def _sure(self) -> float:
         """The largest of them while no coordinate and no angle is beyond `FAR`; negative where no sign is asked for."""
-        if not self.program.scale > 0.0:
+        if not self._scale > 0.0:
             return -1.0
-        angles = len(self.program.graph.angles)
-        return KERNEL_SIGN * (self.program.scale + FAR * float(self._rates.sum())) * (1.0 + angles * (1.0 + FAR))
+        angles = len(self._angles)
+        return KERNEL_SIGN * (self._scale + FAR * float(self._rates.sum())) * (1.0 + angles * (1.0 + FAR))
 
     @cached_property
     def _near(self) -> float:
         """Up to which |q_j| no angle is beyond `FAR`."""
-        most = np.abs(np.array(self.program.graph.angles).reshape(-1, self.n)).sum(axis=1).max(initial=1.0)
+        most = np.abs(self._angles).sum(axis=1).max(initial=1.0)
         return FAR / float(most)
 
     def _signs_count(self, mode: str) -> bool:
-        return any(self.program.signed) if mode == "norms" else mode != "gradients"
+        return any(self._signed) if mode == "norms" else mode != "gradients"
 
     @cached_property
     def _rates(self) -> NDArray[np.float64]:
@@ -374,7 +392,7 @@ class Kernel:
     def _mend_signs(self, Q: Array, mode: str, out: Array, unsure: Array, is_bad: Any) -> None:
         """Take numbers whose sign rounding could have turned from the reference, boundary by boundary."""
         for k, pair in enumerate(self.pairs):
-            if mode == "clearances" or self.program.signed[k]:
+            if mode == "clearances" or self._signed[k]:
                 rows = np.flatnonzero(~is_bad & (np.abs(out[:, k]) <= unsure))
                 if len(rows):
                     less = 0.0 if mode == "norms" else pair.threshold

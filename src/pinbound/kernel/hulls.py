@@ -8,7 +8,6 @@ last node `w = b_0 + P + W b_k`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.kernel.program import Pair
+from pinbound.kernel.spheres import middle_of
 from pinbound.machine.compiled import MachineCode, compile_source, is_kept
 from pinbound.machine.hull_source import HEAD, NODE, PAIR, STATE, WORK, hull_source
 from pinbound.path.chain import Chain
@@ -33,7 +33,6 @@ _KNOWN = (64.0 * UNIT_ROUNDOFF) ** 2  # squared, relative: a smaller volume has 
 _SHARP = 1e-4  # a squared sine: where a face is nearest in flatter ones, the nearest point is corrected once more
 _FLAT = 64.0 * UNIT_ROUNDOFF**2  # a squared sine: a face that is flatter is an edge
 _ROUNDING = 64.0 * UNIT_ROUNDOFF  # relative: of a bounding ball, its radius and its distance
-_SHRINKS = 200  # steps towards the centre of the least ball
 _MODES = {"norms": 0, "clearances": 1, "gradients": 2, "smallest": 3, "least": 3}
 
 
@@ -202,7 +201,7 @@ class _Writer:
         if key not in self.bodies:
             full = np.zeros((len(corners), 3))
             full[:, : corners.shape[1]] = corners
-            middle = _middle(full)
+            middle = middle_of(full)
             full = full - middle
             filled = np.vstack((full, np.repeat(full[-1:], -len(full) % _LANES, axis=0)))
             self.bodies[key] = _Body(self.length, middle, full)
@@ -290,16 +289,3 @@ def _one_block(chain: Chain, ways: Sequence[Array]) -> tuple[int, Array]:
     block = filled[0] if filled else 0
     matrix[:, : len(ways)] = blocks[block]
     return block, matrix
-
-
-def _middle(points: Array) -> Array:
-    """Return a point that is nearly the centre of the least ball around others."""
-    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    best, least = centre, math.inf
-    for step in range(_SHRINKS):
-        away = np.linalg.norm(points - centre, axis=1)
-        far = int(np.argmax(away))
-        if away[far] < least:
-            best, least = centre, float(away[far])
-        centre = centre + (points[far] - centre) / (step + 2.0)
-    return best

@@ -14,21 +14,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.kernel.arguments import Backend, buffer, check_choices, in_threads, real, representable
+from pinbound.kernel.ball_kernel import BallKernel
 from pinbound.kernel.choice import notice_without_numba
 from pinbound.kernel.engine import Kernel
 from pinbound.kernel.hulls import HullTables, is_ready, prepare_hulls, tables_of
 from pinbound.kernel.program import CommonMark, Pair, Reference
+from pinbound.kernel.union import UnionKernel
 from pinbound.machine.compiled import has_numba
 from pinbound.path.relative import Form
 from pinbound.tolerances import LONGEST
 from pinbound.typing import AnyArray as Array
-from pinbound.typing import Indices, Ints
+from pinbound.typing import Flags, Indices, Ints
 
-__all__ = ["MixedKernel", "kernel_of"]
+__all__ = ["MANY_POINTS", "MixedKernel", "kernel_of"]
 
 
 _WORTH_LOADING, _WORTH_COMPILING = 1_000, 300_000
 """Searches, pairs times rows, from which loading machine code (20 ms), or compiling it (some seconds), pays."""
+
+MANY_POINTS = 64
+"""Pairs of points from which tables, whose code is compiled once a machine, are better than one expression a pair."""
 
 _FARTHEST = 1e300
 """Larger coordinates, whose sums may overflow, are taken from the reference."""
@@ -39,13 +44,25 @@ def kernel_of(
     n: int,
     reference: Reference,
     common: Callable[[], Mapping[str, CommonMark] | None],
-) -> Kernel | MixedKernel:
+) -> Kernel | UnionKernel | MixedKernel:
     """Return the kernel of a set; arguments as for `Kernel`."""
     searched = [not _is_straight(pair) for pair in pairs]
     if not any(searched):
-        return Kernel(pairs, n, reference, common)
+        return _straight(pairs, n, reference, common)
     easy = [pair for pair, is_searched in zip(pairs, searched, strict=True) if not is_searched]
-    return MixedKernel(Kernel(easy, n, reference, common), tuple(pairs), np.flatnonzero(searched))
+    return MixedKernel(_straight(easy, n, reference, common), tuple(pairs), np.flatnonzero(searched))
+
+
+def _straight(
+    pairs: Sequence[Pair], n: int, reference: Reference, common: Callable[[], Mapping[str, CommonMark] | None]
+) -> Kernel | UnionKernel:
+    """Return the kernel of pairs of closed form; many points run by tables, all others as one program."""
+    plain = np.array([pair.path.is_plain for pair in pairs], dtype=np.bool_)
+    if np.count_nonzero(plain) < MANY_POINTS or common() is None:
+        return Kernel(pairs, n, reference, common)
+    kinds = [(kind, np.flatnonzero(which)) for kind, which in ((BallKernel, plain), (Kernel, ~plain)) if np.any(which)]
+    parts = [(kind([pairs[k] for k in places.tolist()], n, reference, common), places) for kind, places in kinds]
+    return parts[0][0] if len(parts) == 1 else UnionKernel(pairs, parts)
 
 
 def _is_straight(pair: Pair) -> bool:
@@ -56,7 +73,7 @@ def _is_straight(pair: Pair) -> bool:
 class MixedKernel:
     """Evaluates a set as `Kernel` does, the nearest points of some of its boundaries by a search."""
 
-    def __init__(self, kernel: Kernel, pairs: tuple[Pair, ...], searched: Indices) -> None:
+    def __init__(self, kernel: Kernel | UnionKernel, pairs: tuple[Pair, ...], searched: Indices) -> None:
         """Hold the kernel of all pairs but those at the places `searched`."""
         self.kernel, self.pairs, self.searched = kernel, pairs, searched
         self.n = kernel.n
@@ -186,3 +203,12 @@ class MixedKernel:
             index = np.where(smaller, self.searched[places], index)
             index[np.isnan(least)] = -1
         return least, index
+
+    def free(self, Q: NDArray[np.float64], threads: int = 1, backend: Backend = "auto") -> Flags:
+        """Return which rows (N,) have positive clearances alone."""
+        found = self.kernel.free(Q, threads, backend) if len(self._compiled) else np.ones(len(Q), dtype=np.bool_)
+        rows = np.flatnonzero(found)  # what is in contact already needs no search
+        if len(rows):
+            clearance, _ = self._search(np.ascontiguousarray(Q[rows]), "smallest", threads, backend)
+            found[rows] = clearance[:, 0] > 0.0
+        return found

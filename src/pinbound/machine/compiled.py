@@ -28,7 +28,7 @@ import numpy as np
 from pinbound.machine.object_cache import load_object, store_object
 from pinbound.typing import AnyArray
 
-__all__ = ["MachineCode", "compile_source", "has_numba", "is_kept"]
+__all__ = ["MachineCode", "compile_source", "has_numba", "is_kept", "vector_bytes"]
 
 _SYMBOL = "pinbound_kernel"
 
@@ -113,6 +113,13 @@ def compile_source(source: KernelSource) -> MachineCode:
             _linked[key] = _from_cache(key) or _fresh(key, source)
         function, owner = _linked[key]
     return MachineCode(function, source.scratch, owner)
+
+
+@cache
+def vector_bytes() -> int:
+    """Return how long this processor's vectors are: 64 with AVX-512, 32 with AVX2, else 16."""
+    settings = [os.environ.get("NUMBA_CPU_FEATURES") or _features()]
+    return 64 if "+avx512f" in settings[0] else 32 if "+avx2" in settings[0] else 16
 
 
 def is_kept(source: KernelSource) -> bool:

@@ -316,6 +316,8 @@ class _Lanes(_Statements):
             return value
         if isinstance(kind, _ir.VectorType) and not isinstance(value.type, _ir.VectorType):
             return self.splat(value, kind)
+        if kind == SHORT and value.type == INTEGER:
+            return self.builder.trunc(value, kind)
         if kind == REAL and value.type == SINGLE:
             return self.builder.fpext(value, kind)
         if kind == SINGLE and value.type in (REAL, INTEGER):
@@ -353,7 +355,7 @@ class _Lanes(_Statements):
         value = self.value(node.operand)
         if value.type == self.mask:
             return self.builder.not_(value)
-        if value.type in (self.double, self.float):
+        if value.type in (self.double, self.float, SINGLE):
             return self.builder.fneg(value)
         if isinstance(value, _ir.Constant) and isinstance(node.op, ast.USub):
             return value.type(-value.constant)

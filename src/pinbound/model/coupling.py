@@ -253,6 +253,15 @@ class Intervals(Value):
         terms = [[(int(i), float(c[i])) for i in np.flatnonzero(c)] for c in self.coefficients]
         return list(zip(terms, self.low.tolist(), self.high.tolist(), self.is_sum.tolist(), strict=True))
 
+    def split(self) -> tuple[Array, Array, Intervals | None]:
+        """Return the ends (n,) of the coordinates themselves, and all other intervals; None if there are none."""
+        n = self.coefficients.shape[1]
+        if len(self.coefficients) == n and not self.guarded:
+            return self.low, self.high, None
+        rest = slice(n, None)
+        others = Intervals(self.coefficients[rest], self.low[rest], self.high[rest], self.is_sum[rest], self.guarded)
+        return self.low[:n], self.high[:n], others
+
     def hold(self, Q: Array) -> Flags:
         """Return which rows (N,) of Q (N, n) are in all intervals; False for a row that is not finite."""
         found = np.ones(len(Q), dtype=np.bool_)

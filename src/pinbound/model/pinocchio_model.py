@@ -210,15 +210,14 @@ def _compare_placements(model: Any, tree: Tree, theta: Array, problems: Problems
             return
         value = float(theta[order.index(name)])
         q[joint.idx_q : joint.idx_q + joint.nq] = value if joint.nq == 1 else (math.cos(value), math.sin(value))
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, q)
     bodies = {frame.name: index for index, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY}
     names, ours = placements(tree, dict(zip(order, theta.tolist(), strict=True)))
     unseen = [name for name in names if name not in bodies]
     if unseen:
         problems.add(f"Pinocchio does not see link {unseen[0]!r}", _REPORT, tree.links[unseen[0]].line)
         return
-    theirs = np.array([data.oMf[bodies[name]].homogeneous[:3] for name in names])
+    places = _frame_places(model, q)
+    theirs = np.array([places[bodies[name]] for name in names])
     slid, turned_by = _magnitudes(tree, dict(zip(order, theta.tolist(), strict=True)))
     size = 1.0 + slid + sum(math.hypot(*joint.translation) for joint in tree.kinematics.joints)
     allowed = (AGREEMENT + 8.0 * UNIT_ROUNDOFF * turned_by) * np.array([1.0, 1.0, 1.0, size])
@@ -235,6 +234,28 @@ def _compare_placements(model: Any, tree: Tree, theta: Array, problems: Problems
         )
         message += f"axes differ by up to {turned:.3g}; {what} is the first that differs"
         problems.add(message, _REPORT, joint.line if joint else tree.links[link].line)
+
+
+_LARGE = 100
+"""Joints beyond which Pinocchio's `Data`, with its arrays of nv^3 numbers, is not made: 1 GB each for 500 joints."""
+
+
+def _frame_places(model: Any, q: Array) -> list[Array]:
+    """Return Pinocchio's placements (3, 4) of all frames at q."""
+    import pinocchio
+
+    pin = cast(Any, pinocchio)
+    if model.nv <= _LARGE:
+        data = model.createData()
+        pin.framesForwardKinematics(model, data, q)
+        return [place.homogeneous[:3] for place in data.oMf]
+    of_joint = [pin.SE3.Identity()]
+    for index in range(1, model.njoints):
+        joint = model.joints[index]
+        data = joint.createData()
+        joint.calc(data, q)
+        of_joint.append(of_joint[model.parents[index]] * model.jointPlacements[index] * data.M)
+    return [(of_joint[frame.parentJoint] * frame.placement).homogeneous[:3] for frame in model.frames]
 
 
 def _magnitudes(tree: Tree, theta: Mapping[str, float]) -> tuple[float, float]:

@@ -214,12 +214,15 @@ def _split_blocks(blocks: list[Array], axis: Array) -> tuple[Array, list[Array]]
 
 def _group(angles: Array, blocks: list[Array]) -> list[_Group]:
     groups = [_Group(np.zeros_like(angles[0]), np.zeros_like(blocks[0]))]
+    known = np.zeros((len(angles) + 1, angles.shape[1]))
     for angle, block in zip(angles, blocks, strict=True):
-        known = next((group for group in groups if group.has(angle)), None)
-        if known is None:
-            groups.append(_Group(angle, block))
+        found = np.flatnonzero(np.all(np.abs(known[: len(groups)] - angle) <= REDUCTION, axis=1))
+        if len(found):
+            group = groups[int(found[0])]
+            group.block = group.block + block
         else:
-            known.block = known.block + block
+            known[len(groups)] = angle
+            groups.append(_Group(angle, block))
     return groups
 
 

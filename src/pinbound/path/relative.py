@@ -24,7 +24,7 @@ from pinbound.geometry.rotations import rotation_matrix
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
 from pinbound.model.urdf import MOVING_TYPES, Joint
-from pinbound.path.chain import Chain, Swept, drop_head, reduce_chain, split
+from pinbound.path.chain import Chain, Swept, are_parallel, drop_head, reduce_chain, split
 from pinbound.tolerances import REDUCTION
 from pinbound.typing import Array, Ints
 from pinbound.values import Value
@@ -375,17 +375,35 @@ def _best_frame(chain: Chain, last_is_ancestor: bool) -> int:
 
 
 def _coordinates_between(chain: Chain) -> Ints:
-    """Count the coordinates in the angle between any two positions, (k + 1, k + 1); turns about one axis merged."""
-    k, axes = chain.rotations, chain.axes
-    crossed = np.abs(np.cross(axes[:, None], axes[None])).max(axis=2, initial=0.0) if k else np.zeros((0, 0))
-    parallel, signs = crossed <= REDUCTION, np.sign(axes @ axes.T)
+    """Count the coordinates in the angle between any two positions, (k + 1, k + 1); turns about one axis merged.
+
+    Rotations are taken in runs of parallel axes. Between two runs an angle is what is left of the first, all runs
+    between, and what the last has had, so that only pairs within one run are summed one by one.
+    """
+    k, starts = chain.rotations, _runs(chain.axes)
     counts = np.zeros((k + 1, k + 1), dtype=np.int64)
-    for start in range(k):
-        first, before, total = start, 0, np.zeros(chain.coefficients.shape[1])
-        for position in range(start, k):
-            if not parallel[first, position]:
-                before += int(np.count_nonzero(np.abs(total) > REDUCTION))
-                first, total = position, np.zeros_like(total)
-            total = total + signs[first, position] * chain.coefficients[position]
-            counts[start, position + 1] = before + int(np.count_nonzero(np.abs(total) > REDUCTION))
+    if not k:
+        return counts
+    ends = [*starts[1:], k]
+    left, had, whole = np.zeros(k, dtype=np.int64), np.zeros(k, dtype=np.int64), [0]
+    for start, end in zip(starts, ends, strict=True):
+        turned = np.sign(chain.axes[start:end] @ chain.axes[start])[:, None] * chain.coefficients[start:end]
+        for first in range(end - start):
+            sums = np.cumsum(turned[first:], axis=0)
+            counts[start + first, start + first + 1 : end + 1] = np.count_nonzero(np.abs(sums) > REDUCTION, axis=1)
+        left[start:end], had[start:end] = counts[start:end, end], counts[start, start + 1 : end + 1]
+        whole.append(whole[-1] + int(counts[start, end]))
+    run = np.repeat(np.arange(len(starts)), np.diff([*starts, k]))
+    before = np.array(whole)
+    between = (left - before[run + 1])[:, None] + (before[run] + had)
+    counts[:k, 1:] += np.where(run[:, None] < run, between, 0)
     return counts + counts.T
+
+
+def _runs(axes: Array) -> list[int]:
+    """Return where runs of rotations about parallel axes begin."""
+    starts: list[int] = []
+    for position, axis in enumerate(axes):
+        if not starts or not are_parallel(axes[starts[-1]], axis):
+            starts.append(position)
+    return starts

@@ -1,0 +1,229 @@
+"""The kernel of many spheres on few links: machine code that reads tables, pruned by clusters, and NumPy without it.
+
+Norms, clearances, the smallest one and `free` run over the tree of `balls`; gradients, and float32 on request, run as
+the program of `engine` does. `free` looks at all rows in float32 first. Its error is bounded, so that most rows are
+decided; the others are asked again in float64, and the answer is always float64's.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.kernel.arguments import Backend, check_choices, in_threads
+from pinbound.kernel.ball_tables import BallTables, balls_code, balls_source
+from pinbound.kernel.balls import BallTree, tree_of
+from pinbound.kernel.choice import Work
+from pinbound.kernel.engine import Kernel
+from pinbound.kernel.program import CommonMark, Pair, Reference
+from pinbound.machine.compiled import KernelSource
+from pinbound.typing import AnyArray as Array
+from pinbound.typing import Flags
+
+__all__ = ["BallKernel"]
+
+_TABLES = {"norms": "all", "clearances": "all", "smallest": "least", "least": "least"}
+"""The text that gives an answer."""
+
+_LARGEST_ANGLE = {"free": 1e3, "least": 1e5, "all": 1e5}
+"""rad: rows with an angle beyond are taken from float64, and from the reference."""
+
+_LARGEST_SLIDE = {"free": 4.0, "least": 1e3, "all": 1e3}
+"""m: the same for prismatic joints; the errors' bounds grow with it."""
+
+_COMPILATION = 0.6
+"""Seconds to compile any of the texts: LLVM alone, without Numba."""
+
+_PAIR, _BALL, _NODE = 12.0, 30.0, 120.0
+"""Counted operations of one of each, in NumPy."""
+
+_LEAST_ROWS = 8192
+"""Rows of one thread at least."""
+
+
+class BallKernel(Kernel):
+    """Evaluates pairs of marked points as `Kernel` does, by tables."""
+
+    def __init__(
+        self,
+        pairs: Sequence[Pair],
+        n: int,
+        reference: Reference,
+        common: Callable[[], Mapping[str, CommonMark] | None],
+        tree: BallTree | None = None,
+    ) -> None:
+        """Hold what to evaluate: arguments as for `Kernel`; `tree` instead of the common frame's chains."""
+        super().__init__(pairs, n, reference, common)
+        if tree is not None:
+            self.__dict__["tree"] = tree
+        self._tables: dict[str, BallTables] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave machine code out; the receiver loads its own."""
+        return {"pairs": self.pairs, "n": self.n, "tree": self.tree, "reference": self.reference}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore what `__getstate__` kept."""
+        self.__init__(state["pairs"], state["n"], state["reference"], _no_common, state["tree"])
+
+    @cached_property
+    def tree(self) -> BallTree:
+        """The balls."""
+        marks = self._common()
+        assert marks is not None
+        return tree_of(self.pairs, self.n, marks)
+
+    @cached_property
+    def _used(self) -> list[int]:
+        return list(self.tree.coordinates)
+
+    @cached_property
+    def _rates(self) -> Array:
+        return self.tree.rates
+
+    @cached_property
+    def _angles(self) -> Array:
+        return np.array(self.tree.angles).reshape(-1, self.n)
+
+    @cached_property
+    def _scale(self) -> float:
+        return self.tree.scale
+
+    @cached_property
+    def _signed(self) -> tuple[bool, ...]:
+        return (False,) * len(self.pairs)
+
+    def _most(self, mode: str) -> Array:
+        """Return the largest |q_j| (n,) of a row that is no case of its own."""
+        turns = np.abs(self._angles).sum(axis=1).max(initial=1.0)
+        most = np.full(self.n, _LARGEST_ANGLE[mode] / turns)
+        return np.where(self._rates > 0.0, np.minimum(most, _LARGEST_SLIDE[mode]), most)
+
+    def _regular(self, kind: np.dtype[Any]) -> Array:
+        found = super()._regular(kind)
+        return np.minimum(found, self._most("least")[self._used]) if kind == np.float64 else found
+
+    def _call(self, mode: str, rows: int) -> Work:
+        if mode not in (*_TABLES, "free"):
+            return super()._call(mode, rows)
+        cost = _PAIR * len(self.pairs) + _BALL * len(self.tree.balls) + _NODE * len(self.tree.nodes)
+        return Work(rows, cost, 10 * len(self.tree.nodes), _COMPILATION)
+
+    def _source(self, mode: str, is_single: bool) -> KernelSource:
+        if is_single or mode not in (*_TABLES, "free"):
+            return super()._source(mode, is_single)
+        return balls_source(_TABLES.get(mode, mode))
+
+    def _table(self, mode: str) -> BallTables:
+        if mode not in self._tables:
+            self._tables[mode] = BallTables.of(self.tree, mode, self._most(mode), self._sure)
+        return self._tables[mode]
+
+    def _machine_code(self, mode: str, is_single: bool) -> Any:
+        if is_single or mode not in _TABLES:
+            return super()._machine_code(mode, is_single)
+        key = (mode, is_single)
+        if key not in self._compiled:
+            balls_code(_TABLES[mode])
+            table = self._table(_TABLES[mode])
+            less = np.zeros(len(self.pairs)) if mode == "norms" else None
+
+            def run(Q: Array, out: Array, index: Array) -> int:
+                return table.run(Q, out, index, less=less, with_index=mode == "smallest")
+
+            self._compiled[key] = run
+        return self._compiled[key]
+
+    def _in_numpy(self, Q: Array, mode: str, out: Array, index: Array, lo: int, hi: int) -> int:
+        if mode == "gradients":
+            return super()._in_numpy(Q, mode, out, index, lo, hi)
+        part, target = Q[lo:hi], out[lo:hi]
+        less = np.zeros(len(self.pairs)) if mode == "norms" else self.thresholds
+        if mode in ("norms", "clearances"):
+            self.tree.clearances(part, target, less)
+            nearest = np.fmin.reduce(np.abs(target), axis=None)
+        else:
+
+            def take(rows: slice, found: Array) -> None:
+                target[rows, 0] = np.min(found, axis=0)
+                if mode == "smallest":
+                    index[lo:hi][rows] = np.argmin(found, axis=0)
+
+            self.tree.each_block(part, less, take)
+            nearest = np.fmin.reduce(np.abs(target[:, 0]))
+        most = self._near if out.dtype == np.float64 else np.finfo(out.dtype).max
+        irregular = int(np.count_nonzero(~(np.abs(part[:, self._used]) <= most)))
+        return irregular + int(mode != "norms" and out.dtype == np.float64 and nearest <= self._sure)
+
+    def one(self, q: Array, mode: Literal["norms", "clearances"]) -> Array | None:
+        """Return norms or clearances (m,) of one configuration; None if these tables cannot tell them."""
+        if not np.all(np.abs(q) <= np.minimum(self._near, self._most("all"))):
+            return None
+        found = np.empty((1, len(self.pairs)))
+        self.tree.clearances(q[None], found, np.zeros(len(self.pairs)) if mode == "norms" else self.thresholds)
+        unsure = mode == "clearances" and np.any(np.abs(found) <= self._sure)
+        return None if unsure or not np.all(np.isfinite(found)) else found[0]
+
+    def prepare(self, mode: str = "norms", dtype: Any = np.float64) -> str:
+        """Compile or load a mode now, and return the backend that it will run on."""
+        chosen = super().prepare(mode, dtype)
+        if mode == "least" and chosen == "compiled":
+            balls_code("free")
+        return chosen
+
+    def free(self, Q: NDArray[np.float64], threads: int = 1, backend: Backend = "auto") -> Flags:
+        """Return which rows (N,) have positive clearances alone."""
+        wide = np.full(self.n, np.inf)
+        return self.free_within(Q, -wide, wide, threads, backend)
+
+    def free_within(self, Q: Array, low: Array, high: Array, threads: int = 1, backend: Backend = "auto") -> Flags:
+        """Return which rows (N,) have positive clearances alone, and all `low <= q <= high`, ends (n,) each."""
+        check_choices(threads, backend)
+        key = ("free", True)
+        is_compiled = key in self._compiled or backend == "compiled"
+        if (
+            not len(Q)
+            or backend == "numpy"
+            or not (is_compiled or self._choice.compiles(key, self._call("free", len(Q)), lambda: balls_source("free")))
+        ):
+            least, _ = self.smallest(Q, False, None, threads, "numpy")
+            return (least > 0.0) & np.all((Q >= low) & (Q <= high), axis=1)
+        table, code = self._table("free"), balls_code("free")
+        self._compiled[key] = code
+        data, lanes = np.require(Q, np.float64, ["C", "A"]), balls_source("free").lanes
+        blocks = -(-len(Q) // lanes)
+        words, nothing = np.zeros(blocks, dtype="<i8"), np.empty((len(Q), 0))
+
+        def work(lo: int, hi: int) -> int:
+            rows = slice(lo * lanes, hi * lanes)
+            return table.run(data[rows], nothing[rows], words[lo:hi], limits=(low, high))
+
+        in_threads(work, blocks, min(threads, max(1, len(Q) // _LEAST_ROWS)))
+        found, unsure = self._flags(words, lanes, len(Q))
+        if len(unsure):
+            least, _ = self.smallest(Q[unsure], False, None, 1, backend)
+            found[unsure] = least > 0.0
+        return found
+
+    @staticmethod
+    def _flags(words: Array, lanes: int, rows: int) -> tuple[Flags, Array]:
+        """Return which rows are free, and which are not decided, from one number a block."""
+        text = words.view(np.uint8).reshape(-1, 8)
+        if sys.byteorder != "little":
+            text = text[:, ::-1]
+        bits = np.ascontiguousarray(text[:, : lanes // 8])
+        found = np.unpackbits(bits, axis=1, bitorder="little").reshape(-1)[:rows].view(np.bool_)
+        some = np.flatnonzero(words >> 32)
+        doubts = np.unpackbits(np.ascontiguousarray(text[some, 4 : 4 + lanes // 8]), axis=1, bitorder="little")
+        which, lane = np.nonzero(doubts)
+        unsure = some[which] * lanes + lane
+        return found, unsure[unsure < rows]
+
+
+def _no_common() -> None:
+    """Return that there is no common frame."""

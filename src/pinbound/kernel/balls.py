@@ -1,0 +1,294 @@
+"""Many spheres on few links as tables: nodes of rotations, balls on them, clusters of balls, and pairs by cluster.
+
+A ball is a marked point; what its pair must keep is the pair's threshold. All chains start at the root, so that their
+beginnings are shared: each rotation is a *node*, placed once a configuration, `W = W_above R`, `P = P_above + W_above
+(b + L q)`, and a ball is `P + W x`. The balls of one node are a body; bodies are split into clusters of a few balls.
+Two clusters whose enclosing balls are further apart than their pairs' largest threshold drop all their pairs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pinbound.kernel.program import CommonMark, Pair
+from pinbound.kernel.spheres import middle_of
+from pinbound.path.chain import Chain
+from pinbound.tolerances import KERNEL_CONSTANT, REDUCTION
+from pinbound.typing import Array, Ints
+
+__all__ = ["BallTree", "Cluster", "Node", "PairOfClusters", "tree_of"]
+
+_CLUSTER = 8
+"""Balls of a cluster at most: its own test costs as much as one pair."""
+
+_NUMPY_BYTES = 1 << 20
+"""Of one block of rows in NumPy: what fits L2."""
+
+
+@dataclass(frozen=True)
+class Node:
+    """A constant step and a slide, then a rotation.
+
+    Attributes:
+        above: The node that it stands on.
+        step: (3,) [m].
+        slides: Coordinates and their directions.
+        angle: Which angle; -1: it does not turn.
+        axis: (3,) unit vector.
+        depth: Rotations down to it.
+        reach: At most how far it is from the root, without slides [m].
+    """
+
+    above: int
+    step: Array
+    slides: tuple[tuple[int, tuple[float, ...]], ...]
+    angle: int
+    axis: Array
+    depth: int
+    reach: float
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Some balls of one node, in a ball around all their middles.
+
+    Attributes:
+        node: The node.
+        balls: Which.
+        middle: (3,) on the node [m].
+        radius: [m].
+    """
+
+    node: int
+    balls: tuple[int, ...]
+    middle: Array
+    radius: float
+
+
+@dataclass(frozen=True)
+class PairOfClusters:
+    """Two clusters, and the pairs of their balls.
+
+    Attributes:
+        first: A cluster.
+        last: Another.
+        pairs: Numbers of the pairs.
+        threshold: The largest of theirs [m].
+    """
+
+    first: int
+    last: int
+    pairs: tuple[int, ...]
+    threshold: float
+
+
+@dataclass
+class BallTree:
+    """Balls and pairs of one set.
+
+    Attributes:
+        n: Number of coordinates.
+        angles: Coefficients of each angle.
+        nodes: The first is the root.
+        balls: Node of each ball, and its place on it.
+        ends: (m, 2) the balls of each pair.
+        thresholds: (m,) [m].
+        scale: The longest chain [m].
+    """
+
+    n: int
+    angles: list[tuple[float, ...]] = field(default_factory=list[tuple[float, ...]])
+    nodes: list[Node] = field(default_factory=list[Node])
+    balls: list[tuple[int, Array]] = field(default_factory=list[tuple[int, Array]])
+    ends: Ints = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    thresholds: Array = field(default_factory=lambda: np.empty(0))
+    scale: float = 0.0
+
+    @cached_property
+    def coordinates(self) -> tuple[int, ...]:
+        """The coordinates that occur."""
+        turning = {j for angle in self.angles for j, c in enumerate(angle) if c}
+        return tuple(sorted(turning | {j for node in self.nodes for j, _ in node.slides}))
+
+    @cached_property
+    def rates(self) -> Array:
+        """(n,) at most how far a unit of each coordinate slides a ball [m]."""
+        found = np.zeros((len(self.nodes), self.n))
+        for number, node in enumerate(self.nodes):
+            found[number] = found[node.above] if number else 0.0
+            for j, way in node.slides:
+                found[number, j] += float(np.linalg.norm(way))
+        return found.max(axis=0, initial=0.0)
+
+    @cached_property
+    def turns(self) -> Array:
+        """(n,) the sum of all angles' |c_j|."""
+        return np.abs(np.array(self.angles).reshape(-1, self.n)).sum(axis=0)
+
+    @cached_property
+    def clusters(self) -> list[Cluster]:
+        """All clusters, those of a node one after the other."""
+        found: list[Cluster] = []
+        for body in self.bodies:
+            found += [self._enclosed(body.node, part) for part in _parts(list(body.balls), self._places)]
+        return found
+
+    @cached_property
+    def bodies(self) -> list[Cluster]:
+        """All balls of a node as one cluster, for nodes that have any."""
+        of_node: dict[int, list[int]] = {}
+        for ball, (node, _) in enumerate(self.balls):
+            of_node.setdefault(node, []).append(ball)
+        return [self._enclosed(node, balls) for node, balls in sorted(of_node.items())]
+
+    @cached_property
+    def _places(self) -> Array:
+        return np.array([place for _, place in self.balls]).reshape(-1, 3)
+
+    def _enclosed(self, node: int, balls: Sequence[int]) -> Cluster:
+        points = self._places[list(balls)]
+        middle = middle_of(points)
+        radius = float(np.linalg.norm(points - middle, axis=1).max())
+        return Cluster(node, tuple(balls), middle, radius * (1.0 + 1e-12))
+
+    def pairs_of(self, clusters: Sequence[Cluster]) -> list[PairOfClusters]:
+        """Return all pairs by the clusters of their balls."""
+        of_ball = {ball: number for number, cluster in enumerate(clusters) for ball in cluster.balls}
+        groups: dict[tuple[int, int], list[int]] = {}
+        for number, (a, b) in enumerate(self.ends.tolist()):
+            first, last = sorted((of_ball[a], of_ball[b]))
+            groups.setdefault((first, last), []).append(number)
+        return [
+            PairOfClusters(first, last, tuple(pairs), float(self.thresholds[pairs].max()))
+            for (first, last), pairs in groups.items()
+        ]
+
+    def clearances(self, Q: Array, out: Any, thresholds: Array) -> None:
+        """Fill `out` (N, m) with all norms less thresholds, in NumPy."""
+
+        def take(rows: slice, found: Array) -> None:
+            out[rows] = found.T
+
+        self.each_block(Q, thresholds, take)
+
+    def each_block(self, Q: Array, thresholds: Array, take: Callable[[slice, Array], None]) -> None:
+        """Call `take(rows, found)` for each block of rows, with all norms less thresholds (m, rows)."""
+        room = 8 * (12 * len(self.nodes) + 3 * len(self.balls) + 5 * len(self.ends))
+        block = max(1, _NUMPY_BYTES // room)
+        with np.errstate(all="ignore"):
+            for start in range(0, len(Q), block):
+                rows = slice(start, min(start + block, len(Q)))
+                x = self.places(Q[rows])
+                r = x[self.ends[:, 0]] - x[self.ends[:, 1]]
+                squares = np.einsum("kin,kin->kn", r, r)
+                np.sqrt(squares, out=squares)
+                squares -= thresholds[:, None]
+                take(rows, squares)
+
+    def places(self, Q: Array, points: Sequence[tuple[int, Array]] | None = None) -> Array:
+        """Return places (k, 3, N) for Q (N, n), in the root's frame, of all balls, or of points on nodes."""
+        points = self.balls if points is None else points
+        count = len(Q)
+        W, P = np.empty((len(self.nodes), 3, 3, count)), np.empty((len(self.nodes), 3, count))
+        turned = [(np.cos(x), np.sin(x)) for x in (Q @ np.array(c) for c in self.angles)]
+        for number, node in enumerate(self.nodes):
+            if not number:
+                W[0], P[0] = np.eye(3)[:, :, None], 0.0
+                continue
+            step = np.broadcast_to(node.step[:, None], (3, count))
+            for j, way in node.slides:
+                step = step + np.array(way)[:, None] * Q[:, j]
+            up = W[node.above]
+            P[number] = P[node.above] + np.einsum("ijn,jn->in", up, step)
+            if node.angle < 0:
+                W[number] = up
+                continue
+            cos, sin = turned[node.angle]
+            u = node.axis
+            cross = np.array([[0.0, -u[2], u[1]], [u[2], 0.0, -u[0]], [-u[1], u[0], 0.0]])
+            along = np.outer(u, u)[:, :, None]
+            turn = along + (np.eye(3)[:, :, None] - along) * cos + cross[:, :, None] * sin
+            W[number] = np.einsum("ijn,jkn->ikn", up, turn)
+        x, of_node = np.empty((len(points), 3, count)), dict[int, list[int]]()
+        for number, (node, _) in enumerate(points):
+            of_node.setdefault(node, []).append(number)
+        for node, mine in of_node.items():
+            x[mine] = P[node] + np.einsum("ijn,bj->bin", W[node], np.array([points[i][1] for i in mine]))
+        return x
+
+
+def _parts(balls: list[int], places: Array) -> list[list[int]]:
+    """Split balls in halves along their longest side, down to clusters."""
+    if len(balls) <= _CLUSTER:
+        return [balls] if balls else []
+    points = places[balls]
+    axis = int(np.argmax(np.ptp(points, axis=0)))
+    order = [balls[int(i)] for i in np.argsort(points[:, axis], kind="stable")]
+    half = len(order) // 2
+    return _parts(order[:half], places) + _parts(order[half:], places)
+
+
+def tree_of(pairs: Sequence[Pair], n: int, common: Mapping[str, CommonMark]) -> BallTree:
+    """Return the tree of pairs of points, by their marks' chains from the root."""
+    builder = _Builder(BallTree(n), max((common[name].chains[0].scale for p in pairs for name in p.marks), default=0.0))
+    tree, numbers = builder.tree, dict[str, int]()
+    for name in dict.fromkeys(name for pair in pairs for name in pair.marks):
+        numbers[name] = len(tree.balls)
+        tree.balls.append(builder.ball(common[name].chains[0]))
+    tree.ends = np.array([[numbers[name] for name in pair.marks] for pair in pairs], dtype=np.int64).reshape(-1, 2)
+    tree.thresholds = np.array([pair.threshold for pair in pairs])
+    tree.scale = max((tree.nodes[node].reach + float(np.linalg.norm(x)) for node, x in tree.balls), default=0.0)
+    return tree
+
+
+class _Builder:
+    def __init__(self, tree: BallTree, scale: float) -> None:
+        self.tree = tree
+        self.quantum = KERNEL_CONSTANT * 2.0 ** float(np.ceil(np.log2(scale))) if scale else 1.0
+        self.known: dict[object, int] = {}
+        tree.nodes.append(Node(0, np.zeros(3), (), -1, np.array([0.0, 0.0, 1.0]), 0, 0.0))
+
+    def ball(self, chain: Chain) -> tuple[int, Array]:
+        """Return the node that a chain's end is fixed to, and its place there; parts along an axis move behind it."""
+        offsets, slides = chain.offsets.copy(), chain.slides.copy()
+        for index, axis in enumerate(chain.axes):
+            along = np.outer(axis, axis)
+            offsets[index + 1] += along @ offsets[index]
+            slides[index + 1] += along @ slides[index]
+            offsets[index] -= along @ offsets[index]
+            slides[index] -= along @ slides[index]
+        offsets = np.round(offsets / self.quantum) * self.quantum
+        slides = np.where(np.abs(slides) > REDUCTION, slides, 0.0)
+        node = 0
+        for index, axis in enumerate(chain.axes):
+            row = chain.coefficients[index]
+            angle = tuple(np.where(np.abs(row) > REDUCTION, row, 0.0).tolist())
+            if not any(angle):
+                angle = tuple(row.tolist())
+            node = self._node(node, offsets[index], slides[index], axis, angle)
+        if np.any(slides[-1]):
+            node = self._node(node, np.zeros(3), slides[-1], np.array([0.0, 0.0, 1.0]), None)
+        return node, offsets[-1]
+
+    def _node(self, above: int, step: Array, slide: Array, axis: Array, angle: tuple[float, ...] | None) -> int:
+        tree = self.tree
+        ways = tuple((int(j), tuple(slide[:, j].tolist())) for j in np.flatnonzero(np.any(slide, axis=0)))
+        rounded = np.round(axis)
+        unit = rounded if np.abs(axis - rounded).max() <= REDUCTION else axis
+        key = (above, tuple(step.tolist()), ways, angle, tuple(np.round(unit / KERNEL_CONSTANT).tolist()))
+        if key not in self.known:
+            turn = -1
+            if angle is not None:
+                if angle not in tree.angles:
+                    tree.angles.append(angle)
+                turn = tree.angles.index(angle)
+            before = tree.nodes[above]
+            self.known[key] = len(tree.nodes)
+            reach = before.reach + float(np.linalg.norm(step))
+            tree.nodes.append(Node(above, step, ways, turn, unit, before.depth + (turn >= 0), reach))
+        return self.known[key]

@@ -1,0 +1,350 @@
+"""The texts of many spheres on few links, for lanes of configurations: one for all robots, which reads tables.
+
+All that a set is stands in one array, which `kernel/balls.py` writes: numbers, and integers of 32 bits. So the code is
+compiled once a machine, in a second, and its length does not grow with the pairs. A block is as many configurations as
+there are lanes. `docs/kernel.md` derives what is done, and the bound of what float32 may get wrong.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from functools import cache
+from textwrap import indent
+from typing import Final
+
+from pinbound.machine.compiled import KernelSource
+from pinbound.machine.sincos import SINCOS
+
+__all__ = ["CLUSTERS", "GROUP", "HEAD", "NODE", "ball_source"]
+
+HEAD: Final = (
+    "n", "angle_count", "angles", "slots", "factors", "shelf", "most", "lower", "upper", "trig",
+    "node_count", "nodes", "steps", "slides", "ways", "state", "set_count", "sets", "locals", "spots", "stamps",
+    "body_count", "group_count", "groups", "far", "pairs_far", "clusters", "rows", "entries", "squares", "less",
+    "numbers", "pair_count", "pairs", "bounds", "spare", "with_index", "single_state", "slack", "hosts", "exact",
+)  # fmt: skip
+"""Integers at the head, in this order; places are counted in numbers of their kind."""
+
+NODE: Final = 7
+"""Integers of a node: the one above, its angle or -1, the column that stays or -1, the next, the one after, slides."""
+
+GROUP: Final = 6
+"""Integers of a group: middles of two bodies, pairs of clusters from and to, the sets of both bodies' clusters."""
+
+CLUSTERS: Final = 6
+"""Integers of a pair of clusters: two middles, rows from and to, the sets of both clusters' balls."""
+
+_SINGLE_SINCOS = """\
+m = theta * 0.6366197723675814 + 6755399441055744.0
+m = m - 6755399441055744.0
+r = single((theta - m * 1.5707963267341256) - m * 6.077100506303966e-11)
+turns = single(m)
+z = r * r
+a = r + r * z * (-1.6666654611e-1 + z * (8.3321608736e-3 + z * -1.9515295891e-4))
+b = 1.0 - 0.5 * z + z * z * (4.166664568298827e-2 + z * (-1.388731625493765e-3 + z * 2.443315711809948e-5))
+h = (turns * 0.5 - 0.25 + 12582912.0) - 12582912.0
+odd = turns - 2.0 * h
+g = (h * 0.5 - 0.25 + 12582912.0) - 12582912.0
+sign = 1.0 - 2.0 * (h - 2.0 * g)
+is_odd = odd > 0.5
+sine = sign * pick(is_odd, b, a)
+cosine = (sign - 2.0 * odd * sign) * pick(is_odd, a, b)
+"""
+"""Cosine and sine in float32 of an angle that is reduced in float64; |angle| at most 1000."""
+
+_PLACE = """\
+good = every(True)
+inside = every(True)
+for j in range(n):
+    column_ = gather(Q, start * n + j, n)
+    w[shelf + L * j] = column_
+    good = good & (column_ * column_ <= w[most + j])
+    inside = inside & (column_ >= w[lower + j]) & (column_ <= w[upper + j])
+for j in range(angle_count):
+    theta = every(0.0)
+    for i in range(k[angles + 2 * j], k[angles + 2 * j + 1]):
+        theta = theta + w[factors + i] * wide(w, shelf + L * k[slots + i])
+    {sincos}
+    V[trig + 2 * L * j] = cosine
+    V[trig + 2 * L * j + L] = sine
+for i in range(1, node_count):
+    at, c = nodes + NODE * i, steps + 6 * i
+    up, to = state + 12 * L * k[at], state + 12 * L * i
+    angle, kept = k[at + 1], k[at + 2]
+    bx, by, bz = fill(V[c]), fill(V[c + 1]), fill(V[c + 2])
+    for j in range(k[at + 5], k[at + 6]):
+        along = turned(wide(w, shelf + L * k[slides + j]))
+        bx, by, bz = bx + along * V[ways + 3 * j], by + along * V[ways + 3 * j + 1], bz + along * V[ways + 3 * j + 2]
+    for r in range(3):
+        from_, into = up + 4 * L * r, to + 4 * L * r
+        px = wide(V, from_ + 3 * L) + bx * wide(V, from_) + by * wide(V, from_ + L) + bz * wide(V, from_ + 2 * L)
+        V[into + 3 * L] = px
+    if angle < 0:
+        for r in range(3):
+            for j in range(3):
+                V[to + 4 * L * r + L * j] = wide(V, up + 4 * L * r + L * j)
+        continue
+    cos, sin = wide(V, trig + 2 * L * angle), wide(V, trig + 2 * L * angle + L)
+    if kept >= 0:
+        sin = sin * V[c + 3]
+        for r in range(3):
+            from_, into = up + 4 * L * r, to + 4 * L * r
+            u, v = wide(V, from_ + k[at + 3]), wide(V, from_ + k[at + 4])
+            V[into + kept] = wide(V, from_ + kept)
+            V[into + k[at + 3]] = u * cos + v * sin
+            V[into + k[at + 4]] = v * cos - u * sin
+        continue
+    x, y, z, rest = fill(V[c + 3]), fill(V[c + 4]), fill(V[c + 5]), 1.0 - cos
+    xy, yz, zx, sx, sy, sz = x * y * rest, y * z * rest, z * x * rest, x * sin, y * sin, z * sin
+    xx, yy, zz = x * x * rest + cos, y * y * rest + cos, z * z * rest + cos
+    for r in range(3):
+        from_, into = up + 4 * L * r, to + 4 * L * r
+        ax, ay, az = wide(V, from_), wide(V, from_ + L), wide(V, from_ + 2 * L)
+        V[into] = ax * xx + ay * (xy + sz) + az * (zx - sy)
+        V[into + L] = ax * (xy - sz) + ay * yy + az * (yz + sx)
+        V[into + 2 * L] = ax * (zx + sy) + ay * (yz - sx) + az * zz
+"""
+"""Columns of q, sines of each angle once, and rotation and place of each node."""
+
+_SINGLE_STATE = """\
+for i in range(12 * node_count):
+    t[single_state + L * i] = single(wide(w, state + L * i))
+"""
+"""The nodes in float32."""
+
+_SPOTS = """\
+node = STATE + 12 * L * k[sets + 3 * chosen]
+xx, xy, xz, xp = wide(V, node), wide(V, node + L), wide(V, node + 2 * L), wide(V, node + 3 * L)
+yx, yy, yz, yp = wide(V, node + 4 * L), wide(V, node + 5 * L), wide(V, node + 6 * L), wide(V, node + 7 * L)
+zx, zy, zz, zp = wide(V, node + 8 * L), wide(V, node + 9 * L), wide(V, node + 10 * L), wide(V, node + 11 * L)
+for i in range(k[sets + 3 * chosen + 1], k[sets + 3 * chosen + 2]):
+    c, to = locals + 3 * i, spots + 4 * L * i
+    px = xp + xx * V[c] + xy * V[c + 1] + xz * V[c + 2]
+    py = yp + yx * V[c] + yy * V[c + 1] + yz * V[c + 2]
+    pz = zp + zx * V[c] + zy * V[c + 1] + zz * V[c + 2]
+    V[to] = px
+    V[to + L] = py
+    V[to + 2 * L] = pz
+    V[to + 3 * L] = px * px + py * py + pz * pz
+"""
+"""The points of one set, which are fixed to one node, and the squares of their lengths."""
+
+_ENSURE = """\
+for side in range(2):
+    chosen = k[at + 4 + side]
+    if k[stamps + chosen] != stamp:
+        k[stamps + chosen] = stamp
+        {spots}
+"""
+"""Both sets of a pair, where they are not placed yet in this block."""
+
+_SQUARE = """\
+dx, dy, dz = wide(V, a) - wide(V, b), wide(V, a + L) - wide(V, b + L), wide(V, a + 2 * L) - wide(V, b + 2 * L)
+d = dx * dx + dy * dy + dz * dz
+"""
+
+_GROUPS = """\
+stamp += 1
+for chosen in range(body_count):
+    {spots}
+for g in range(group_count):
+    at = groups + GROUP * g
+    a, b = spots + 4 * L * k[at], spots + 4 * L * k[at + 1]
+    {square}
+    {skip_group}
+    {ensure}
+    for c in range(k[at + 2], k[at + 3]):
+        {clusters}
+"""
+
+_PAIR_OF_CLUSTERS = """\
+at = clusters + CLUSTERS * c
+a, b = spots + 4 * L * k[at], spots + 4 * L * k[at + 1]
+{square}
+{skip_clusters}
+{ensure}
+for r in range(k[at + 2], k[at + 3]):
+    a, b = k[rows + 4 * r], k[rows + 4 * r + 1]
+    ax, ay, az = wide(V, a) * -2.0, wide(V, a + L) * -2.0, wide(V, a + 2 * L) * -2.0
+    line = single(math.inf)
+    for e in range(k[rows + 4 * r + 2], k[rows + 4 * r + 3]):
+        {pair}
+        line = pick(d < line, d, line)
+        b += 4 * L
+    {row}
+"""
+"""A row is a ball and others in turn; with `|a - b|^2 = |a|^2 + (|b|^2 - 2 a . b)` a pair costs three products."""
+
+_FREE = {
+    "skip_group": "if not any((d < V[far + g]) & alive):\n    continue",
+    "skip_clusters": "if not any((d < V[pairs_far + c]) & alive):\n    continue",
+    "pair": "d = wide(V, b + 3 * L) - V[squares + e] + ax * wide(V, b) + ay * wide(V, b + L) + az * wide(V, b + 2 * L)",
+    "row": "line = line + wide(V, a + 3 * L)\nlow = pick(line < low, line, low)",
+}
+
+_CANDIDATE = """\
+s = top + V[squares + e]
+d = wide(V, b + 3 * L) - s * s + ax * wide(V, b) + ay * wide(V, b + L) + az * wide(V, b + 2 * L)
+"""
+"""Below minus `|a|^2`, or above it by what float32 may get wrong, the pair may be nearer than all before."""
+
+_EXACT = """\
+if any(line + wide(V, a + 3 * L) < V[slack]):
+    b = k[rows + 4 * r + 1]
+    for e in range(k[rows + 4 * r + 2], k[rows + 4 * r + 3]):
+        {candidate}
+        if any(d + wide(V, a + 3 * L) < V[slack]):
+            x, y, z = every(0.0), every(0.0), every(0.0)
+            for side in range(2):
+                point, sign = ((a if side == 0 else b) - spots) // (4 * L), 1.0 - 2.0 * side
+                h, c = state + 12 * L * k[hosts + point], exact + 3 * point
+                ux, uy, uz, up = wide(w, h), wide(w, h + L), wide(w, h + 2 * L), wide(w, h + 3 * L)
+                x = x + sign * (up + ux * w[c] + uy * w[c + 1] + uz * w[c + 2])
+                ux, uy, uz, up = wide(w, h + 4 * L), wide(w, h + 5 * L), wide(w, h + 6 * L), wide(w, h + 7 * L)
+                y = y + sign * (up + ux * w[c] + uy * w[c + 1] + uz * w[c + 2])
+                ux, uy, uz, up = wide(w, h + 8 * L), wide(w, h + 9 * L), wide(w, h + 10 * L), wide(w, h + 11 * L)
+                z = z + sign * (up + ux * w[c] + uy * w[c + 1] + uz * w[c + 2])
+            gap = sqrt(x * x + y * y + z * z) - w[less + e]
+            near = gap < best
+            best, which = pick(near, gap, best), pick(near, every(w[numbers + e]), which)
+            top = single(best)
+        b += 4 * L
+"""
+"""A row that may be nearer: those of its pairs that may be, once more in float64."""
+
+_LEAST = {
+    "skip_group": "s = top + V[far + g]\nif not any(d <= s * s):\n    continue",
+    "skip_clusters": "s = top + V[pairs_far + c]\nif not any(d <= s * s):\n    continue",
+    "pair": _CANDIDATE,
+}
+
+_FRAME = """\
+NODE, GROUP, CLUSTERS, L = {node}, {group}, {cluster}, {lanes}
+{head}
+irregular, start, stamp = 0, 0, 0
+for chosen in range(set_count):
+    k[stamps + chosen] = 0
+while start < count:
+    {place}
+    {work}
+    start += L
+return irregular
+"""
+
+_WORK_FREE = """\
+low, alive = single(math.inf), good & inside
+{groups}
+        alive = alive & (low >= -V[bounds])
+    if not any(alive):
+        break
+alive = low > V[bounds]
+unsure = (low >= -V[bounds]) & (low <= V[bounds])
+unsure = inside & (unsure | (not good))
+index[start // L] = ones(inside & good & alive) | (ones(unsure) << 32)
+"""
+
+_WORK_LEAST = """\
+best, which, top = every(math.inf), every(-1.0), single(math.inf)
+{state}
+{groups}
+w[spare] = best
+w[spare + L] = which
+if any(best * best <= w[bounds]) or any(not good):
+    irregular += 1
+for i in range(L):
+    out[(start + i) * row] = w[spare + i]
+if with_index:
+    for i in range(L):
+        index[start + i] = np.int64(w[spare + L + i])
+"""
+
+_WORK_ALL = """\
+best = every(math.inf)
+for chosen in range(body_count, set_count):
+    {spots}
+for p in range(pair_count):
+    a, b = k[pairs + 2 * p], k[pairs + 2 * p + 1]
+    {square}
+    d = sqrt(d) - V[less + p]
+    best = pick(d * d < best, d * d, best)
+    if row == 1:
+        out[start + p * column] = d
+    else:
+        w[spare] = d
+        for i in range(L):
+            out[(start + i) * row + p * column] = w[spare + i]
+if any(best <= w[bounds]) or any(not good):
+    irregular += 1
+"""
+
+
+def _filled(text: str, **parts: tuple[int, str]) -> str:
+    """Fill in the parts of a text, each indented by its depth."""
+    return text.format(**{name: indent(part, "    " * depth).strip() for name, (depth, part) in parts.items()})
+
+
+@cache
+def ball_source(mode: str, lanes: int) -> KernelSource:
+    """Return the source; it has the prototype of all kernels, its tables in place of scratch.
+
+    Args:
+        mode: ``"free"``: in float32 which rows are free, which may be, 32 bits each, to `index`, one number a block.
+            ``"least"``: the smallest clearance and its pair; ``"all"``: every clearance. Both in float64.
+        lanes: Configurations side by side.
+    """
+    is_free = mode == "free"
+    sincos = _apart(_SINGLE_SINCOS if is_free else SINCOS.format(x="theta"))
+    place = _viewed(_apart(_filled(_PLACE, sincos=(1, sincos))), is_free)
+    if mode == "all":
+        work = _viewed(_filled(_WORK_ALL, spots=(1, _SPOTS), square=(1, _SQUARE)).replace("STATE", "state"), False)
+    else:
+        words = dict(_FREE if is_free else _LEAST)
+        if not is_free:
+            words["row"] = _filled(_EXACT, candidate=(2, _CANDIDATE))
+        ensure = _filled(_ENSURE, spots=(2, _SPOTS))
+        pair = _filled(
+            _PAIR_OF_CLUSTERS,
+            square=(0, _SQUARE),
+            skip_clusters=(0, words["skip_clusters"]),
+            ensure=(0, ensure),
+            pair=(2, words["pair"]),
+            row=(1, words["row"]),
+        )
+        groups = _filled(
+            _GROUPS,
+            spots=(1, _SPOTS),
+            square=(1, _SQUARE),
+            skip_group=(1, words["skip_group"]),
+            ensure=(1, ensure),
+            clusters=(2, pair),
+        )
+        frame = _WORK_FREE if is_free else _WORK_LEAST.replace("{state}", _SINGLE_STATE.strip())
+        work = _viewed(frame.format(groups=groups.strip()), True).replace(
+            "STATE", "state" if is_free else "single_state"
+        )
+    head = "\n".join(f"{name} = k[{place}]" for place, name in enumerate(HEAD))
+    text = _filled(_FRAME, head=(0, head), place=(1, place), work=(1, work), **_numbers(lanes))
+    return KernelSource(text, 0, lanes)
+
+
+def _viewed(text: str, is_single: bool) -> str:
+    """Return a text whose numbers are float32, or float64."""
+    view, fill, turned = ("t", "single(", "single(") if is_single else ("w", "every(", "(")
+    return text.replace("V[", f"{view}[").replace("(V,", f"({view},").replace("fill(", fill).replace("turned(", turned)
+
+
+def _apart(text: str) -> str:
+    """Return a text whose names, but for its results, are no others': they end with an underscore."""
+    stored = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Name)]
+    names = {node.id for node in stored if isinstance(node.ctx, ast.Store)} - {"sine", "cosine", "good", "inside"}
+    return re.sub(r"\b[a-z_]+\b", lambda word: f"{word[0]}_" if word[0] in names else word[0], text)
+
+
+def _numbers(lanes: int) -> dict[str, tuple[int, str]]:
+    return {
+        "node": (0, str(NODE)),
+        "group": (0, str(GROUP)),
+        "cluster": (0, str(CLUSTERS)),
+        "lanes": (0, str(lanes)),
+    }
