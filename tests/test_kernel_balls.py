@@ -260,3 +260,11 @@ def test_mixed_robots_are_put_together(backend: Any) -> None:
     q = Q[int(np.argmax(expected.min(axis=1)))]
     assert B.free(q, limits=False) == bool(np.all(B.signed_clearances(q) > 0.0))
     assert np.allclose(B.norms(q), [boundary.norm(q) for boundary in B], rtol=1e-12, atol=1e-14)
+
+
+def test_paths_whose_squares_overflow_float32_are_no_tables() -> None:
+    robot = pb.load(text().replace('xyz="0.1 0 0.25"', 'xyz="3e19 0 0.25"'))
+    kernel = robot.boundaries.kernel
+    assert type(kernel) is Kernel
+    Q = rows(robot, 20)
+    assert np.array_equal(robot.boundaries.free(Q, limits=False), reference(robot, Q).min(axis=1) > 0.0)

@@ -2,9 +2,12 @@
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 import pinbound as pb
+from pinbound.path.chain import Chain
+from pinbound.path.relative import _coordinates_between
 from robots import joint, robot_xml
 
 Load = Callable[..., pb.Robot]
@@ -68,3 +71,33 @@ def test_a_point_on_the_joint_axis_takes_the_joint_out(load_text: Load) -> None:
     assert robot.boundaries["p_s"].coordinates == ()
     assert robot.boundaries["p_t"].coordinates == ()
     assert robot.boundaries["p_t"].norm([1.0] * 6) == pytest.approx((0.2**2 + 0.6**2) ** 0.5)
+
+
+def between_by_walking(chain: Chain) -> np.ndarray:
+    """Count coordinates between all positions one by one: turns about one axis add up, others begin anew."""
+    k = chain.rotations
+    counts = np.zeros((k + 1, k + 1), dtype=int)
+    for start in range(k):
+        runs = [[start, chain.coefficients[start]]]
+        counts[start, start + 1] = np.count_nonzero(runs[-1][1])
+        for position in range(start + 1, k):
+            first, total = runs[-1]
+            u, v = chain.axes[first], chain.axes[position]
+            if np.linalg.norm(np.cross(u, v)) < 1e-12:
+                runs[-1][1] = total + np.sign(u @ v) * chain.coefficients[position]
+            else:
+                runs.append([position, chain.coefficients[position]])
+            counts[start, position + 1] = sum(np.count_nonzero(np.abs(total) > 1e-12) for _, total in runs)
+    return counts + counts.T
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_coordinates_between_positions_are_counted_as_by_walking(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    k, n = int(rng.integers(0, 14)), 4
+    units = np.vstack((np.eye(3), [[0.6, 0.0, 0.8]]))
+    axes = units[rng.integers(0, 1 + seed % 4, k)] * rng.choice([-1.0, 1.0], (k, 1))
+    chain = Chain(
+        rng.normal(size=(k + 1, 3)), np.zeros((k + 1, 3, n)), axes, rng.integers(-1, 2, (k, n)).astype(float), 1.0
+    )
+    assert np.array_equal(_coordinates_between(chain), between_by_walking(chain))

@@ -10,6 +10,7 @@ import pytest
 
 import pinbound as pb
 from pinbound.exceptions import Problems
+from pinbound.model import pinocchio_model
 from pinbound.model.kinematics import Joint
 from pinbound.model.pinocchio_model import compare_with_pinocchio
 from pinbound.model.tree import Tree
@@ -123,3 +124,23 @@ def test_huge_offsets_and_slides_are_no_difference(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><axis xyz="0 1 0"/>'))
     with pytest.raises(pb.InputError, match="axis"):
         pb.load(path)
+
+
+def test_large_models_are_placed_joint_by_joint_as_by_pinocchios_data(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pinocchio's Data holds arrays of nv^3 numbers: of 500 joints it takes gigabytes, and a minute."""
+    import pinocchio as pin
+
+    for is_mimic in (False, True):
+        model = pin.buildModelFromXML(TEXT, mimic=is_mimic)
+        for seed in range(3):
+            velocity = np.random.default_rng(seed).uniform(-1.0, 1.0, model.nv)
+            q = pin.integrate(model, pin.neutral(model), velocity)
+            found = list[Any]()
+            for large in (100, 0):
+                monkeypatch.setattr(pinocchio_model, "_LARGE", large)
+                found.append(np.array(pinocchio_model._frame_places(model, q)))
+            assert np.allclose(found[0], found[1], rtol=0, atol=1e-14)
+    monkeypatch.setattr(pinocchio_model, "_LARGE", 0)
+    robot = pb.load(TEXT)
+    assert compared(robot) == []
+    assert "places link 'l2'" in compared(robot, "b", translation=np.array([0.0, 0.41, 0.0]))[0]

@@ -8,7 +8,7 @@ decided; the others are asked again in float64, and the answer is always float64
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, Literal
 
@@ -22,10 +22,11 @@ from pinbound.kernel.choice import Work
 from pinbound.kernel.engine import Kernel
 from pinbound.kernel.program import CommonMark, Pair, Reference
 from pinbound.machine.compiled import KernelSource
+from pinbound.path.chain import Chain
 from pinbound.typing import AnyArray as Array
 from pinbound.typing import Flags
 
-__all__ = ["BallKernel"]
+__all__ = ["BallKernel", "longest"]
 
 _TABLES = {"norms": "all", "clearances": "all", "smallest": "least", "least": "least"}
 """The text that gives an answer."""
@@ -223,6 +224,13 @@ class BallKernel(Kernel):
         which, lane = np.nonzero(doubts)
         unsure = some[which] * lanes + lane
         return found, unsure[unsure < rows]
+
+
+def longest(chains: Iterable[Chain]) -> float:
+    """Return the longest of chains, slides of rows that are no cases of their own included [m]; tables square it."""
+    most = _LARGEST_SLIDE["least"]
+    lengths = [chain.scale + most * float(np.linalg.norm(chain.slides, axis=1).sum()) for chain in chains]
+    return max(lengths, default=0.0)
 
 
 def _no_common() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.kernel.arguments import Backend, buffer, check_choices, in_threads, real, representable
-from pinbound.kernel.ball_kernel import BallKernel
+from pinbound.kernel.ball_kernel import BallKernel, longest
 from pinbound.kernel.choice import notice_without_numba
 from pinbound.kernel.engine import Kernel
 from pinbound.kernel.hulls import HullTables, is_ready, prepare_hulls, tables_of
@@ -22,7 +22,7 @@ from pinbound.kernel.program import CommonMark, Pair, Reference
 from pinbound.kernel.union import UnionKernel
 from pinbound.machine.compiled import has_numba
 from pinbound.path.relative import Form
-from pinbound.tolerances import LONGEST
+from pinbound.tolerances import LONGEST, LONGEST_SINGLE
 from pinbound.typing import AnyArray as Array
 from pinbound.typing import Flags, Indices, Ints
 
@@ -58,7 +58,8 @@ def _straight(
 ) -> Kernel | UnionKernel:
     """Return the kernel of pairs of closed form; many points run by tables, all others as one program."""
     plain = np.array([pair.path.is_plain for pair in pairs], dtype=np.bool_)
-    if np.count_nonzero(plain) < MANY_POINTS or common() is None:
+    marks = common() if np.count_nonzero(plain) >= MANY_POINTS else None
+    if marks is None or longest(mark.chains[0] for mark in marks.values()) > LONGEST_SINGLE:
         return Kernel(pairs, n, reference, common)
     kinds = [(kind, np.flatnonzero(which)) for kind, which in ((BallKernel, plain), (Kernel, ~plain)) if np.any(which)]
     parts = [(kind([pairs[k] for k in places.tolist()], n, reference, common), places) for kind, places in kinds]

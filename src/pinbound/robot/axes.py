@@ -90,6 +90,8 @@ def new_coordinates(
         lengths: Names of prismatic joints, which do not add to angles.
         sources: The file of each axis, as `Annotations.sources` says it.
     """
+    if not axes:
+        return None
     names, n = list(coupling.coordinates), len(coupling.coordinates)
     T: Matrix = [[Fraction(int(i == k)) for k in range(n)] for i in range(n)]
     t, faults = [Fraction(0)] * n, len(problems.found)
@@ -113,9 +115,9 @@ def new_coordinates(
         rows = [(Fraction(c), coupling.joints.index(joint)) for joint, c in axis.coefficients.items()]
         T[place] = [sum((c * Fraction(float(coupling.S[r, k])) for c, r in rows), Fraction(0)) for k in range(n)]
         t[place] = sum((c * Fraction(float(coupling.offset[r])) for c, r in rows), Fraction(0))
-    back = None if len(problems.found) > faults or not axes else _inverse(T)
+    back = None if len(problems.found) > faults else _inverse(T)
     if back is None:
-        if axes and len(problems.found) == faults:
+        if len(problems.found) == faults:
             said = f"the axes {', '.join(axis.name for axis in axes)} do not determine the joints"
             problems.add(said, "Let each depend on the joint instead of which it stands", axes[0].line)
         return None
