@@ -370,8 +370,8 @@ float32 check of a Panda of 59 spheres takes 85 ns for a yes or no. It has more 
 The Panda's 59 spheres and 690 pairs of the VAMP planner, one thread, on a machine without AVX-512, beside others' work:
 `free` takes 0.20 of the time that one expression a pair takes, and 1.16 to 1.20 of C written as VAMP works; `smallest`,
 exact in float64, 0.32. The default call runs compiled from the third call on where code is kept (1.00 to 1.05 of
-`backend="compiled"`), and its first call in a cold process takes NumPy's time. `docs/kernel.md` has the tables, the commands
-and the proofs;
+`backend="compiled"`), and its first call in a cold process takes NumPy's time. `docs/kernel.md` has the tables, the
+commands and the proofs;
 `benchmarks/history.csv` keeps the key ratios, one line each a release.
 
 ## Other figures
