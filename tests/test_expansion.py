@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 import pinbound as pb
 from pinbound.cli.app import app
+from pinbound.model import expansion
 from pinbound.model.expansion import expand_xacro
 from pinbound.model.xacro_child import find_package
 
@@ -297,3 +298,73 @@ def test_what_is_kept_for_speed_changes_no_result(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
     assert expand_xacro(path, {}).text == done.stdout
     assert 'name="l_1_2"' in done.stdout
+
+
+INCLUDED = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="top" value="{}"/></robot>'
+OTHERS = {
+    "a variable of the environment": '<xacro:property name="v" value="$(optenv PINBOUND_NO_SUCH x)"/>${v}',
+    "a file of YAML": '<xacro:property name="y" value="${xacro.load_yaml(\'some.yaml\')}"/>${y.a}',
+    "files by a pattern": '<xacro:include filename="mor*.xacro"/>',
+    "a package": '<xacro:include filename="$(find here)/more.xacro"/>',
+    "code inside an expression": '<xacro:property name="c" value="${[i for i in range(3)][0]}"/>${c}',
+    "a function inside an expression": '<xacro:property name="c" value="${(lambda: 1)()}"/>${c}',
+}
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return the files that xacro is asked to expand, from now on."""
+    found: list[str] = []
+    real = expansion._ask
+
+    def ask(request: dict[str, object], path: Path) -> dict[str, object]:
+        found.append(path.name)
+        return real(request, path)
+
+    monkeypatch.setattr(expansion, "_ask", ask)
+    return found
+
+
+def included(folder: Path, more: str = "") -> Path:
+    (folder / "package.xml").write_text("<package><name>here</name></package>")
+    (folder / "some.yaml").write_text("a: 1\n")
+    (folder / "more.xacro").write_text(INCLUDED.format("0.5"))
+    body = '<xacro:arg name="up" default="1"/><xacro:include filename="more.xacro"/>' + more
+    return arm(folder / "arm.xacro", body, "${top * $(arg up)}")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="without fork nothing is reused")
+def test_the_same_files_and_arguments_are_expanded_once(tmp_path: Path, asked: list[str]) -> None:
+    path = included(tmp_path)
+    assert [float(pb.load(path).upper[0]) for _ in range(3)] == [0.5] * 3
+    assert asked == ["arm.xacro"]
+    (tmp_path / "more.xacro").write_text(INCLUDED.format("0.75"))
+    assert float(pb.load(path).upper[0]) == 0.75
+    assert len(asked) == 2
+    assert float(pb.load(path, xacro_args={"up": "0.5"}).upper[0]) == 0.375
+    assert len(asked) == 3
+    (tmp_path / "more.xacro").unlink()
+    with pytest.raises(pb.InputError, match=r"more\.xacro"):
+        pb.load(path)
+    (tmp_path / "more.xacro").write_text(INCLUDED.format("0.75"))
+    assert float(pb.load(path).upper[0]) == 0.75
+    with pytest.raises(pb.InputError, match="no xacro argument 'down'"):
+        pb.load(path, xacro_args={"down": "1"})
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="without fork nothing is reused")
+@pytest.mark.parametrize("what", OTHERS)
+def test_what_depends_on_more_than_files_is_expanded_again(what: str, tmp_path: Path, asked: list[str]) -> None:
+    path = included(tmp_path, OTHERS[what])
+    for _ in range(2):
+        assert float(pb.load(path).upper[0]) == 0.5
+    assert len(asked) == 2
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="without fork nothing is reused")
+def test_few_answers_are_kept(tmp_path: Path, asked: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(expansion, "_MOST_KEPT", 2)
+    path = included(tmp_path)
+    for value in ("0.1", "0.2", "0.3", "0.3", "0.1"):
+        assert float(pb.load(path, xacro_args={"up": value}).upper[0]) == pytest.approx(0.5 * float(value))
+    assert len(asked) == 4

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import hashlib
 import json
 import os
 import selectors
@@ -19,6 +20,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +36,7 @@ _CHILD = Path(__file__).with_name("xacro_child.py")
 _BOOT = """import json, sys
 sys.path[:] = json.loads(sys.argv[1])
 exec(compile(open(sys.argv[2], encoding="utf-8").read(), sys.argv[2], "exec"), {"__name__": "__main__"})"""
+_MOST_KEPT, _MOST_TEXT = 32, 4 * 2**20  # answers, and letters of each
 _GRACE = 10.0  # seconds to start the child, or to hear from one that should have ended an expansion
 
 
@@ -66,7 +69,11 @@ def expand_xacro(path: Path, arguments: Mapping[str, str], package_dirs: Sequenc
         "seconds": _seconds(path),
         "memory": XACRO_MEMORY,
     }
-    answer = _ask(request, path)
+    key = json.dumps(
+        {name: value for name, value in request.items() if name not in ("environment", "seconds", "memory")}
+    )
+    answer = _kept(key) or _ask(request, path)
+    _keep(key, answer)
     declared: list[str] = answer.get("declared", [])
     problems = [_fault(answer, path, float(request["seconds"]))] if "error" in answer else []
     unknown = sorted(set(arguments) - set(declared))
@@ -78,6 +85,36 @@ def expand_xacro(path: Path, arguments: Mapping[str, str], package_dirs: Sequenc
     notes = [f"$(find {name}) is {folder}, found beside the file" for name, folder in answer["guessed"].items()]
     notes += [f"xacro warns: {line}" for line in answer["warned"]]
     return Expanded(answer["text"], tuple(notes))
+
+
+_answers: OrderedDict[str, dict[str, Any]] = OrderedDict()
+_answers_lock = threading.Lock()
+
+
+def _keep(key: str, answer: dict[str, Any]) -> None:
+    """Keep an answer that says which files it was made of, and that nothing else was asked for."""
+    if "files" not in answer or len(answer["text"]) > _MOST_TEXT:
+        return
+    with _answers_lock:
+        _answers[key] = answer
+        _answers.move_to_end(key)
+        while len(_answers) > _MOST_KEPT:
+            _answers.popitem(last=False)
+
+
+def _kept(key: str) -> dict[str, Any] | None:
+    """Return the answer to the same question, if each of its files still has the same bytes."""
+    with _answers_lock:
+        answer = _answers.get(key)
+    if answer is None:
+        return None
+    for file, known in answer["files"].items():
+        try:
+            if hashlib.sha256(Path(file).read_bytes()).hexdigest() != known:
+                return None
+        except OSError:
+            return None
+    return answer
 
 
 def _seconds(path: Path) -> float:

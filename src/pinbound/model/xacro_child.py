@@ -5,6 +5,8 @@ process that has xacro loaded waits here, and each file is expanded in a fork of
 memory limit, and nothing that a file does is left behind. Without `fork` (Windows) files are expanded one after
 another in this process, and `expansion` ends it when the time is up.
 
+An answer says which files it was made of, if nothing else was asked for meanwhile (`_Watch`): then it may be reused.
+
 A message is its length in four bytes, then JSON. This file imports the standard library and xacro only.
 """
 
@@ -13,6 +15,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import gc
+import hashlib
 import importlib
 import io
 import json
@@ -21,6 +24,7 @@ import struct
 import sys
 import xml.dom.expatbuilder
 import xml.dom.minidom
+from types import CodeType
 from typing import Any, BinaryIO
 from xml.parsers.expat import ExpatError
 
@@ -63,7 +67,7 @@ def _in_fork(request: dict[str, Any]) -> bytes:
             for descriptor in (0, 1, 2):  # what a file prints reaches nobody
                 os.dup2(nothing, descriptor)
             with open(theirs, "wb") as stream:
-                stream.write(json.dumps(_expand(request)).encode())
+                stream.write(json.dumps(_expand(request, _Watch())).encode())
         finally:
             os._exit(0)
     os.close(theirs)
@@ -83,6 +87,85 @@ def _limit_memory(size: int) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (size, size))
 
 
+class _Watch:
+    """What an expansion asks for: XML files, with their hashes; `is_known` until it asks for anything else.
+
+    Python tells this hook of every file that is opened, every process, socket, import and listing of a folder, and of
+    every code that runs. Code within an expression (a lambda, a comprehension) escapes xacro's check of names, so it
+    counts as anything. Environment variables are read through `_Environment`. A hook cannot be taken back: it is for a
+    fork.
+    """
+
+    def __init__(self) -> None:
+        self.is_known, self.files, self._opening = True, dict[str, str](), ""
+
+    def start(self) -> None:
+        setattr(os, "environ", _Environment(self, os.environ))  # noqa: B010 - so that reading it is seen
+        sys.addaudithook(self._told)
+
+    def read(self, path: str) -> bytes:
+        """Return the bytes of a file of XML, and remember their hash."""
+        self._opening = path
+        try:
+            with open(path, "rb") as stream:
+                data = stream.read()
+        finally:
+            self._opening = ""
+        self.files[os.path.abspath(path)] = hashlib.sha256(data).hexdigest()
+        return data
+
+    def _told(self, event: str, given: tuple[Any, ...]) -> None:
+        if event == "exec":
+            code = given[0]
+            self.is_known &= not any(isinstance(one, CodeType) for one in code.co_consts)
+            self.is_known &= not any("__" in name for name in code.co_names)
+        elif event not in _HARMLESS and not (event == "open" and self._opening and given[0] == self._opening):
+            self.is_known = False
+
+
+_HARMLESS = ("builtins.id", "compile", "sys._getframe")
+
+
+class _Environment(dict[str, str]):
+    """Environment variables: an expansion that reads one is made of more than files."""
+
+    def __init__(self, watch: _Watch, variables: Any) -> None:
+        super().__init__(variables)
+        self.watch = watch
+
+    def __getitem__(self, name: str) -> str:
+        self.watch.is_known = False
+        return super().__getitem__(name)
+
+    def __contains__(self, name: object) -> bool:
+        self.watch.is_known = False
+        return super().__contains__(name)
+
+    def __iter__(self) -> Any:
+        self.watch.is_known = False
+        return super().__iter__()
+
+    def get(self, name: str, default: Any = None) -> Any:
+        self.watch.is_known = False
+        return super().get(name, default)
+
+    def items(self) -> Any:
+        self.watch.is_known = False
+        return super().items()
+
+    def keys(self) -> Any:
+        self.watch.is_known = False
+        return super().keys()
+
+    def values(self) -> Any:
+        self.watch.is_known = False
+        return super().values()
+
+    def copy(self) -> Any:
+        self.watch.is_known = False
+        return super().copy()
+
+
 class _Arguments(dict[str, str]):
     """Arguments that know which names `<xacro:arg>` has declared: xacro asks whether each is given."""
 
@@ -99,20 +182,24 @@ class _RefusedError(Exception):
     """A file that is not read at all: it has a DOCTYPE."""
 
 
-def _expand(request: dict[str, Any]) -> dict[str, Any]:
+def _expand(request: dict[str, Any], watch: _Watch | None = None) -> dict[str, Any]:
     """Return the expanded text, what xacro warned of, and the declared arguments; or what is wrong, and where."""
     xacro: Any = importlib.import_module("xacro")
     os.chdir(request["folder"])
     os.environ.clear()
     os.environ.update(request["environment"])
     arguments, guessed, warned = _Arguments(request["arguments"]), dict[str, str](), io.StringIO()
-    _teach(xacro, request, guessed)
+    _teach(xacro, request, guessed, watch)
     _hasten(xacro)
+    if watch is not None:
+        watch.start()
     answer: dict[str, Any] = {}
     try:
         with contextlib.redirect_stderr(warned), contextlib.redirect_stdout(io.StringIO()):
             text = str(xacro.process_file(request["path"], mappings=arguments).toprettyxml(indent="  "))
         answer = {"text": text} if len(text) <= _MOST_TEXT else {"error": "size"}
+        if watch is not None and watch.is_known and "text" in answer:
+            answer["files"] = watch.files
     except Exception as error:  # expressions of a file raise whatever they like
         answer = {"error": _reason(error), "refused": isinstance(error, _RefusedError)} | _where(error, xacro)
     lines = [line.strip() for line in warned.getvalue().splitlines()]
@@ -153,7 +240,7 @@ def _where(error: BaseException, xacro: Any) -> dict[str, Any]:
     return found
 
 
-def _teach(xacro: Any, request: dict[str, Any], guessed: dict[str, str]) -> None:
+def _teach(xacro: Any, request: dict[str, Any], guessed: dict[str, str], watch: _Watch | None) -> None:
     """Let xacro read files of any encoding with their lines, refuse a DOCTYPE, and find packages without ROS."""
 
     def parse(inp: Any, filename: str | None = None) -> Any:
@@ -161,8 +248,7 @@ def _teach(xacro: Any, request: dict[str, Any], guessed: dict[str, str]) -> None
             return xml.dom.minidom.parseString(inp)
         path = os.path.join(getattr(xacro, "root_dir", ".") or ".", str(filename))
         try:
-            with open(path, "rb") as stream:
-                data = stream.read()
+            data = (watch or _Watch()).read(path)
         except OSError as error:
             xacro.filestack.pop()
             raise xacro.XacroException(f"{error.strerror}: {error.filename}", exc=error) from error
@@ -174,6 +260,8 @@ def _teach(xacro: Any, request: dict[str, Any], guessed: dict[str, str]) -> None
         stock = substitution_args._eval_find
 
         def find(name: str) -> str:
+            if watch is not None:
+                watch.is_known = False  # which folders are there is not in the answer
             found = find_package(name, request["package_dirs"], request["path"], os.environ)
             if found is None:
                 with contextlib.suppress(Exception):  # what ROS's own index raises depends on its version
