@@ -106,7 +106,7 @@ def _free(robot: pb.Robot, Q: np.ndarray) -> np.ndarray:
 
 def oracle(region: pb.Region, grid: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return grid points (g * g, 2), which are free, and which are free and connected to home on the grid."""
-    robot, plane = region.plane.robot, region.plane
+    robot, plane = region.slice.robot, region.slice
     low, high = plane.window
     axes = [low[i] + (high[i] - low[i]) * (np.arange(grid) + 0.5) / grid for i in (0, 1)]
     X = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -129,7 +129,7 @@ def compare(region: pb.Region, grids: tuple[int, ...] = GRIDS) -> Comparison:
         if len(differ):
             away = shapely.distance(shapely.points(X[differ]), region.polygon.boundary)
             differ = differ[away > region.accuracy]
-        cell = float(np.prod(region.plane.window[1] - region.plane.window[0])) / grid**2
+        cell = float(np.prod(region.slice.window[1] - region.slice.window[0])) / grid**2
         area = abs(float(flooded.sum()) * cell - region.area)
         result = Comparison(len(differ), grid, len(X), area, region.area_error)
         if not len(differ):
@@ -156,7 +156,7 @@ def main() -> None:
             region = pb.feasible_region(robot, names)
             times.append(time.process_time() - started)
             one = compare(region)
-            found.append((one, len(region.loops) - 1, len(region.components), len(region.plane.curves), times[-1]))
+            found.append((one, len(region.loops) - 1, len(region.components), len(region.slice.curves), times[-1]))
             if one.disagreements:
                 print(f"mechanism {number}: {one.disagreements} points disagree at grid {one.grid}; {region}")
     ms = 1e3 * np.array(times)

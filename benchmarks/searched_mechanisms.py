@@ -163,7 +163,7 @@ class Comparison:
 
 def compare(region: pb.Region, grids: tuple[int, ...] = GRIDS) -> Comparison:
     """Compare membership and area with coal and a flood fill, the grid refined while they disagree."""
-    bodies, plane = Bodies(region.plane.robot), region.plane
+    bodies, plane = Bodies(region.slice.robot), region.slice
     low, high = plane.window
     result = None
     for grid in grids:
@@ -203,7 +203,7 @@ def searched_robots(
 ) -> Iterator[tuple[pb.Robot, tuple[str, str]]]:
     """Yield `count` random robots whose home is free, with two coordinates in whose plane contact is searched for."""
     from pinbound.region.outlines import is_searched
-    from pinbound.region.plane import plane_of
+    from pinbound.region.slice import slice_of
 
     made = 0
     while made < count:
@@ -212,7 +212,7 @@ def searched_robots(
         try:
             robot = pb.load(path)
             names = tuple(rng.choice(robot.coordinates, 2, replace=False).tolist())
-            plane = plane_of(robot, names, robot.home.copy(), {})
+            plane = slice_of(robot, names, robot.home.copy(), {})
         except (pb.InputError, pb.DimensionError):  # home is in contact
             continue
         if any(is_searched(plane, curve) for curve in plane.curves):

@@ -40,7 +40,7 @@ def curved(request: pytest.FixtureRequest, tmp_path: Path) -> pb.Region:
 
 
 def samples(region: pb.Region, count: int = 4000) -> np.ndarray:
-    X = np.random.default_rng(3).uniform(*region.plane.window, (count, 2))
+    X = np.random.default_rng(3).uniform(*region.slice.window, (count, 2))
     return X[shapely.contains_xy(region.polygon, X)]
 
 
@@ -67,8 +67,8 @@ def test_an_inset_is_at_least_that_deep(curved: pb.Region, angle: float) -> None
         assert depth >= angle
         assert {edge.name for edge in part.edges} <= {edge.name for edge in curved.edges}
     X = samples(curved)
-    deep = curved.signed_distance(curved.plane.lift(X)) > angle + 2e-3 * angle + 3e-5
-    held = np.any([part.contains(curved.plane.lift(X)) for part in inset.components], axis=0)
+    deep = curved.signed_distance(curved.slice.lift(X)) > angle + 2e-3 * angle + 3e-5
+    held = np.any([part.contains(curved.slice.lift(X)) for part in inset.components], axis=0)
     assert np.all(held[deep])
 
 
@@ -82,8 +82,8 @@ def test_an_inset_may_be_empty(curved: pb.Region) -> None:
 
 def test_a_metric_margin_raises_every_threshold(curved: pb.Region) -> None:
     near = curved.with_clearance(0.01)
-    robot = curved.plane.robot
-    Q = near.plane.lift(samples(near))
+    robot = curved.slice.robot
+    Q = near.slice.lift(samples(near))
     assert len(Q) > 100
     assert robot.boundaries.clearances(Q[near.contains(Q)]).min() > 0.01
     assert near.area < curved.area
@@ -97,8 +97,8 @@ def test_a_metric_margin_raises_every_threshold(curved: pb.Region) -> None:
 def test_the_smallest_clearance_is_a_bound(curved: pb.Region, gap: float) -> None:
     inset = curved.inset(0.05)
     found = inset.clearance(gap)
-    robot = curved.plane.robot
-    Q = inset.plane.lift(np.concatenate((samples(inset), *(edge.points for edge in inset.edges))))
+    robot = curved.slice.robot
+    Q = inset.slice.lift(np.concatenate((samples(inset), *(edge.points for edge in inset.edges))))
     seen = robot.boundaries.clearances(Q)
     assert found.lower <= seen.min()
     assert found.upper <= seen.min() + gap
@@ -130,7 +130,7 @@ def test_the_smallest_clearance_of_one_angle_boundaries(factor: float) -> None:
     found = region.clearance()
     X = samples(region, 100_000)
     edges = np.concatenate([np.linspace(edge.start, edge.end, 200) for edge in region.edges])
-    seen = robot.boundaries.clearances(region.plane.lift(np.concatenate((X, edges)))).min()
+    seen = robot.boundaries.clearances(region.slice.lift(np.concatenate((X, edges)))).min()
     assert found.lower <= seen <= found.upper + 1e-5
     assert found.upper - found.lower <= 1e-6
 
@@ -146,14 +146,14 @@ def test_convex_parts_fill_the_region(curved: pb.Region) -> None:
     X = samples(curved)
     for part in parts[:20]:
         A, b = part.halfspaces()
-        np.testing.assert_array_equal(np.all(X @ A.T < b, axis=1), part.contains(part.plane.lift(X)))
+        np.testing.assert_array_equal(np.all(X @ A.T < b, axis=1), part.contains(part.slice.lift(X)))
 
 
 def test_the_inscribed_polygon_is_convex_free_and_large(curved: pb.Region) -> None:
     found = curved.inscribed_polygon()
     assert convex.is_convex(found.polygon)
     assert curved.polygon.covers(found.polygon)
-    assert curved.plane.free(samples(found)).all()
+    assert curved.slice.free(samples(found)).all()
     assert found.area >= max(part.area for part in curved.convex_parts(rim=5e-3)) * 0.9
 
 

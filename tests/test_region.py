@@ -10,6 +10,7 @@ import shapely
 from scipy import ndimage
 
 import pinbound as pb
+from pinbound.region.region import ConvexRegion, TracedRegion
 from pinbound.tolerances import VERTEX
 
 CAMPAIGN = Path(__file__).parents[1] / "benchmarks" / "planar_mechanisms.py"
@@ -57,13 +58,13 @@ def check_corners(region: pb.Region) -> int:
 
     At each corner both named functions vanish to `VERTEX` in angle, or the corner says that it is not polished.
     """
-    robot = region.plane.robot
-    limits = {p.name: p for p in (*region.plane.box, *region.plane.limits)}
+    robot = region.slice.robot
+    limits = {p.name: p for p in (*region.slice.box, *region.slice.limits)}
     columns = [robot.coordinates.index(name) for name in region.coordinates]
     for corner in region.corners:
         if not corner.polished:
             continue
-        q = region.plane.lift(corner.point[None])[0]
+        q = region.slice.lift(corner.point[None])[0]
         for name in (corner.before, corner.after):
             if name in limits:
                 off = abs(limits[name].normal @ corner.point - limits[name].bound)
@@ -130,7 +131,7 @@ def test_a_hole_of_a_ten_thousandth_of_a_radian(tmp_path: Path) -> None:
         assert [edge.name for edge in loop] == ["tip_post"]
         hole = loop[0].points
         assert 1e-5 < np.ptp(hole, axis=0).max() < 1e-3
-        centre = region.plane.lift(hole.mean(axis=0)[None])[0]
+        centre = region.slice.lift(hole.mean(axis=0)[None])[0]
         assert robot.boundaries["tip_post"].norm(centre) < 1e-6  # a twentieth of the hole's radius
         assert not region.contains(centre)
         assert region.signed_distance(centre) < 0.0
@@ -179,7 +180,7 @@ def test_minervabot_is_exact(distance: float) -> None:
         np.testing.assert_allclose(np.degrees(region.centroid), centroid, rtol=0, atol=1e-9)
         assert sum(component.area for component in region.components) == pytest.approx(4 * np.pi**2, abs=1e-12)
         return
-    Q = region.plane.lift(np.random.default_rng(1).uniform(-np.pi, np.pi, (20000, 2)))
+    Q = region.slice.lift(np.random.default_rng(1).uniform(-np.pi, np.pi, (20000, 2)))
     clear = np.all(robot.boundaries.norms(Q) > [b.threshold + distance for b in robot.boundaries], axis=1)
     assert not np.any(region.contains(Q) & ~clear)
     held = np.array([c.contains(Q) for c in region.components])
@@ -202,3 +203,29 @@ def test_bad_input_is_refused(tmp_path: Path) -> None:
         pb.feasible_region(robot, ("q1", "q2"), margin=float("inf"))
     with pytest.raises(pb.UnsupportedError, match="convex"):
         pb.feasible_region(robot, ("q1", "q2")).halfspaces()
+
+
+def test_two_sorts_of_region_answer_the_same_questions(tmp_path: Path) -> None:
+    convex = pb.feasible_region(pb.load("minervabot_v3"))
+    boundaries = '<pinbound:boundary name="beta" a="tip" b="post"/><pinbound:boundary name="flag" a="tip" b="flag"/>'
+    (tmp_path / "arm.urdf").write_text(ARM.format(tip=0.02, post="0.3 0 0.1", boundaries=boundaries))
+    traced = pb.feasible_region(pb.load(tmp_path / "arm.urdf"), ("q1", "q2"))
+    assert isinstance(convex, ConvexRegion)
+    assert isinstance(traced, TracedRegion)
+    assert isinstance(traced.inscribed_polygon(), ConvexRegion)
+    for region in (convex, traced):
+        assert isinstance(region, pb.Region)
+        assert type(region.scale(1.0)) is type(region.inset(0.01)) is type(region)
+        assert region.area_interval[0] <= region.area <= region.area_interval[1]
+        assert region.contains(region.slice.start, order="region")
+    with pytest.raises(TypeError, match="abstract"):
+        pb.Region(convex.slice, convex.loops, convex.corners, 0.0)
+
+
+def test_old_names_stay_for_one_release() -> None:
+    region = pb.feasible_region(pb.load("minervabot_v3"))
+    with pytest.warns(DeprecationWarning, match=r"Region\.plane is now called Region\.slice") as told:
+        assert region.plane is region.slice
+    assert told[0].filename == __file__
+    with pytest.warns(DeprecationWarning, match=r"Region\.planes is now called Region\.half_planes"):
+        assert region.planes is region.half_planes

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 import pinbound as pb
 from pinbound.cli import app
 from pinbound.region.cells import Grid, Searched, pave
-from pinbound.region.plane import plane_of
+from pinbound.region.slice import slice_of
 from robots import joint
 from segments import PLANAR, assemble, oracle_clearances
 
@@ -65,7 +65,7 @@ def door(load_text: Load, gap: float, home: str = 'x="-0.8" turn="0"') -> pb.Rob
 
 
 def searched(robot: pb.Robot, width: float) -> Searched:
-    plane = plane_of(robot, None, robot.home.copy(), {})
+    plane = slice_of(robot, None, robot.home.copy(), {})
     return Searched(plane, plane.curves, Grid.over(plane.window / plane.scales, width))
 
 

@@ -217,12 +217,12 @@ def test_a_region_of_no_boundary_is_the_box_of_limits_and_an_empty_one_holds_not
 
 def test_records_hash_and_compare_and_their_arrays_are_read_only(load_text: Load) -> None:
     region = pb.feasible_region(elbow(load_text), ("q1", "q2"))
-    for record in (region, region.plane, *region.edges, *region.corners, *region.plane.box):
+    for record in (region, region.slice, *region.edges, *region.corners, *region.slice.box):
         assert (record == region) is (record is region)
         assert isinstance(hash(record), int)
         assert record in {record}
-    arrays = [region.at, region.vertices, region.plane.start, region.plane.window, region.edges[0].points]
-    arrays += [region.corners[0].point, region.plane.box[0].normal]
+    arrays = [region.at, region.vertices, region.slice.start, region.slice.window, region.edges[0].points]
+    arrays += [region.corners[0].point, region.slice.box[0].normal]
     for array in arrays:
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0.0

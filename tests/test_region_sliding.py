@@ -50,7 +50,7 @@ def mark(sort: str, name: str, link: str, xyz: np.ndarray, way: np.ndarray, radi
 
 def flood(region: pb.Region, count: int = 241) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return points of a grid over the limits (count^2, 2), which are free, and which a flood from the start has."""
-    plane = region.plane
+    plane = region.slice
     low, high = plane.window
     axes = [low[i] + (high[i] - low[i]) * (np.arange(count) + 0.5) / count for i in (0, 1)]
     X = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -72,15 +72,15 @@ def check(region: pb.Region) -> None:
         inside = region.contains(X, order="region")
         assert not np.any(inside & ~free)
         differ = np.flatnonzero(inside != flooded)
-        scaled = shapely.transform(region.polygon, lambda points: points / region.plane.scales)
-        away = shapely.distance(shapely.points(X[differ] / region.plane.scales), scaled.boundary)
-        share = region.accuracy / np.max(region.plane.scales)
+        scaled = shapely.transform(region.polygon, lambda points: points / region.slice.scales)
+        away = shapely.distance(shapely.points(X[differ] / region.slice.scales), scaled.boundary)
+        share = region.accuracy / np.max(region.slice.scales)
         if np.all(away <= share):
             break
     else:
         pytest.fail(f"{int(np.sum(away > share))} of {len(X)} points disagree")
-    cell = float(np.prod((region.plane.window[1] - region.plane.window[0]) / count))
-    length = float(scaled.length * np.prod(region.plane.scales))
+    cell = float(np.prod((region.slice.window[1] - region.slice.window[0]) / count))
+    length = float(scaled.length * np.prod(region.slice.scales))
     assert abs(flooded.sum() * cell - region.area) <= length * 2.0 / count + region.area_error
 
 
@@ -89,11 +89,11 @@ def on_contact(region: pb.Region) -> None:
 
     Where pieces of one boundary meet, the place is that of their chords.
     """
-    robot = region.plane.robot
+    robot = region.slice.robot
     for edge in region.edges:
         if edge.is_contact:
             boundary = robot.boundaries[edge.name]
-            off = boundary.norm(region.plane.lift(edge.points)) - boundary.contact_distance
+            off = boundary.norm(region.slice.lift(edge.points)) - boundary.contact_distance
             assert np.abs(off).max() < 2e-5
             assert np.median(np.abs(off)) < 1e-9
 

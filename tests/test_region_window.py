@@ -108,7 +108,7 @@ def test_a_limit_of_both_coordinates_bounds_one_that_has_none(load_text: Load) -
     ]
     robot = load_text(robot_xml(joints, {}, []))
     assert names(pb.feasible_region(robot, ("q2", "q3"))) == ["q2 upper", "elbow upper", "q2 lower", "elbow lower"]
-    coupled = pb.region.plane.HalfPlane
+    coupled = pb.region.slice.HalfPlane
     from pinbound.region.window import box_of
 
     sides = [

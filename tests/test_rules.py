@@ -188,7 +188,7 @@ def test_a_condition_on_a_held_coordinate_makes_a_limit_or_nothing(tmp_path: Pat
     robot = load(tmp_path, arm(rule("tool", "J2: 1", condition("J4: 1", lower=0), upper=40), more=(tool,)))
     for at, edge, free in ((0.5, "tool upper", False), (-0.5, "J2 upper", True)):
         region = pb.feasible_region(robot, ("J2", "J3"), at=[0.0, 0.0, at])
-        assert region.planes
+        assert region.half_planes
         assert edge in [one.name for one in region.edges]
         assert region.contains([1.0, 0.0, at]) is free
         assert region.fixed == ("J4",)

@@ -12,7 +12,7 @@ import pinbound
 
 PACKAGE = Path(pinbound.__file__).parent
 FLOORS = [
-    ("exceptions", "tolerances", "typing"),
+    ("deprecation", "exceptions", "tolerances", "typing"),
     ("units", "values"),
     ("geometry", "machine", "tables"),
     ("model",),

@@ -5,6 +5,7 @@ import dataclasses
 import enum
 import pickle
 import types
+import warnings
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
@@ -106,7 +107,9 @@ def attributes(value: Any) -> dict[str, Any]:
         if name.startswith("_") or name in ("model", "kernel", "signed_kernel", "document", "polygon"):
             continue  # engines and libraries' own objects: copies, or not what is asked for
         try:
-            found[name] = getattr(value, name)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)  # old names lead to the same values
+                found[name] = getattr(value, name)
         except (pb.PinboundError, AttributeError):
             continue
     return found

@@ -112,7 +112,7 @@ def check_region(
     if not (math.isfinite(step) and step > 0.0):
         raise DimensionError(f"the step {step} of the grid is not a positive angle; give radians above 0")
     columns = [robot.coordinates.index(name) for name in region.coordinates]
-    flood = _Flood(robot, engine, columns, step, region.plane.window if window else None)
+    flood = _Flood(robot, engine, columns, step, region.slice.window if window else None)
     flood.run()
     return _compare(robot, region, shapes, ignored, flood)
 

@@ -208,7 +208,7 @@ def _implied_lines(robot: Robot, region: Region) -> list[tuple[str, Any, float]]
     supports = region.supports()
     names = {b.name for b in robot.boundaries if b.name in supports and supports[b.name].by}
     nearest: dict[str, tuple[float, Any, float]] = {}
-    for plane in region.planes:
+    for plane in region.half_planes:
         slack = plane.bound - float(np.max(region.vertices @ plane.normal))
         if plane.name in names and slack < nearest.get(plane.name, (np.inf, None, 0.0))[0]:
             nearest[plane.name] = (slack, plane.normal, plane.bound)

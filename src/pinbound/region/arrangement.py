@@ -9,7 +9,7 @@ Where a contact curve may cross or touch itself, a box of 1e-8 of the window is 
 drawn around each. What is inside is not free: that is the reading in which parts on both sides of it are apart. In the
 other reading they are one, and `Arrangement.joined_area` says how large it is.
 
-Everything here is in units of `Plane.scales`; what leaves (`arranged_loops`, `drawn`) is in radians and metres.
+Everything here is in units of `Slice.scales`; what leaves (`arranged_loops`, `drawn`) is in radians and metres.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.lines import Line, segment_owners, vertex_owners
 from pinbound.region.obstacles import obstacle_sides
 from pinbound.region.outlines import check_turns, is_searched, outline
-from pinbound.region.plane import Plane, Strips
 from pinbound.region.settling import Settled, settle
+from pinbound.region.slice import Slice, Strips
 from pinbound.region.tubes import Tubes
 from pinbound.tolerances import REGION_WIDTH, VERTEX
 from pinbound.typing import Array, Ints
@@ -113,7 +113,7 @@ class Arrangement(Value):
 
     Attributes:
         plane: The plane.
-        lines: Every line and curve, in units of `plane.scales`.
+        lines: Every line and curve, in units of `Slice.scales`.
         faces: Free faces as `shapely.Polygon`, counter-clockwise, in the same units; the start's first, then the
             largest first.
         chord_error: No point of a contact curve is further than this from its polyline, in the same units.
@@ -122,7 +122,7 @@ class Arrangement(Value):
         settled: Of contacts that are searched for: the undecided cells; None if there are none.
     """
 
-    plane: Plane
+    slice: Slice
     lines: tuple[Line, ...]
     faces: tuple[Any, ...]
     chord_error: float
@@ -133,7 +133,7 @@ class Arrangement(Value):
     @cached_property
     def drawn(self) -> tuple[Line, ...]:
         """The lines with their points in radians and metres."""
-        return tuple(replace(line, points=line.points * self.plane.scales) for line in self.lines)
+        return tuple(replace(line, points=line.points * self.slice.scales) for line in self.lines)
 
     def _at(self, block: Any, face: Any) -> bool:
         return bool(gis.intersects(block, face))
@@ -144,8 +144,8 @@ class Arrangement(Value):
         for block, name in self.blocks:
             if self._at(block, self.faces[index]):
                 west, south, east, north = block.bounds
-                point = np.array([west + east, south + north]) / 2.0 * self.plane.scales
-                width = float(np.max(np.array([east - west, north - south]) * self.plane.scales))
+                point = np.array([west + east, south + north]) / 2.0 * self.slice.scales
+                width = float(np.max(np.array([east - west, north - south]) * self.slice.scales))
                 joins = any(self._at(block, face) for i, face in enumerate(self.faces) if i != index)
                 found.append(Unresolved(name, (float(point[0]), float(point[1])), width, joins))
         return tuple(found)
@@ -160,21 +160,21 @@ class Arrangement(Value):
                     more = [i for i, other in enumerate(self.faces) if i not in reached and self._at(block, other)]
                     reached |= set(more)
                     news += more
-        return float(sum(self.faces[i].area for i in sorted(reached))) * float(np.prod(self.plane.scales))
+        return float(sum(self.faces[i].area for i in sorted(reached))) * float(np.prod(self.slice.scales))
 
     def area_interval(self, index: int) -> tuple[float, float] | None:
         """Return proven bounds of the area of a face's component, if contact is searched for."""
         if self.settled is None:
             return None
-        unit = float(np.prod(self.plane.scales))
+        unit = float(np.prod(self.slice.scales))
         lower, upper = self.settled.areas(index, self.smooth_error)
         return lower * unit, upper * unit
 
 
 def arrange(
-    plane: Plane, accuracy: float, deadline: Deadline | None = None, width: float = REGION_WIDTH
+    slice_: Slice, accuracy: float, deadline: Deadline | None = None, width: float = REGION_WIDTH
 ) -> Arrangement:
-    """Return the free faces of a plane, contact curves traced to an accuracy, a share of `plane.scales`.
+    """Return the free faces of a plane, contact curves traced to an accuracy, a share of `Slice.scales`.
 
     The start may be nearer to contact than the accuracy can tell; then a finer one is taken. Contacts that are searched
     for are enclosed in cells of the width.
@@ -183,46 +183,46 @@ def arrange(
         UnsupportedError: If a contact curve is degenerate (`contours.trace`), the window holds too many turns, the
             start is too near to contact even so, there are too many cells, or time is up.
     """
-    searched = tuple(curve for curve in plane.curves if is_searched(plane, curve))
+    searched = tuple(curve for curve in slice_.curves if is_searched(slice_, curve))
     tubes = None
     if searched:
         for curve in searched:
-            check_turns(plane, curve)
-        tubes = Tubes(Searched(plane, searched, Grid.over(_wide(plane), width)), deadline)
+            check_turns(slice_, curve)
+        tubes = Tubes(Searched(slice_, searched, Grid.over(_wide(slice_), width)), deadline)
     finest = accuracy
     for finer in (1.0, 1e-2, 1e-4):
         finest = accuracy * finer
-        found = _arranged(plane, finest, tubes, deadline)
+        found = _arranged(slice_, finest, tubes, deadline)
         if found is not None:
             return found
-        if len(plane.curves) == len(searched):
+        if len(slice_.curves) == len(searched):
             break
     raise UnsupportedError(
-        f"the start point {plane.start.tolist()} is free, but nearer to contact than the accuracy of {finest:.3g} "
+        f"the start point {slice_.start.tolist()} is free, but nearer to contact than the accuracy of {finest:.3g} "
         "can tell; give a smaller accuracy, or start elsewhere"
     )
 
 
-def _wide(plane: Plane) -> Array:
-    """Return the window in which curves are traced, rows lower and upper, in units of `plane.scales`."""
-    low, high = plane.window / plane.scales
+def _wide(slice_: Slice) -> Array:
+    """Return the window in which curves are traced, rows lower and upper, in units of `Slice.scales`."""
+    low, high = slice_.window / slice_.scales
     return np.array([low - _BEYOND * (high - low), high + _BEYOND * (high - low)])
 
 
-def _arranged(plane: Plane, accuracy: float, tubes: Tubes | None, deadline: Deadline | None) -> Arrangement | None:
+def _arranged(slice_: Slice, accuracy: float, tubes: Tubes | None, deadline: Deadline | None) -> Arrangement | None:
     """Return the faces, or None if the start cannot be told from contact at this accuracy."""
-    wide = _wide(plane)
-    sides = [_scaled(limit, plane.scales) for limit in (*plane.box, *plane.limits)]
+    wide = _wide(slice_)
+    sides = [_scaled(limit, slice_.scales) for limit in (*slice_.box, *slice_.limits)]
     lines = [_straight(wide, side, side) for side in sides]
-    lines += _strip_lines(plane, wide)
-    for obstacle in plane.obstacles:
-        for side, ends in obstacle_sides(obstacle, wide, plane.scales):
+    lines += _strip_lines(slice_, wide)
+    for obstacle in slice_.obstacles:
+        for side, ends in obstacle_sides(obstacle, wide, slice_.scales):
             lines.append(Line(side.name, side.source, False, ends, side))
     error, blocks = 0.0, list[tuple[Any, str]]()
-    for curve in plane.curves if deadline is None else deadline.each(plane.curves):
+    for curve in slice_.curves if deadline is None else deadline.each(slice_.curves):
         if tubes is not None and curve in tubes.searched.curves:
             continue
-        found = outline(plane, curve, wide, accuracy, deadline)
+        found = outline(slice_, curve, wide, accuracy, deadline)
         error = max(error, found.chord_error)
         lines += found.lines
         for block in _blocks(found.unresolved, found.step):
@@ -233,28 +233,28 @@ def _arranged(plane: Plane, accuracy: float, tubes: Tubes | None, deadline: Dead
             error = max(error, float(np.hypot(*np.subtract(block.bounds[2:], block.bounds[:2]))))
     fixed = tuple(line for line in lines if line is not None)
     if tubes is None:
-        faces = _free_faces(plane, fixed, blocks, accuracy)
-        return None if faces is None else Arrangement(plane, fixed, faces, error, error, tuple(blocks))
-    settled = settle(tubes, lambda more, open_: _free_faces(plane, (*fixed, *more), [*blocks, *open_], accuracy))
+        faces = _free_faces(slice_, fixed, blocks, accuracy)
+        return None if faces is None else Arrangement(slice_, fixed, faces, error, error, tuple(blocks))
+    settled = settle(tubes, lambda more, open_: _free_faces(slice_, (*fixed, *more), [*blocks, *open_], accuracy))
     if settled is None:
         return None
     kept, blocks = (*fixed, *settled.lines), [*blocks, *settled.blocks]
-    return Arrangement(plane, kept, settled.faces, max(error, settled.error), error, tuple(blocks), settled)
+    return Arrangement(slice_, kept, settled.faces, max(error, settled.error), error, tuple(blocks), settled)
 
 
 def _free_faces(
-    plane: Plane, lines: Sequence[Line], blocks: Sequence[tuple[Any, str]], accuracy: float
+    slice_: Slice, lines: Sequence[Line], blocks: Sequence[tuple[Any, str]], accuracy: float
 ) -> tuple[Any, ...] | None:
     """Return the free faces between lines, the start's first, then the largest; None if the start is in none."""
     faces = gis.polygonize(gis.get_parts(gis.union_all([gis.linestrings(x.points) for x in lines])))
     polygons = np.asarray(gis.get_parts(faces))
     inside = gis.get_coordinates(gis.point_on_surface(polygons))
-    free = plane.free(inside * plane.scales)
+    free = slice_.free(inside * slice_.scales)
     for block, _ in blocks:
         near = np.flatnonzero(free)
         free[near] &= ~gis.contains_xy(block, inside[near])
     thick = gis.area(polygons) > accuracy * gis.length(polygons) / 2.0
-    away = np.where(free, gis.distance(polygons, gis.Point(plane.start / plane.scales)), np.inf)
+    away = np.where(free, gis.distance(polygons, gis.Point(slice_.start / slice_.scales)), np.inf)
     home = int(np.argmin(away))
     if away[home] > VERTEX:
         return None
@@ -266,7 +266,7 @@ def _scaled(half: HalfPlane, scales: Array) -> HalfPlane:
     return replace(half, normal=half.normal * scales)
 
 
-def _strip_lines(plane: Plane, wide: Array) -> list[Line | None]:
+def _strip_lines(slice_: Slice, wide: Array) -> list[Line | None]:
     """Return the lines at which strips begin or end.
 
     Raises:
@@ -275,14 +275,14 @@ def _strip_lines(plane: Plane, wide: Array) -> list[Line | None]:
     corners = wide[[0, 0, 1, 1], 0][:, None] * [1, 0] + wide[[0, 1, 0, 1], 1][:, None] * [0, 1]
     ranges: list[tuple[Strips, HalfPlane, float, float]] = []
     turns = 0.0
-    for strip in plane.strips:
-        half = HalfPlane(strip.name, strip.name, strip.normal * plane.scales, 0.0, True)
+    for strip in slice_.strips:
+        half = HalfPlane(strip.name, strip.name, strip.normal * slice_.scales, 0.0, True)
         values = corners @ half.normal
         ranges.append((strip, half, float(values.min()), float(values.max())))
         turns += (ranges[-1][3] - ranges[-1][2]) / _TURN * (1.0 if strip.half_width == 0.0 else 2.0)
     if turns > _MOST_LINES:
-        (x0, y0), (x1, y1) = plane.window.tolist()
-        x, y = plane.coordinates
+        (x0, y0), (x1, y1) = slice_.window.tolist()
+        x, y = slice_.coordinates
         raise UnsupportedError(
             f"the window is very wide: {x!r} reaches from {x0:.6g} to {x1:.6g} and {y!r} from {y0:.6g} to {y1:.6g}, "
             f"where contacts, which repeat every turn, begin or end on {turns:.0f} lines; give a smaller window around "
@@ -332,7 +332,7 @@ def arranged_loops(
     arrangement: Arrangement, polygon: Any, accuracy: float
 ) -> tuple[tuple[tuple[Edge, ...], ...], tuple[Corner, ...]]:
     """Return a face's loops of named edges, the exterior first, and its corners, in radians and metres."""
-    lines, scales = arrangement.lines, arrangement.plane.scales
+    lines, scales = arrangement.lines, arrangement.slice.scales
     keys, owners = vertex_owners(lines)
     loops: list[tuple[Edge, ...]] = []
     corners: list[Corner] = []

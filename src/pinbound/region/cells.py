@@ -10,7 +10,7 @@ distances T_b a cell is
 
 Then all contours lie in undecided cells, and nothing hides elsewhere. `docs/regions-cells.md` has the proofs.
 
-Coordinates here are those of the plane in units of `Plane.scales`. Corners of cells are whole numbers of the finest
+Coordinates here are those of the plane in units of `Slice.scales`. Corners of cells are whole numbers of the finest
 step, so that neighbours agree to the last bit.
 """
 
@@ -25,7 +25,7 @@ from pinbound.evaluate import separation
 from pinbound.exceptions import UnsupportedError
 from pinbound.path.relative import RelativePath
 from pinbound.region.deadline import Deadline
-from pinbound.region.plane import Curve, Plane
+from pinbound.region.slice import Curve, Slice
 from pinbound.tolerances import CONTOUR_ROUNDING
 from pinbound.typing import Array, Flags, Indices, Ints
 from pinbound.values import Value
@@ -152,11 +152,11 @@ class Cells(Value):
 class Searched:
     """The boundaries of a plane whose contact is searched for, with proven bounds over cells."""
 
-    def __init__(self, plane: Plane, curves: tuple[Curve, ...], grid: Grid) -> None:
+    def __init__(self, slice_: Slice, curves: tuple[Curve, ...], grid: Grid) -> None:
         """Put paths of as many edge vectors side by side."""
-        self.plane, self.curves, self.grid = plane, curves, grid
-        self.functions = tuple(SeparationFunction(one.path, one.threshold, plane.scales) for one in curves)
-        far = grid.places(np.array([[0, 0], np.array(grid.roots) << FINEST])) * plane.scales
+        self.slice, self.curves, self.grid = slice_, curves, grid
+        self.functions = tuple(SeparationFunction(one.path, one.threshold, slice_.scales) for one in curves)
+        far = grid.places(np.array([[0, 0], np.array(grid.roots) << FINEST])) * slice_.scales
         lower, upper = far
         counts = np.array([len(curve.path.swept.directions) for curve in curves])
         self._group = np.zeros(len(curves), dtype=np.int64)
@@ -172,7 +172,7 @@ class Searched:
 
     def bounds(self, which: Ints, low: Array, high: Array, deadline: Deadline | None = None) -> tuple[Array, Array]:
         """Return proven bounds (P,) of `f - T` of boundaries `which` over boxes with corners (P, 2)."""
-        scales = self.plane.scales
+        scales = self.slice.scales
         middle, half = 0.5 * (low + high) * scales, 0.5 * (high - low) * scales * (1.0 + 1e-9)
         lower, upper = np.empty(len(which)), np.empty(len(which))
         for number, (swept, error, threshold) in enumerate(self._bundles):
@@ -215,7 +215,7 @@ def pave(searched: Searched, deadline: Deadline | None = None) -> Cells:
 
 def _refuse_more_than(searched: Searched, count: int) -> None:
     if count > _MOST_CELLS:
-        x, y = searched.plane.coordinates
+        x, y = searched.slice.coordinates
         raise UnsupportedError(
             f"the contact curves in the plane of {x!r} and {y!r} need some {count:.1g} cells of the width asked for, "
             f"and {_MOST_CELLS} are the most; give a larger width= (on the command line --width), or a smaller window "
@@ -231,7 +231,7 @@ def decided(searched: Searched, cells: Cells, deadline: Deadline | None = None) 
     """
     _refuse_more_than(searched, len(cells) // 4)
     low, high = searched.grid.boxes(cells)
-    cells = cells.take(~_needless(searched.plane, low, high))
+    cells = cells.take(~_needless(searched.slice, low, high))
     low, high = searched.grid.boxes(cells)
     lower, upper = searched.bounds(cells.which, low[cells.cell], high[cells.cell], deadline)
     contact = np.zeros(len(cells), dtype=bool)
@@ -243,17 +243,17 @@ def decided(searched: Searched, cells: Cells, deadline: Deadline | None = None) 
     return Cells(cells.corners[kept], cells.sizes[kept], number[cells.cell[open_]], cells.which[open_])
 
 
-def _needless(plane: Plane, low: Array, high: Array) -> Flags:
+def _needless(slice_: Slice, low: Array, high: Array) -> Flags:
     """Return which cells (N,) lie as a whole, and well, beyond a limit or in the contact of one effective angle."""
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     found = np.zeros(len(low), dtype=bool)
-    for side in (*plane.box, *plane.limits):
-        normal = side.normal * plane.scales
+    for side in (*slice_.box, *slice_.limits):
+        normal = side.normal * slice_.scales
         reach = half @ np.abs(normal)
-        spare = 1e-2 * float(np.abs(side.normal) @ (plane.window[1] - plane.window[0]))
+        spare = 1e-2 * float(np.abs(side.normal) @ (slice_.window[1] - slice_.window[0]))
         found |= middle @ normal - reach > side.bound + spare
-    for strip in plane.strips:
-        normal = strip.normal * plane.scales
+    for strip in slice_.strips:
+        normal = strip.normal * slice_.scales
         away = np.abs(np.remainder(middle @ normal - strip.angle + np.pi, _TURN) - np.pi)
         found |= away + 2.0 * (half @ np.abs(normal)) < strip.half_width
     return found

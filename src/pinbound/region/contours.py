@@ -11,7 +11,7 @@ No island can hide: if all boxes around it are regular, each bounded part of eit
 Signs at all corners give the crossings, the order along the tangent connects them, and each chord is halved, its middle
 moved onto the curve, until its distance to the curve is provably within the accuracy. `docs/regions.md` has the proofs.
 
-Coordinates here are those of the plane in units of `Plane.scales`, so that an accuracy is a share of the window where
+Coordinates here are those of the plane in units of `Slice.scales`, so that an accuracy is a share of the window where
 the window is small.
 """
 

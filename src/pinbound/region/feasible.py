@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from pinbound.boundaries.boundary import one_configuration
 from pinbound.exceptions import DimensionError
-from pinbound.region.plane import plane_of
 from pinbound.region.region import Region, region_of
+from pinbound.region.slice import slice_of
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET, REGION_WIDTH
 
@@ -81,5 +81,5 @@ def feasible_region(
     if not 0.0 <= margin < math.inf:
         raise DimensionError(f"the margin is {margin}; give metres, 0 or more")
     start = np.array(robot.home if at is None else one_configuration(at, robot.coordinates), dtype=np.float64)
-    plane = plane_of(robot, coordinates, start, dict(window or {}), margin)
-    return region_of(plane, accuracy, width, budget)
+    slice_ = slice_of(robot, coordinates, start, dict(window or {}), margin)
+    return region_of(slice_, accuracy, width, budget)

@@ -63,11 +63,11 @@ class Support:
     by: tuple[str, ...]
 
 
-def intersect(planes: Sequence[HalfPlane]) -> tuple[Array, tuple[HalfPlane, ...]]:
+def intersect(half_planes: Sequence[HalfPlane]) -> tuple[Array, tuple[HalfPlane, ...]]:
     """Return the cell `{x : normal_i @ x <= bound_i for all i}`, which must be bounded.
 
     Args:
-        planes: Half-planes; the first four must form a box around the cell.
+        half_planes: Half-planes; the first four must form a box around the cell.
 
     Returns:
         Vertices (k, 2), counter-clockwise, and the k half-planes of the edges; edge i runs from vertex i to
@@ -78,13 +78,13 @@ def intersect(planes: Sequence[HalfPlane]) -> tuple[Array, tuple[HalfPlane, ...]
         >>> box = [HalfPlane("q", name, np.array(normal), 1.0, False) for name, normal in sides.items()]
         >>> corner = HalfPlane("beta", "beta", np.array([1.0, 1.0]), 1.0, True)
         >>> vertices, edges = intersect([*box, corner])
-        >>> [plane.name for plane in edges]
+        >>> [half_plane.name for half_plane in edges]
         ['right', 'beta', 'top', 'left', 'low']
     """
-    edges = list(planes[:4])
+    edges = list(half_planes[:4])
     vertices = [_meet(edges[i - 1], edges[i]) for i in range(4)]
-    for plane in planes[4:]:
-        vertices, edges = _clip(vertices, edges, plane)
+    for half_plane in half_planes[4:]:
+        vertices, edges = _clip(vertices, edges, half_plane)
     vertices, edges = _without_short_edges(vertices, edges)
     if len(edges) < 3:
         return np.empty((0, 2)), ()
@@ -96,9 +96,9 @@ def _meet(a: HalfPlane, b: HalfPlane) -> Array:
     return np.asarray(point, dtype=np.float64) + 0.0  # no negative zeros
 
 
-def _clip(vertices: list[Array], edges: list[HalfPlane], plane: HalfPlane) -> tuple[list[Array], list[HalfPlane]]:
+def _clip(vertices: list[Array], edges: list[HalfPlane], half_plane: HalfPlane) -> tuple[list[Array], list[HalfPlane]]:
     """Cut a convex polygon by one half-plane; new vertices are solved from the two lines, not interpolated."""
-    inside = [float(plane.normal @ vertex) <= plane.bound for vertex in vertices]
+    inside = [float(half_plane.normal @ vertex) <= half_plane.bound for vertex in vertices]
     if all(inside) or not any(inside):
         return (vertices, edges) if any(inside) else ([], [])
     cut_vertices: list[Array] = []
@@ -109,10 +109,10 @@ def _clip(vertices: list[Array], edges: list[HalfPlane], plane: HalfPlane) -> tu
             cut_vertices.append(vertices[i])
             cut_edges.append(edge)
         if inside[i] and not inside[following]:
-            cut_vertices.append(_meet(edge, plane))
-            cut_edges.append(plane)
+            cut_vertices.append(_meet(edge, half_plane))
+            cut_edges.append(half_plane)
         elif inside[following] and not inside[i]:
-            cut_vertices.append(_meet(plane, edge))
+            cut_vertices.append(_meet(half_plane, edge))
             cut_edges.append(edge)
     return cut_vertices, cut_edges
 
@@ -124,18 +124,20 @@ def _without_short_edges(vertices: list[Array], edges: list[HalfPlane]) -> tuple
     return [vertices[i] for i in keep], [edges[i] for i in keep]
 
 
-def support(vertices: Array, edges: Sequence[HalfPlane], plane: HalfPlane, factors: ArrayLike = (1.0, 1.0)) -> Support:
+def support(
+    vertices: Array, edges: Sequence[HalfPlane], half_plane: HalfPlane, factors: ArrayLike = (1.0, 1.0)
+) -> Support:
     """Return a half-plane's slack over a cell, coordinates times factors (2,), and which edges imply it.
 
     At the vertex where `normal @ x` is largest, `normal = l_1 n_1 + l_2 n_2` with the normals of the two edges that
     meet there and `l >= 0` (Farkas): the edges with `l > 0` imply the half-plane.
     """
-    if any(plane is edge for edge in edges):
+    if any(half_plane is edge for edge in edges):
         return Support(0.0, ())
-    values = vertices @ plane.normal
+    values = vertices @ half_plane.normal
     top = int(np.argmax(values))
-    slack = (plane.bound - float(values[top])) / float(np.linalg.norm(plane.normal / np.asarray(factors)))
+    slack = (half_plane.bound - float(values[top])) / float(np.linalg.norm(half_plane.normal / np.asarray(factors)))
     meeting = (edges[top - 1], edges[top])
-    weights = np.linalg.solve(np.column_stack([edge.normal for edge in meeting]), plane.normal)
+    weights = np.linalg.solve(np.column_stack([edge.normal for edge in meeting]), half_plane.normal)
     by = tuple(edge.name for edge, weight in zip(meeting, weights, strict=True) if weight > IMPLIED)
     return Support(slack, by)

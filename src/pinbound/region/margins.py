@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -18,9 +18,11 @@ from pinbound.limits.univariate import Strip, one_angle_strip
 from pinbound.path.chain import Chain
 from pinbound.path.relative import RelativePath
 from pinbound.path.restriction import restrict_path
+from pinbound.region import convex
 from pinbound.region.arrangement import Corner, Edge
 from pinbound.region.deadline import Deadline
-from pinbound.region.plane import Plane
+from pinbound.region.halfplanes import HalfPlane
+from pinbound.region.slice import Slice
 from pinbound.tolerances import CONTOUR_ROUNDING, IMPLIED
 from pinbound.typing import Array
 from pinbound.values import Value
@@ -30,7 +32,9 @@ __all__ = [
     "check_scaled",
     "inset_parts",
     "loop_corners",
+    "moved",
     "named_loops",
+    "named_sides",
     "smallest_clearance",
 ]
 
@@ -60,7 +64,7 @@ class SmallestClearance(Value):
     q: Array
 
 
-def check_scaled(polygon: Any, factor: float, plane: Plane, accuracy: float) -> None:
+def check_scaled(polygon: Any, factor: float, slice_: Slice, accuracy: float) -> None:
     """Raise if a polygon scaled about its centroid leaves it.
 
     Raises:
@@ -76,7 +80,7 @@ def check_scaled(polygon: Any, factor: float, plane: Plane, accuracy: float) -> 
     away = gis.distance(gis.points(beyond), polygon)
     worst = int(np.argmax(away))
     if float(away[worst]) > IMPLIED:
-        raise LeavesRegionError(factor, plane.coordinates, beyond[worst], plane.lift(beyond[worst][None])[0])
+        raise LeavesRegionError(factor, slice_.coordinates, beyond[worst], slice_.lift(beyond[worst][None])[0])
 
 
 def inset_parts(
@@ -140,7 +144,7 @@ def loop_corners(loops: Loops) -> tuple[Corner, ...]:
     )
 
 
-def smallest_clearance(plane: Plane, polygon: Any, gap: float) -> SmallestClearance:
+def smallest_clearance(slice_: Slice, polygon: Any, gap: float) -> SmallestClearance:
     """Bound the smallest clearance over a polygon from both sides.
 
     One effective angle phi: its range over the polygon is that over the vertices, and the norm grows with the angle
@@ -155,12 +159,12 @@ def smallest_clearance(plane: Plane, polygon: Any, gap: float) -> SmallestCleara
     """
     if not gap > 0.0 or polygon.is_empty:
         raise DimensionError(f"the gap is {gap}; give metres above 0")
-    indices = [plane.robot.coordinates.index(name) for name in plane.coordinates]
-    best = SmallestClearance(np.inf, np.inf, "", np.full(len(plane.at), np.nan))
+    indices = [slice_.robot.coordinates.index(name) for name in slice_.coordinates]
+    best = SmallestClearance(np.inf, np.inf, "", np.full(len(slice_.at), np.nan))
     lower = np.inf
-    for boundary in plane.robot.boundaries:
+    for boundary in slice_.robot.boundaries:
         rule = boundary.rule  # in the region a stop's signed clearance is its size
-        path = restrict_path(rule.size_path if rule.stop else boundary.path, plane.at, indices)
+        path = restrict_path(rule.size_path if rule.stop else boundary.path, slice_.at, indices)
         threshold = 0.0 if rule.stop else rule.distance
         chain = path.minimal
         found = one_angle_strip(chain, threshold, 0.0) if path.is_plain else None
@@ -172,7 +176,7 @@ def smallest_clearance(plane: Plane, polygon: Any, gap: float) -> SmallestCleara
         off = 0.5 * rule.stop.amplitude * rule.stop.play if rule.stop else 0.0  # the gap is narrower than the arms say
         lower = min(lower, least - off)
         if upper < best.upper:
-            best = SmallestClearance(lower, upper, boundary.name, plane.lift(point[None])[0])
+            best = SmallestClearance(lower, upper, boundary.name, slice_.lift(point[None])[0])
     return SmallestClearance(min(lower, best.upper), best.upper, best.boundary, best.q)
 
 
@@ -276,3 +280,32 @@ def _branch_and_bound(
     else:
         settled = -np.inf if isinstance(bounds, _SweptBounds) else -threshold
     return min(settled, upper), upper, point
+
+
+def named_sides(polygon: Any, edges: Sequence[Edge]) -> tuple[tuple[Edge, ...], tuple[HalfPlane, ...]]:
+    """Return the sides of a convex polygon, counter-clockwise, each named by the edge that is nearest to its middle."""
+    A, b = convex.polygon_halfspaces(polygon)
+    vertices = gis.get_coordinates(gis.orient_polygons(polygon).exterior)
+    middle = gis.points(0.5 * (vertices[1:] + vertices[:-1]))
+    tree = gis.STRtree([gis.linestrings(edge.points) for edge in edges])
+    near = [edges[int(i)] for i in np.asarray(tree.nearest(middle))]
+    sides = tuple(
+        Edge(e.name, e.source, e.is_contact, vertices[i], vertices[i + 1], vertices[i : i + 2])
+        for i, e in enumerate(near)
+    )
+    half_planes = tuple(
+        HalfPlane(e.source, e.name, normal, float(bound), e.is_contact)
+        for e, normal, bound in zip(near, A, b, strict=True)
+    )
+    return sides, half_planes
+
+
+def moved(
+    loops: Sequence[Sequence[Edge]], corners: Sequence[Corner], move: Callable[[Array], Array]
+) -> tuple[tuple[tuple[Edge, ...], ...], tuple[Corner, ...]]:
+    """Return loops and corners with every point moved."""
+    found = tuple(
+        tuple(Edge(e.name, e.source, e.is_contact, move(e.start), move(e.end), move(e.points)) for e in loop)
+        for loop in loops
+    )
+    return found, tuple(Corner(move(c.point), c.before, c.after, c.polished) for c in corners)

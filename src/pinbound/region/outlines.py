@@ -7,7 +7,7 @@ an end; between all these curves contact or freedom does not change, so that one
 the contour of the faces in contact is the contact curve. `docs/segments.md` says why no feature is missing. Bodies that
 only slide against each other have one convex curve, whatever they are (`sliding`).
 
-All is done in units of `Plane.scales`: a chain over `y = x / s` has those of the chain over x times s as its
+All is done in units of `Slice.scales`: a chain over `y = x / s` has those of the chain over x times s as its
 slides and coefficients.
 """
 
@@ -33,7 +33,7 @@ from pinbound.path.restriction import restrict_path
 from pinbound.region.contours import ContactFunction, HeightFunction, Traced, trace
 from pinbound.region.deadline import Deadline
 from pinbound.region.lines import Line, segment_owners, vertex_owners
-from pinbound.region.plane import Curve, Plane
+from pinbound.region.slice import Curve, Slice
 from pinbound.region.sliding import SlidingFunction, only_slides, sliding_curves
 from pinbound.tolerances import CONTOUR_ROUNDING, REDUCTION
 from pinbound.typing import Array, Ints
@@ -64,19 +64,19 @@ class Outline:
     step: Array
 
 
-def outline(plane: Plane, curve: Curve, window: Array, accuracy: float, deadline: Deadline | None = None) -> Outline:
-    """Return where contact of a curve begins, in a window (2, 2), to an accuracy, all in units of `plane.scales`.
+def outline(slice_: Slice, curve: Curve, window: Array, accuracy: float, deadline: Deadline | None = None) -> Outline:
+    """Return where contact of a curve begins, in a window (2, 2), to an accuracy, all in units of `Slice.scales`.
 
     Raises:
         UnsupportedError: If a curve is degenerate (`contours.trace`), the window holds too many turns, or time is up.
     """
     if only_slides(curve.path):
-        sliding = SlidingFunction(curve.path, curve.threshold, plane.scales)
+        sliding = SlidingFunction(curve.path, curve.threshold, slice_.scales)
         drawn, error = sliding_curves(sliding, window, accuracy, deadline)
         pieces = tuple(Line(curve.name, curve.name, True, points, sliding) for points in drawn)
         return Outline(pieces, error, np.empty((0, 2)), np.zeros(2))
-    check_turns(plane, curve)
-    functions = _functions(plane, curve, window)
+    check_turns(slice_, curve)
+    functions = _functions(slice_, curve, window)
     contours = [trace(function, window, accuracy, deadline) for function in functions]
     lines = tuple(
         Line(curve.name, curve.name, True, points, function)
@@ -86,12 +86,12 @@ def outline(plane: Plane, curve: Curve, window: Array, accuracy: float, deadline
     error = max((contour.chord_error for contour in contours), default=0.0)
     unresolved = np.concatenate([contour.unresolved for contour in contours])
     if len(functions) > 1:
-        lines = _between(plane, curve, lines, window) if lines else ()
-        unresolved = _near_contact(plane, curve, unresolved, contours[0].step)
+        lines = _between(slice_, curve, lines, window) if lines else ()
+        unresolved = _near_contact(slice_, curve, unresolved, contours[0].step)
     return Outline(lines, error, unresolved, contours[0].step)
 
 
-def is_searched(plane: Plane, curve: Curve) -> bool:
+def is_searched(slice_: Slice, curve: Curve) -> bool:
     """Return whether no smooth functions are known whose zeros hold the contact curves: bodies may meet edge to edge.
 
     So it is of boxes, prisms and skew segments that turn by several angles; they are left to `cells`.
@@ -101,7 +101,7 @@ def is_searched(plane: Plane, curve: Curve) -> bool:
         return False
     if path.is_signed:
         return math.prod(len(corners) for corners in path.swept.corners) > _FEW
-    segments = _segments(plane.robot.boundaries[curve.name])
+    segments = _segments(slice_.robot.boundaries[curve.name])
     known = len(segments) == len(path.swept.directions) and path.across is None
     return not known or (len(segments) > 1 and not _is_flat(path))
 
@@ -111,7 +111,7 @@ def _segments(boundary: Boundary) -> list[Mark]:
     return [mark for mark in (boundary.point_a, boundary.point_b) if mark.shape.is_segment]
 
 
-def _near_contact(plane: Plane, curve: Curve, centres: Array, step: Array) -> Array:
+def _near_contact(slice_: Slice, curve: Curve, centres: Array, step: Array) -> Array:
     """Return those of the boxes in which contact may begin: curves at which a foot is at an end cross elsewhere too.
 
     The separation changes by no more than a lever arm from the middle of a box to its corner.
@@ -119,22 +119,22 @@ def _near_contact(plane: Plane, curve: Curve, centres: Array, step: Array) -> Ar
     if not len(centres):
         return centres
     arms = [
-        ContactFunction.over(_scaled(plane, corner), 0.0, np.array([centres.min(axis=0), centres.max(axis=0)])).arms
+        ContactFunction.over(_scaled(slice_, corner), 0.0, np.array([centres.min(axis=0), centres.max(axis=0)])).arms
         for corner in curve.path.swept.vertex_chains
     ]
     most = np.max([arm.first for arm in arms], axis=0)
-    values = separation.separations(curve.path, centres * plane.scales)
+    values = separation.separations(curve.path, centres * slice_.scales)
     reach = float(most @ step) + CONTOUR_ROUNDING * max(arm.length for arm in arms)
     return centres[np.abs(values - curve.threshold) <= reach]
 
 
-def check_turns(plane: Plane, curve: Curve) -> None:
+def check_turns(slice_: Slice, curve: Curve) -> None:
     """Raise if a window holds so many turns that the contacts, which repeat every turn, cannot all be drawn."""
     most: Array = np.asarray(np.max(np.abs(curve.path.minimal.coefficients), axis=0, initial=0.0), dtype=np.float64)
-    turns: Array = (plane.window[1] - plane.window[0]) * most / (2.0 * np.pi)
+    turns: Array = (slice_.window[1] - slice_.window[0]) * most / (2.0 * np.pi)
     if float(np.prod(np.maximum(turns, 1.0))) > _MOST_TURNS:
         axis = int(np.argmax(turns))
-        name, (low, high) = plane.coordinates[axis], plane.window[:, axis].tolist()
+        name, (low, high) = slice_.coordinates[axis], slice_.window[:, axis].tolist()
         raise UnsupportedError(
             f"the window is very wide: {name!r} reaches from {low:.6g} to {high:.6g} rad, and the contacts of "
             f"{curve.name!r} repeat every turn; give a smaller window, window={{{name!r}: (lower, upper)}} around the "
@@ -142,23 +142,23 @@ def check_turns(plane: Plane, curve: Curve) -> None:
         )
 
 
-def _scaled(plane: Plane, chain: Chain) -> Chain:
+def _scaled(slice_: Slice, chain: Chain) -> Chain:
     """Return a chain over the plane's coordinates as one over these coordinates in units of its scales."""
-    s = plane.scales
+    s = slice_.scales
     return replace(chain, slides=chain.slides * s, coefficients=chain.coefficients * s)
 
 
-def _functions(plane: Plane, curve: Curve, window: Array) -> list[Traced]:
+def _functions(slice_: Slice, curve: Curve, window: Array) -> list[Traced]:
     """Return the smooth functions whose zeros hold all contact curves, and all places where one takes over."""
     path, T = curve.path, curve.threshold
     if path.is_signed:
-        return [_height(path, _scaled(plane, corner), T, window) for corner in path.swept.vertex_chains]
+        return [_height(path, _scaled(slice_, corner), T, window) for corner in path.swept.vertex_chains]
     if not path.swept.directions:
-        return [ContactFunction.over(_scaled(plane, path.minimal), T, window, path.across)]
-    boundary = plane.robot.boundaries[curve.name]
+        return [ContactFunction.over(_scaled(slice_, path.minimal), T, window, path.across)]
+    boundary = slice_.robot.boundaries[curve.name]
     segments = _segments(boundary)
     found: list[Traced] = [
-        ContactFunction.over(_scaled(plane, corner), T, window) for corner in path.swept.vertex_chains
+        ContactFunction.over(_scaled(slice_, corner), T, window) for corner in path.swept.vertex_chains
     ]
     for segment in segments:
         other = boundary.point_b if segment is boundary.point_a else boundary.point_a
@@ -166,19 +166,19 @@ def _functions(plane: Plane, curve: Curve, window: Array) -> list[Traced]:
         along = tuple((last - first).tolist())
         for xyz in other.shape.vertices.tolist():
             end = Point("", other.link, tuple(xyz))
-            line = _seen(plane, LineMark("", segment.link, tuple(first.tolist()), along), end)
-            found.append(ContactFunction.over(_scaled(plane, line.minimal), T, window, line.across))
+            line = _seen(slice_, LineMark("", segment.link, tuple(first.tolist()), along), end)
+            found.append(ContactFunction.over(_scaled(slice_, line.minimal), T, window, line.across))
             for foot in (first, last):  # the foot on the line passes an end of the segment
-                upright = _seen(plane, PlaneMark("", segment.link, tuple(foot.tolist()), along), end)
-                found.append(_height(upright, _scaled(plane, upright.minimal), 0.0, window))
+                upright = _seen(slice_, PlaneMark("", segment.link, tuple(foot.tolist()), along), end)
+                found.append(_height(upright, _scaled(slice_, upright.minimal), 0.0, window))
     return [function for function in found if function.chain.coordinates]
 
 
-def _seen(plane: Plane, mark: Mark, end: Point) -> RelativePath:
+def _seen(slice_: Slice, mark: Mark, end: Point) -> RelativePath:
     """Return the path between a line or plane and a point, in the plane of the two coordinates."""
-    robot = plane.robot
+    robot = slice_.robot
     path = relative_path(robot.tree, robot.coupling, mark, end)
-    return restrict_path(path, plane.at, [robot.coordinates.index(name) for name in plane.coordinates])
+    return restrict_path(path, slice_.at, [robot.coordinates.index(name) for name in slice_.coordinates])
 
 
 def _height(path: RelativePath, chain: Chain, threshold: float, window: Array) -> HeightFunction:
@@ -193,7 +193,7 @@ def _is_flat(path: RelativePath) -> bool:
     return chain.is_planar and max(across) <= REDUCTION
 
 
-def _between(plane: Plane, curve: Curve, lines: tuple[Line, ...], window: Array) -> tuple[Line, ...]:
+def _between(slice_: Slice, curve: Curve, lines: tuple[Line, ...], window: Array) -> tuple[Line, ...]:
     """Return the pieces of lines that part contact from freedom."""
     rim = window + _INSET * (window[1] - window[0]) * np.array([[1.0], [-1.0]])  # which traced curves cross properly
     (x, y), (u, v) = rim
@@ -201,7 +201,7 @@ def _between(plane: Plane, curve: Curve, lines: tuple[Line, ...], window: Array)
     noded = gis.union_all([frame, *(gis.linestrings(line.points) for line in lines)])
     faces = np.asarray(gis.get_parts(gis.polygonize(gis.get_parts(noded))))
     inside = gis.get_coordinates(gis.point_on_surface(faces))
-    contact = gis.union_all(faces[~curve.free(inside * plane.scales)])
+    contact = gis.union_all(faces[~curve.free(inside * slice_.scales)])
     keys, owners = vertex_owners(lines)
     pieces: list[Line] = []
     for ring in gis.get_parts(gis.boundary(contact)):

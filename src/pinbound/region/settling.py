@@ -16,7 +16,7 @@ import shapely
 
 from pinbound.region.halfplanes import intersect
 from pinbound.region.lines import Line
-from pinbound.region.plane import Plane
+from pinbound.region.slice import Slice
 from pinbound.region.tubes import Part, Tubes
 
 __all__ = ["Settled", "settle"]
@@ -35,7 +35,7 @@ class Settled:
     """The faces of a plane, its tubes cut as far as that helped.
 
     Attributes:
-        faces: The free faces, the start's first, in units of `Plane.scales`, as all that follows.
+        faces: The free faces, the start's first, in units of `Slice.scales`, as all that follows.
         lines: Searched contours, and walls around what stays open.
         blocks: What stays open: a polygon and the boundary's name.
         error: No point of a searched contour is further than this from the lines.
@@ -60,13 +60,13 @@ class Settled:
             index: The face.
             chord_error: Of the curves that are not searched for.
         """
-        plane = self.tubes.searched.plane
-        room, start = _room(plane), gis.Point(plane.start / plane.scales)
+        slice_ = self.tubes.searched.slice
+        room, start = _room(slice_), gis.Point(slice_.start / slice_.scales)
         mine = [part.polygon for part in self.parts if part.face == index]
         lower = max((float(one.area) for one in mine), default=0.0)
         if index == 0:
             lower = next((float(one.area) for one in mine if one.intersects(start)), 0.0)
-        cells, joined = self.tubes.network(self.faces, index, _sides(plane, self.faces), room)
+        cells, joined = self.tubes.network(self.faces, index, _sides(slice_, self.faces), room)
         proven = sum(float(part.polygon.area) for part in self.parts if part.face in joined)
         upper = proven + float(np.sum(gis.area(gis.intersection(self.tubes.boxes(cells), room))))
         spare = 2.0 * chord_error * float(sum(self.faces[i].length for i in joined))
@@ -83,8 +83,8 @@ def settle(tubes: Tubes, draw: Draw) -> Settled | None:
     Raises:
         UnsupportedError: If time is up.
     """
-    plane = tubes.searched.plane
-    room, start = _room(plane), plane.start / plane.scales
+    slice_ = tubes.searched.slice
+    room, start = _room(slice_), slice_.start / slice_.scales
     walls: list[Line] = []
     closed: list[Block] = []
     for turn in range(_DRAWINGS):
@@ -98,7 +98,7 @@ def settle(tubes: Tubes, draw: Draw) -> Settled | None:
             continue
         outline = tubes.outline()
         parts = tubes.parts(faces, outline)
-        doubts = tubes.doubts(faces, _sides(plane, faces), parts, start, room)
+        doubts = tubes.doubts(faces, _sides(slice_, faces), parts, start, room)
         finer = np.union1d(tubes.deeper(np.union1d(doubts.within, doubts.between)), near)
         finer = np.union1d(finer, tubes.deeper(tubes.hidden))
         if len(finer) and turn < _DRAWINGS // 2:
@@ -123,13 +123,13 @@ def _merged(blocks: Sequence[Block]) -> tuple[Block, ...]:
     return tuple((place, next(name for shape, name in blocks if shape.intersects(place))) for place in places)
 
 
-def _room(plane: Plane) -> Any:
-    """Return what the limits and the window leave, as a polygon in units of `Plane.scales`."""
-    return gis.Polygon(intersect((*plane.box, *plane.limits))[0] / plane.scales)
+def _room(slice_: Slice) -> Any:
+    """Return what the limits and the window leave, as a polygon in units of `Slice.scales`."""
+    return gis.Polygon(intersect((*slice_.box, *slice_.limits))[0] / slice_.scales)
 
 
-def _sides(plane: Plane, faces: Sequence[Any]) -> list[tuple[int, ...]]:
+def _sides(slice_: Slice, faces: Sequence[Any]) -> list[tuple[int, ...]]:
     """Return on which sides of the exact lines of one-angle contacts each face lies."""
-    places = gis.get_coordinates(gis.point_on_surface(np.array(faces))) * plane.scales
-    turns = [np.floor((places @ strip.normal - strip.angle) / _TURN).astype(int) for strip in plane.strips]
+    places = gis.get_coordinates(gis.point_on_surface(np.array(faces))) * slice_.scales
+    turns = [np.floor((places @ strip.normal - strip.angle) / _TURN).astype(int) for strip in slice_.strips]
     return [tuple(int(turn[i]) for turn in turns) for i in range(len(faces))]

@@ -6,25 +6,22 @@ prismatic joint has no distance of its own: what would add radians and metres ta
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from pinbound.exceptions import UnsupportedError
-from pinbound.region import convex, inside
-from pinbound.region.arrangement import Corner, Edge, Line, Unresolved
-from pinbound.region.halfplanes import HalfPlane, Support, intersect, support
-from pinbound.region.plane import Plane
-from pinbound.typing import Array
+from pinbound.region import inside
+from pinbound.region.arrangement import Corner, Edge, Unresolved
+from pinbound.region.halfplanes import Support
+from pinbound.region.slice import Slice
+from pinbound.typing import Array, Flags
 from pinbound.values import read_only
-
-if TYPE_CHECKING:
-    from pinbound.region.region import Region
 
 __all__ = ["PlanarShape"]
 
@@ -35,15 +32,14 @@ _PLANE = 2
 
 
 @dataclass(frozen=True, eq=False)
-class PlanarShape:
+class PlanarShape(ABC):
     """Where a region is: its edges, its area, what it implies, and which points it holds.
 
     Attributes:
-        plane: The plane: robot, coordinates, limits and contacts.
+        slice: The plane: robot, coordinates, limits and contacts.
         loops: Named edges of the exterior, counter-clockwise, then of each hole, clockwise.
         corners: Where two edges meet, in the order of the loops.
         accuracy: [rad or m]; no point of the true contour is further than this from the edges. Zero if all is straight.
-        planes: Every half-plane that bounds it, edges and implied ones alike, if it is convex in closed form.
         unresolved: Places on its contour, each with its two coordinates, that are too small to be resolved: there a
             contact curve may cross itself, and it is undecided whether parts meet. The region is the reading in
             which they do not; `joined_area` is the area if they do.
@@ -51,16 +47,11 @@ class PlanarShape:
             none.
     """
 
-    plane: Plane
+    slice: Slice
     loops: Loops
     corners: tuple[Corner, ...]
     accuracy: float
-    planes: tuple[HalfPlane, ...] = ()
-    _lines: tuple[Line, ...] = field(default=(), repr=False, compare=False)
-    _others: Callable[[], tuple[Region, ...]] | None = field(default=None, repr=False, compare=False)
     unresolved: tuple[Unresolved, ...] = ()
-    _joined: float | None = field(default=None, repr=False, compare=False)
-    _interval: tuple[float, float] | None = field(default=None, repr=False, compare=False)
     width: float = 0.0
 
     def __repr__(self) -> str:
@@ -74,27 +65,17 @@ class PlanarShape:
     @property
     def unresolved_text(self) -> str:
         """What is undecided, in one sentence for people; empty if nothing is."""
-        if not self.unresolved:
-            return ""
-        places = [
-            f"{place.name} at ({', '.join(f'{n} = {v:.9g} {u}' for n, v, u in zip(*axes, strict=True))})"
-            for place in self.unresolved
-            for axes in ((self.coordinates, place.point, self.units),)
-        ]
-        text = f"UNDECIDED whether parts meet in a point of contact: {'; '.join(places)}"
-        if self.joined_area > self.area:
-            text += f"; not joined, area {self.area:.6g} {self.area_unit}; joined, {self.joined_area:.6g}"
-        return text
+        return ""
 
     @property
     def joined_area(self) -> float:
         """Area [`area_unit`] if all parts that meet at `unresolved` places are joined there; else `area`."""
-        return self.area if self._joined is None else max(self._joined, self.area)
+        return self.area
 
     @property
     def units(self) -> tuple[str, str]:
         """The unit of each coordinate: ``"rad"``, or ``"m"`` of a prismatic joint."""
-        return self.plane.units
+        return self.slice.units
 
     @property
     def area_unit(self) -> str:
@@ -105,22 +86,22 @@ class PlanarShape:
     @property
     def coordinates(self) -> tuple[str, str]:
         """The two coordinates of the plane."""
-        return self.plane.coordinates
+        return self.slice.coordinates
 
     @property
     def robot_coordinates(self) -> tuple[str, ...]:
         """All active coordinates of the robot."""
-        return self.plane.robot.coordinates
+        return self.slice.robot.coordinates
 
     @property
     def at(self) -> Array:
         """(n,) where the other coordinates are held."""
-        return self.plane.at
+        return self.slice.at
 
     @property
     def fixed(self) -> tuple[str, ...]:
         """Other coordinates that some boundary or limit depends on: a q inside must have them as in `at`."""
-        return self.plane.fixed
+        return self.slice.fixed
 
     @cached_property
     def edges(self) -> tuple[Edge, ...]:
@@ -140,15 +121,9 @@ class PlanarShape:
         return not self.loops
 
     @property
+    @abstractmethod
     def is_convex(self) -> bool:
         """Whether it is a convex polygon with straight edges."""
-        if self.planes or self.is_empty:
-            return True
-        return all(len(edge.points) == _PLANE for edge in self.edges) and convex.is_convex(self.polygon)
-
-    @cached_property
-    def _cell(self) -> tuple[Array, tuple[HalfPlane, ...]]:
-        return intersect(self.planes)
 
     @cached_property
     def polygon(self) -> Any:
@@ -165,16 +140,10 @@ class PlanarShape:
     def area_error(self) -> float:
         """[`area_unit`], a bound of what the accuracy leaves open: accuracy times the length of the curved edges.
 
-        Both are taken in units of `Plane.scales`, which is one of rad and m or less. Where contact is searched for it
+        Both are taken in units of `Slice.scales`, which is one of rad and m or less. Where contact is searched for it
         is how far `area_interval` reaches from `area`.
         """
-        if self._interval is not None:
-            lower, upper = self.area_interval
-            return max(self.area - lower, upper - self.area)
-        scales = self.plane.scales
-        curved = [edge.points / scales for edge in self.edges if len(edge.points) > _PLANE]
-        length = float(sum(np.sum(np.linalg.norm(np.diff(p, axis=0), axis=1)) for p in curved))
-        return self.accuracy / float(np.max(scales)) * length * float(np.prod(scales))
+        return 0.0
 
     @property
     def area_interval(self) -> tuple[float, float]:
@@ -183,8 +152,6 @@ class PlanarShape:
         Of those, from the part that is proven free and connected with the start to all that undecided cells may add;
         else `area` less and plus `area_error`.
         """
-        if self._interval is not None:
-            return min(self._interval[0], self.area), max(self._interval[1], self.area)
         return max(self.area - self.area_error, 0.0), max(self.area + self.area_error, self.joined_area)
 
     def perimeter(self, weights: Mapping[str, float] | None = None) -> float:
@@ -196,7 +163,7 @@ class PlanarShape:
         Raises:
             DimensionError: If radians and metres would be added.
         """
-        return float(inside.weighted(self.polygon, inside.metric(self.plane, weights, "the perimeter")).length)
+        return float(inside.weighted(self.polygon, inside.metric(self.slice, weights, "the perimeter")).length)
 
     @property
     def centroid(self) -> Array:
@@ -205,6 +172,7 @@ class PlanarShape:
             return read_only(np.full(2, np.nan))
         return read_only(np.array([self.polygon.centroid.x, self.polygon.centroid.y]))
 
+    @abstractmethod
     def supports(self, weights: Mapping[str, float] | None = None) -> dict[str, Support]:
         """Return, for everything that could bound the region, its slack and, if convex, the edges that imply it.
 
@@ -221,29 +189,13 @@ class PlanarShape:
             >>> region.supports()["beta_1"].by
             ('beta_4',)
         """
-        mixed = weights is None and self.units[0] != self.units[1]
-        factors = np.ones(_PLANE) if mixed else inside.metric(self.plane, weights, "the slack")
-        found: dict[str, Support] = {}
-        if self.planes and not self.is_empty:
-            for plane in self.planes:
-                one = support(self.vertices, self._cell[1], plane, factors)
-                if mixed and one.slack and np.all(plane.normal):
-                    one = Support(float("nan"), one.by)
-                if plane.name not in found or not one.slack >= found[plane.name].slack:
-                    found[plane.name] = one
-            return found
-        names = {edge.name for edge in self.edges}
-        found = {name: Support(0.0, ()) for name in names}
-        polygon = inside.weighted(self.polygon, factors)
-        for line in self._lines:
-            if line.name in names:
-                continue
-            drawn = inside.weighted(gis.linestrings(line.points), factors)
-            slack = float("nan") if mixed else float(polygon.distance(drawn))
-            if line.name not in found or slack < found[line.name].slack:
-                found[line.name] = Support(slack, ())
-        return found
 
+    def _slack_factors(self, weights: Mapping[str, float] | None) -> tuple[Array, bool]:
+        """Return the factors (2,) of a slack, and whether it would add radians and metres without weights."""
+        mixed = weights is None and self.units[0] != self.units[1]
+        return np.ones(_PLANE) if mixed else inside.metric(self.slice, weights, "the slack"), mixed
+
+    @abstractmethod
     def halfspaces(self) -> tuple[Array, Array]:
         """Return A (k, 2) and b (k,) with `A x <= b`, rows of unit length, one an edge.
 
@@ -257,17 +209,6 @@ class PlanarShape:
             >>> bool(np.all(A @ region.centroid < b))
             True
         """
-        if self.planes:
-            planes = self._cell[1]
-            lengths = np.array([np.linalg.norm(plane.normal) for plane in planes])
-            normals = np.array([plane.normal for plane in planes]).reshape(-1, _PLANE)
-            return normals / lengths[:, None], np.array([plane.bound for plane in planes]) / lengths
-        if not self.is_convex:
-            raise UnsupportedError(
-                "the region is not a convex polygon, so no A q <= b describes it; "
-                "use inscribed_polygon() for a convex part of it, or convex_parts() for all of it"
-            )
-        return convex.polygon_halfspaces(self.polygon)
 
     def points(self, Q: ArrayLike, order: inside.Order | None = None) -> Array:
         """Return the region's two coordinates (N, 2) of q's; rows of another slice, or not finite, become NaN.
@@ -276,7 +217,7 @@ class PlanarShape:
             Q: As in `contains`.
             order: As in `contains`.
         """
-        reading = inside.read_points(self.plane, Q, order)
+        reading = inside.read_points(self.slice, Q, order)
         reading.points[np.any(reading.elsewhere, axis=1) | ~reading.finite] = np.nan
         return reading.points
 
@@ -290,7 +231,7 @@ class PlanarShape:
         Returns:
             A bool, or (N,) bools.
         """
-        reading = inside.read_points(self.plane, Q, order)
+        reading = inside.read_points(self.slice, Q, order)
         found = ~np.any(reading.elsewhere, axis=1) & reading.finite
         return found if np.ndim(Q) > 1 else bool(found[0])
 
@@ -317,9 +258,9 @@ class PlanarShape:
             >>> region.contains([0.0, 0.2, 0.2]), region.contains([3.0, 0.2, 0.2])  # q1 may reach 2.356
             (True, False)
         """
-        reading = inside.read_points(self.plane, Q, order)
-        inside.refuse_elsewhere(self.plane, reading)
-        found = inside.held(self, reading.points) & reading.within & reading.finite
+        reading = inside.read_points(self.slice, Q, order)
+        inside.refuse_elsewhere(self.slice, reading)
+        found = self._held(reading.points) & reading.within & reading.finite
         return found if np.ndim(Q) > 1 else bool(found[0])
 
     def signed_distance(
@@ -349,9 +290,38 @@ class PlanarShape:
             >>> bool(region.contains([0.0, 0.0, 0.0])), region.contains([0.0, 0.0, np.radians(60)])
             (True, False)
         """
-        factors = inside.metric(self.plane, weights, "the signed distance")
-        reading = inside.read_points(self.plane, Q, order)
+        factors = inside.metric(self.slice, weights, "the signed distance")
+        reading = inside.read_points(self.slice, Q, order)
         reading.points[np.any(reading.elsewhere, axis=1) | ~reading.finite] = np.nan
-        distance = inside.signed_distances(self, reading.points, factors)
+        distance = self._distances(reading.points, factors)
         distance[~reading.within & ~np.isnan(distance)] = -np.inf
         return distance if np.ndim(Q) > 1 else float(distance[0])
+
+    def _held(self, points: Array) -> Flags:
+        """Return whether points (N, 2) are inside; False for rows that are not finite."""
+        found = np.zeros(len(points), dtype=bool)
+        rows = np.flatnonzero(np.all(np.isfinite(points), axis=1))
+        if not self.is_empty:
+            found[rows] = self._holds(points[rows])
+        return found
+
+    def _distances(self, points: Array, factors: Array) -> Array:
+        """Return the signed distance (N,) to the contour, coordinates times factors (2,); NaN if not finite."""
+        finite = np.flatnonzero(np.all(np.isfinite(points), axis=1))
+        found = np.full(len(points), np.nan)
+        if self.is_empty or not len(finite):
+            found[finite] = -np.inf
+            return found
+        holds, depth = self._holds(points[finite]), self._depths(points[finite], factors)
+        depth[(depth > 0.0) & ~holds] = 0.0
+        depth[(depth < 0.0) & holds] = 0.0
+        found[finite] = depth
+        return found
+
+    @abstractmethod
+    def _holds(self, points: Array) -> Flags:
+        """Return whether points (N, 2), finite, are inside one that is not empty."""
+
+    @abstractmethod
+    def _depths(self, points: Array, factors: Array) -> Array:
+        """Return how far points (N, 2), finite, are inside the contour alone; negative outside."""

@@ -44,7 +44,7 @@ class Part:
 
     Attributes:
         face: Number of the face.
-        polygon: Its shape, in units of `Plane.scales`.
+        polygon: Its shape, in units of `Slice.scales`.
     """
 
     face: int

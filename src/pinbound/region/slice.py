@@ -37,7 +37,7 @@ from pinbound.robot.robot import Robot
 from pinbound.typing import Array, Flags
 from pinbound.values import Value, read_only
 
-__all__ = ["Curve", "Plane", "Strips", "plane_of"]
+__all__ = ["Curve", "Slice", "Strips", "slice_of"]
 
 _PLANE = 2
 _TURN = 2.0 * math.pi
@@ -99,7 +99,7 @@ class Curve:
 
 
 @dataclass(frozen=True, eq=False)
-class Plane(Value):
+class Slice(Value):
     """Two coordinates of a robot, the others held, and everything that bounds them.
 
     Attributes:
@@ -178,13 +178,13 @@ class Plane(Value):
         return found
 
 
-def plane_of(
+def slice_of(
     robot: Robot,
     coordinates: Sequence[str] | None,
     start: Array,
     window: Mapping[str, tuple[float, float]],
     margin: float = 0.0,
-) -> Plane:
+) -> Slice:
     """Return the plane of two coordinates through a start point, checked to be free.
 
     Args:
@@ -231,9 +231,9 @@ def plane_of(
     fixed = tuple(robot.coordinates[index] for index in sorted(used - set(indices)))
     box = box_of(names, limits, window)
     others = tuple(limit for limit in limits if not any(limit is side for side in box))
-    plane = Plane(robot, names, start, box, others, tuple(strips), tuple(curves), fixed, margin, tuple(obstacles))
-    _check_start(plane)
-    return plane
+    slice_ = Slice(robot, names, start, box, others, tuple(strips), tuple(curves), fixed, margin, tuple(obstacles))
+    _check_start(slice_)
+    return slice_
 
 
 def _two_coordinates(robot: Robot, coordinates: Sequence[str] | None) -> tuple[str, str]:
@@ -318,18 +318,18 @@ def _check_rules(robot: Robot, start: Array) -> None:
             )
 
 
-def _check_start(plane: Plane) -> None:
+def _check_start(slice_: Slice) -> None:
     """Raise if the start is not free, and say what forbids it."""
-    start = plane.start
+    start = slice_.start
     where = f"the start point {start.tolist()} is not free"
-    for limit in (*plane.box, *plane.limits):
+    for limit in (*slice_.box, *slice_.limits):
         if not limit.allows(start[None])[0]:
             raise DimensionError(f"{where}: {limit.name!r} forbids it; start within all limits and the window")
-    for contact in (*plane.strips, *plane.curves):
+    for contact in (*slice_.strips, *slice_.curves):
         if not contact.free(start[None])[0]:
             raise DimensionError(f"{where}: {contact.name!r} is in contact; start out of contact")
-    for boundary in plane.robot.boundaries:
-        if boundary.parts(plane.robot.home, plane.at):
+    for boundary in slice_.robot.boundaries:
+        if boundary.parts(slice_.robot.home, slice_.at):
             raise DimensionError(
                 f"{where}: a contact of {boundary.name!r} lies between it and home; start on home's side"
             )
