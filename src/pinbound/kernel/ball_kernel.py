@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,7 +137,7 @@ class BallKernel(Kernel):
             def run(Q: Array, out: Array, index: Array) -> int:
                 return table.run(Q, out, index, less=less, with_index=mode == "smallest")
 
-            self._compiled[key] = run
+            self._compiled[key] = cast(Any, run)
         return self._compiled[key]
 
     def _in_numpy(self, Q: Array, mode: str, out: Array, index: Array, lo: int, hi: int) -> int:

@@ -176,7 +176,7 @@ def _written(tree: BallTree, mode: str, most: Array, sure: float) -> tuple[Array
     looked = writer.doubles if mode == "all" else writer.singles  # balls
     reach = reach_of(tree, most)
     error = 2.0 * single_error(tree, most) + sure
-    head = dict.fromkeys(HEAD, 0)
+    head: dict[str, int] = dict.fromkeys(HEAD, 0)
     head |= {"n": tree.n, "angle_count": len(tree.angles), "node_count": len(tree.nodes)}
     terms = [np.flatnonzero(angle) for angle in tree.angles]
     ends = np.cumsum([0, *(len(which) for which in terms)])
@@ -360,8 +360,12 @@ class _Rows:
                 last = place
 
 
-def _apart(tree: BallTree, clusters: Sequence[Cluster]) -> Any:
+def _apart(tree: BallTree, clusters: Sequence[Cluster]) -> Callable[[int, int], float]:
     """Return a function of two clusters: the mean distance of their middles over some configurations."""
     Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (16, tree.n))
     places = tree.places(Q, [(one.node, one.middle) for one in clusters])
-    return lambda a, b: float(np.linalg.norm(places[a] - places[b], axis=0).mean())
+
+    def mean(a: int, b: int) -> float:
+        return float(np.linalg.norm(places[a] - places[b], axis=0).mean())
+
+    return mean

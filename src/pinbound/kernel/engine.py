@@ -110,7 +110,7 @@ class Kernel:
             namespace: dict[str, Any] = {"sqrt": math.sqrt, "cos": math.cos, "sin": math.sin}
             exec(scalar_source(self.program, mode), namespace)  # our own text, from numbers alone
             function = self._scalar[mode] = namespace["function"]
-        values = q.tolist()
+        values: list[float] = q.tolist()
         if not all(map(math.isfinite, values)):
             return None
         found = function(*values)
