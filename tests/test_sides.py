@@ -7,6 +7,7 @@ import pytest
 
 import pinbound as pb
 from pinbound.certificates import sides
+from pinbound.certificates.kept import tables_of
 
 DOOR = """<robot name="door" xmlns:pinbound="urn:pinbound:1">
   <link name="base"/><link name="door"/>
@@ -26,11 +27,11 @@ def test_the_way_from_home_says_what_the_strips_say(tmp_path: Path, home: float)
     path = tmp_path / "door.urdf"
     path.write_text(DOOR.replace("HOME", str(home)))
     robot = pb.load(path)
-    boundary = robot.boundaries[0]
+    boundary, tables = robot.boundaries[0], tables_of(robot, tuple(robot.boundaries))
     said: list[bool] = []
     for q in np.linspace(-6.5, 6.5, 27):
         if boundary.signed_clearance([q]) > 1e-3:
-            said.append(bool(sides.far_sides(robot, [boundary], np.array([q]))))
+            said.append(bool(sides.far_sides(tables, robot.boundaries.names, np.array([q]))))
             assert said[-1] == boundary.parts(robot.home, np.array([q]))
     assert any(said)
     assert not all(said)
@@ -40,6 +41,7 @@ def test_strips_are_not_isolated_where_the_way_is_proven(tmp_path: Path, monkeyp
     path = tmp_path / "door.urdf"
     path.write_text(DOOR.replace("HOME", "0.0"))
     robot = pb.load(path)
+    tables = tables_of(robot, tuple(robot.boundaries))
     monkeypatch.setattr(type(robot.boundaries[0]), "contacts", property(lambda _: pytest.fail("strips were isolated")))
-    assert sides.far_sides(robot, tuple(robot.boundaries), np.array([0.4])) == ()
-    assert sides.far_sides(robot, tuple(robot.boundaries), np.array([3.5])) == ("post_leaf",)
+    assert sides.far_sides(tables, robot.boundaries.names, np.array([0.4])) == ()
+    assert sides.far_sides(tables, robot.boundaries.names, np.array([3.5])) == ("post_leaf",)

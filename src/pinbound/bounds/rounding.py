@@ -89,6 +89,15 @@ class Rounding:
         size = np.linalg.norm(chains.offsets, axis=2).sum(axis=1)
         return cls(walked or _as_reduced(chains), np.maximum(chains.scale, size), chains.rotations)
 
+    def linear(self) -> tuple[Array, Array]:
+        """Return c (m,) and C (m, n) with `bound = c + C max(|lower|, |upper|)`, of straight motions without slides."""
+        walked, n = self.walked, self.walked.turning.shape[1]
+        joints, reach = walked.joints + 1.0, UNIT_ROUNDOFF * self.reach
+        each = n + 12.0 + 1.0 + joints**2
+        constant = FOLDING * joints**2 + EVALUATION * (self.rotations + 1) + n + 12.0 + each * walked.turned
+        slope = each[:, None] * walked.turning + REDUCTION_ROUNDOFFS * joints[:, None] * (walked.turning > 0.0)
+        return reach * constant, reach[:, None] * slope
+
     def bound(self, lower: Array, upper: Array, degree: int = 1) -> Array:
         """Return `rounding_bound` (m,) [m]."""
         walked, n = self.walked, self.walked.turning.shape[1]

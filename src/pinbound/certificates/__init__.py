@@ -1,10 +1,11 @@
 """Certificates: motions and boxes proved clear, or a witness found; `docs/certificates.md` has the argument."""
 
+from pinbound.certificates.box_records import BoxCertificate, OpenBoxes
 from pinbound.certificates.boxes import certified_box, certify_box
 from pinbound.certificates.constraints import signed_clearances
+from pinbound.certificates.many import certify_many
 from pinbound.certificates.motions import certify
 from pinbound.certificates.records import (
-    BoxCertificate,
     Budget,
     Certificate,
     Contact,
@@ -14,6 +15,7 @@ from pinbound.certificates.records import (
     OpenPart,
     Reason,
     Verdict,
+    Verdicts,
 )
 from pinbound.certificates.trajectory import BoundedMotion
 
@@ -26,11 +28,14 @@ __all__ = [
     "Finding",
     "Findings",
     "OpenBox",
+    "OpenBoxes",
     "OpenPart",
     "Reason",
     "Verdict",
+    "Verdicts",
     "certified_box",
     "certify",
     "certify_box",
+    "certify_many",
     "signed_clearances",
 ]

@@ -10,11 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinbound.boundaries.boundary import Boundary, one_configuration
-from pinbound.certificates.constraints import families, needs_limits, unplaced
+from pinbound.bounds.group_boxes import is_worth, search_box
+from pinbound.certificates.box_records import BoxCertificate, OpenBoxes
+from pinbound.certificates.constraints import families, unplaced
 from pinbound.certificates.degrees import look_like_degrees
+from pinbound.certificates.distances import ManyAngleBoundaries
 from pinbound.certificates.enclosures import Family
+from pinbound.certificates.kept import tables_of
 from pinbound.certificates.lifted import LiftedFamily, closed_only, loop_errors
-from pinbound.certificates.records import BoxCertificate, Budget, OpenBox, Reason, Verdict
+from pinbound.certificates.records import Budget, Reason, Verdict
 from pinbound.certificates.scope import covered, scope, settled
 from pinbound.certificates.search import Meter
 from pinbound.certificates.trajectory import refuse_far
@@ -28,6 +32,8 @@ __all__ = ["certified_box", "certify_box"]
 
 _BATCH = 2**13
 _NARROWEST = 2.0**-40
+_A_SECOND = 1e6  # boxes that machine code bounds in a second, and less
+_GUESS = 20  # boxes a pair, as a first guess of the work that a box makes
 _GROWTH = Budget(boxes=400_000, seconds=30.0)
 _STEPS = 12
 
@@ -40,7 +46,13 @@ class _State:
     upper: float = np.inf
     witness: Array | None = None
     violated: str | None = None
-    open_boxes: list[OpenBox] = field(default_factory=list[OpenBox])
+    open: list[Any] = field(default_factory=list[Any])
+
+    def leave(self, family: Family, which: Indices, corners: tuple[Array, Array], lower: Any, reason: Reason) -> None:
+        """Keep boxes of some constraints as open."""
+        if len(which):
+            bounds = np.broadcast_to(np.asarray(lower, dtype=np.float64), (len(which),))
+            self.open.append((family.names, which, *corners, bounds, reason))
 
 
 def certify_box(
@@ -93,19 +105,22 @@ def certify_box(
     chosen = scope(robot, boundaries, limits, limits_only)
     coverage = covered(robot, chosen)
     meter, state = Meter(budget or Budget()), _State()
+    tables = tables_of(robot, chosen)
     limit_family, *others = _families(robot, chosen, low, high, limits)
     limits = limits or isinstance(robot, LoopRobot)  # that its loops close is no wish
-    if limits or needs_limits(chosen):
+    if limits or tables.is_loose:
         kept = state if limits else _State()
         if len(limit_family.names):
             _search(limit_family, low, high, meter, kept, is_limit=True)
-        if needs_limits(chosen) and (kept.witness is not None or kept.open_boxes):
+        if tables.is_loose and (kept.witness is not None or kept.open):
             _, *others = families(robot, unplaced(chosen), low, high)
             state.lower = -np.inf
     for family in others:
         if len(family.names) and state.witness is None:
-            _search(family, low, high, meter, state, is_limit=False)
-    verdict, notes = Verdict.UNDECIDED if state.open_boxes else Verdict.CERTIFIED, tuple[str, ...]()
+            rows = _quick(family, low, high, meter, state)
+            if len(rows) and state.witness is None:
+                _search(family, low, high, meter, state, is_limit=False, rows=rows)
+    verdict, notes = Verdict.UNDECIDED if state.open else Verdict.CERTIFIED, tuple[str, ...]()
     if state.witness is not None:
         verdict = Verdict.VIOLATED
         notes = look_like_degrees(robot, np.stack([low, high])) if state.violated in limit_family.names else ()
@@ -118,7 +133,7 @@ def certify_box(
         upper=state.upper,
         witness=state.witness,
         violated=state.violated,
-        open_boxes=tuple(state.open_boxes),
+        open_boxes=OpenBoxes.of(state.open, len(low)),
         boxes=meter.boxes,
         seconds=meter.seconds,
         notes=notes,
@@ -165,23 +180,55 @@ class _Boxes:
         return _Boxes(which, start, np.concatenate([width, width]))
 
 
-def _search(family: Family, low: Array, high: Array, meter: Meter, state: _State, is_limit: bool) -> None:
+def _at(low: Array, high: Array, fraction: Array) -> Array:
+    """Return places at fractions of a box; its upper corner exactly at 1."""
+    return np.where(fraction == 1.0, high, np.clip(low + fraction * (high - low), low, high))
+
+
+def _quick(family: Family, low: Array, high: Array, meter: Meter, state: _State) -> Indices:
+    """Search a box by machine code, where that is worth loading; return the constraints that need a closer look.
+
+    What it cannot tell to rounding is searched once more; what the budget does not reach is left open here.
+    """
+    rows = np.arange(len(family.names))
+    groups = family.groups if isinstance(family, ManyAngleBoundaries) else None
+    reason = meter.spent()
+    left = meter.budget.seconds - meter.seconds
+    if groups is None or reason or not is_worth(_GUESS * len(rows), left):
+        return rows
+    room = meter.budget.boxes - meter.boxes
+    found = search_box(groups, family.weights, low, high, min(room, _A_SECOND * left))
+    meter.boxes += found.boxes
+    state.upper, state.lower = min(state.upper, found.upper), min(state.lower, found.lower)
+    if found.witness is not None:
+        state.witness, state.violated = found.witness[0], family.names[found.witness[1]]
+        return rows[:0]
+    pairs, start, width = found.open
+    if len(pairs):
+        state.lower = -np.inf
+    corners = _at(low, high, start), _at(low, high, start + width)
+    state.leave(family, pairs, corners, -np.inf, Reason.BOXES if room <= _A_SECOND * left else Reason.TIME)
+    return np.unique(found.unknown).astype(np.intp)
+
+
+def _search(
+    family: Family, low: Array, high: Array, meter: Meter, state: _State, is_limit: bool, rows: Indices | None = None
+) -> None:
     """Halve boxes, last ones first, until all are clear, one is violated, or the budget is spent."""
-    m, n = len(family.names), len(low)
+    which, n = np.arange(len(family.names)) if rows is None else rows, len(low)
     weights, size = family.weights, high - low
 
     def at(fraction: Array) -> Array:
-        return np.where(fraction == 1.0, high, np.clip(low + fraction * size, low, high))
+        return _at(low, high, fraction)
 
-    stack = [_Boxes(np.arange(m), np.zeros((m, n)), np.ones((m, n)))]
+    stack = [_Boxes(which, np.zeros((len(which), n)), np.ones((len(which), n)))]
     while stack:
         boxes = stack.pop()
         reason = meter.spent()
         if reason:
             state.lower = state.lower if is_limit else -np.inf
             for left in [boxes, *stack]:
-                for w, c, d in zip(left.which, at(left.start), at(left.start + left.width), strict=True):
-                    state.open_boxes.append(OpenBox(family.names[int(w)], c, d, -np.inf, reason))
+                state.leave(family, left.which, (at(left.start), at(left.start + left.width)), -np.inf, reason)
             return
         if len(boxes) > _BATCH:
             stack.append(boxes.take(slice(_BATCH, None)))
@@ -201,10 +248,8 @@ def _search(family: Family, low: Array, high: Array, meter: Meter, state: _State
             state.lower = min(state.lower, float(found.lower[closed].min()))
         if np.any(left):
             kept = boxes.take(left)
-            for w, c, d, bound in zip(
-                kept.which, at(kept.start), at(kept.start + kept.width), found.lower[left], strict=True
-            ):
-                state.open_boxes.append(OpenBox(family.names[int(w)], c, d, float(bound), Reason.ROUNDING))
+            corners = at(kept.start), at(kept.start + kept.width)
+            state.leave(family, kept.which, corners, found.lower[left], Reason.ROUNDING)
         if not np.all(closed):
             stack.append(boxes.take(~closed).halved((weights[which] * half)[~closed]))
 

@@ -42,7 +42,8 @@ def select(robot: Robot, boundaries: Sequence[str] | None) -> tuple[Boundary, ..
     known = robot.boundaries.names
     for name in sorted(set(wanted).difference(known), key=wanted.index):
         raise UnknownNameError("boundary", name, known)
-    return tuple(boundary for boundary in robot.boundaries if boundary.name in wanted)
+    asked = set(wanted)
+    return tuple(boundary for boundary in robot.boundaries if boundary.name in asked)
 
 
 def needs_limits(boundaries: Sequence[Boundary]) -> bool:

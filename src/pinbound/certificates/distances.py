@@ -8,6 +8,7 @@ import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.bounds.bounds import Bundle, Expansion, along_motion, over_box
+from pinbound.bounds.groups import Groups
 from pinbound.certificates.enclosures import Enclosure
 from pinbound.evaluate import numeric
 from pinbound.typing import Array, Indices
@@ -25,6 +26,8 @@ class ManyAngleBoundaries:
         arms: (m, k) lever arms [m].
         threshold: (m,) what the norm must exceed, by the contact rule [m].
         error: (m,) rounding bound of a norm [m].
+        boundaries: They themselves.
+        groups: Their tables for machine code; None if something slides.
     """
 
     names: tuple[str, ...]
@@ -33,6 +36,7 @@ class ManyAngleBoundaries:
     threshold: Array
     error: Array
     boundaries: tuple[Boundary, ...]
+    groups: Groups | None
 
     @property
     def weights(self) -> Array:

@@ -17,6 +17,7 @@ import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.bounds.bounds import Bundle, bundle, lever_arms, one_angle
+from pinbound.bounds.groups import Groups, groups_of
 from pinbound.bounds.rounding import Rounding, Walks, walks
 from pinbound.bounds.swept_bounds import SweptBundle, bound_of, chain_rounding, swept_bundle
 from pinbound.certificates.distances import ManyAngleBoundaries
@@ -62,7 +63,7 @@ _tables, _chains, _bodies = _Memory(), _Memory(), _Memory()
 def tables_of(robot: Robot, boundaries: Sequence[Boundary]) -> Tables:
     """Return the tables of some boundaries of a robot, those of the last time where it is the same question."""
     chosen = tuple(boundaries)
-    parts = (robot.tree, robot.coupling, robot.linear_limits, robot.guarded_limits, *chosen)
+    parts = (robot.tree, robot.coupling, robot.home, robot.linear_limits, robot.guarded_limits, *chosen)
     return _tables.get(parts, lambda: Tables(robot, chosen))
 
 
@@ -76,12 +77,13 @@ class _Chains:
         self.rounding = Rounding.of(self.bundle, _walked(robot, boundaries))
 
     @cached_property
-    def _still(self) -> Array:
+    def still(self) -> Array:
+        """The lever arms (m, k) of chains that do not slide [m]."""
         return lever_arms(self.bundle, np.zeros(self.n), np.zeros(self.n))
 
     def arms(self, lower: Array, upper: Array) -> Array:
         """Return the lever arms (m, k) [m], which depend on the box only where something slides."""
-        return self._still if self.bundle.slides is None else lever_arms(self.bundle, lower, upper)
+        return self.still if self.bundle.slides is None else lever_arms(self.bundle, lower, upper)
 
 
 class _Bodies:
@@ -113,8 +115,11 @@ class Tables:
         one: Boundaries of one effective angle between two points.
         many: Those of several angles, or with slides.
         swept: Boundaries of other marks.
+        names: Of all of them, in the robot's order.
         order: Place of each boundary among these three, one after the other.
-        turning: Those that may have contact strips: boundaries of one rotation.
+        turning: Those of one rotation whose contact strips have a closed form.
+        turning_bodies: Those of one rotation whose strips have none.
+        is_loose: Whether the sides of a loop differ, so that bounds hold within the joint limits only.
     """
 
     def __init__(self, robot: Robot, boundaries: Sequence[Boundary]) -> None:
@@ -126,7 +131,11 @@ class Tables:
         self.robot, self.n = robot, len(robot.coordinates)
         places = {boundary.name: place for place, boundary in enumerate((*self.one, *self.many, *self.swept))}
         self.order = np.array([places[boundary.name] for boundary in boundaries], dtype=np.intp)
-        self.turning = tuple(boundary for boundary in boundaries if boundary.path.minimal.rotations == 1)
+        self.names = tuple(boundary.name for boundary in boundaries)
+        turning = [boundary for boundary in boundaries if boundary.path.minimal.rotations == 1]
+        self.turning_bodies = tuple(boundary for boundary in turning if boundary.path.swept.directions)
+        self.turning = tuple(boundary for boundary in turning if not boundary.path.swept.directions)
+        self.is_loose = any(boundary.place_error for boundary in boundaries)
 
     def families(
         self, lower: Array, upper: Array, degree: int
@@ -139,6 +148,25 @@ class Tables:
             self._many_angles(lower, upper, degree),
             self._swept(lower, upper, degree),
         )
+
+    @cached_property
+    def _strips(self) -> tuple[tuple[str, ...], Array, Array]:
+        """Names of boundaries with contact strips in closed form, coefficients, and the gap that home is in."""
+        rows = [
+            (boundary.name, contact.coefficients, contact.gap(float(contact.coefficients @ self.robot.home)))
+            for boundary in self.turning
+            for contacts in [boundary.contacts or ()]
+            if any(contact.half_width for contact in contacts)
+            for contact in contacts
+        ]
+        coefficients = np.array([row[1] for row in rows]).reshape(-1, self.n)
+        return tuple(row[0] for row in rows), coefficients, np.array([row[2] for row in rows]).reshape(-1, 2)
+
+    def beyond(self, q: Array) -> set[str]:
+        """Return the boundaries of `turning` with a contact strip between home and q (n,)."""
+        names, coefficients, gap = self._strips
+        phi = coefficients @ q
+        return {names[row] for row in np.flatnonzero(~((gap[:, 0] < phi) & (phi < gap[:, 1]))).tolist()}
 
     @cached_property
     def _limit_rows(self) -> tuple[tuple[str, ...], Array, Array, Array]:
@@ -213,7 +241,16 @@ class Tables:
     def _many_angles(self, lower: Array, upper: Array, degree: int) -> ManyAngleBoundaries:
         names, chains, threshold, places = self._many_known
         error = chains.rounding.bound(lower, upper, degree) + places
-        return ManyAngleBoundaries(names, chains.bundle, chains.arms(lower, upper), threshold, error, self.many)
+        arms, groups = chains.arms(lower, upper), self.groups
+        return ManyAngleBoundaries(names, chains.bundle, arms, threshold, error, self.many, groups)
+
+    @cached_property
+    def groups(self) -> Groups | None:
+        """The boundaries of several angles, as machine code reads them; None if something slides, or there is none."""
+        _, chains, threshold, places = self._many_known
+        if not self.many or chains.bundle.slides is not None:
+            return None
+        return groups_of(chains.each, chains.bundle, chains.still, chains.rounding, threshold, places)
 
     @cached_property
     def _swept_known(self) -> tuple[tuple[str, ...], _Bodies, Array, Array]:

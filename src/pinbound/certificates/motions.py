@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pinbound.boundaries.boundary import Boundary
-from pinbound.certificates.constraints import families, needs_limits, unplaced
+from pinbound.certificates.constraints import families, unplaced
 from pinbound.certificates.degrees import look_like_degrees
-from pinbound.certificates.kept import tables_of
+from pinbound.certificates.kept import Tables, tables_of
 from pinbound.certificates.lifted import LiftedTrajectory, closed_only, lowered
 from pinbound.certificates.records import Budget, Certificate, Findings, OpenPart, Verdict
 from pinbound.certificates.scope import ONLY_LIMITS, covered, scope, settled
@@ -100,31 +99,33 @@ def certify(
     meter = Meter(budget or Budget())
     is_ready = isinstance(waypoints, LiftedTrajectory)
     trajectory = waypoints if is_ready else as_trajectory(waypoints, robot.coordinates, times)
-    limit_family, *boundary_families = families(robot, chosen, *trajectory.extent, trajectory.degree)
-    families_found: list[Findings] = []
+    tables = tables_of(robot, chosen)
+    limit_family, *boundary_families = tables.families(*trajectory.extent, trajectory.degree)
     open_parts: list[OpenPart] = []
     bounds = Findings.none(len(robot.coordinates))
     placed = True
-    if limits or needs_limits(chosen):
+    if limits or tables.is_loose:
         search = Search(limit_family, trajectory, meter, None)
         search.run(each)
         kept, left = search.results()
-        placed = not needs_limits(chosen) or kept.verdict is Verdict.CERTIFIED
+        placed = not tables.is_loose or kept.verdict is Verdict.CERTIFIED
         if limits:
             bounds, open_parts = kept, left
     if not placed:
         _, *boundary_families = families(robot, unplaced(chosen), *trajectory.extent, trajectory.degree)
-    best = np.inf
-    for family in boundary_families:
-        search = Search(family, trajectory, meter, precision, best)
+    best, found = np.inf, [Findings.none(len(robot.coordinates))] * len(boundary_families)
+    for place in (1, 0, 2):  # many angles first: machine code finds what the others need not be tighter than
+        if not boundary_families[place].names:
+            continue
+        search = Search(boundary_families[place], trajectory, meter, precision, best)
         search.run(each)
         findings, left = search.results()
         if not placed:
             findings = _unbounded(robot, findings)
         best = min(best, float(findings.upper.min(initial=np.inf)))
         open_parts += left
-        families_found.append(findings)
-    ordered = Findings.joined(families_found, tables_of(robot, chosen).order)
+        found[place] = findings
+    ordered = Findings.joined(found, tables.names, tables.order)
     start, end = float(trajectory.starts[0]), float(trajectory.starts[-1] + trajectory.durations[-1])
     first_q = trajectory.at(np.zeros(1, dtype=np.intp), np.zeros(1))[0]
     return Certificate(
@@ -137,7 +138,7 @@ def certify(
         open_parts=tuple(sorted(open_parts, key=lambda part: (part.start, part.name))),
         notes=(
             *trajectory.notes,
-            *_notes(robot, chosen, ordered, first_q),
+            *_notes(tables, ordered, first_q),
             *([] if placed else [_NOT_PLACED]),
             *_degrees(robot, trajectory, bounds),
             *((ONLY_LIMITS,) if limits_only else ()),
@@ -159,16 +160,22 @@ def _verdict(*findings: Findings) -> Verdict:
     return next((v for v in (Verdict.VIOLATED, Verdict.UNDECIDED) if v in verdicts), Verdict.CERTIFIED)
 
 
-def _notes(robot: Robot, chosen: Sequence[Boundary], found: Findings, first_q: Array) -> tuple[str, ...]:
-    certified = set(found.named(Verdict.CERTIFIED))
-    turning = tables_of(robot, chosen).turning
-    names = far_sides(robot, [one for one in turning if one.name in certified], first_q)
+def _notes(tables: Tables, found: Findings, first_q: Array) -> tuple[str, ...]:
+    beyond = tables.beyond(first_q)
+    if tables.turning_bodies:
+        beyond |= set(far_sides(tables, set(found.named(Verdict.CERTIFIED)), first_q))
+    names = [found.names[row] for row in _rows_of(found, beyond)] if beyond else []
     if not names:
         return ()
     return (
         f"clear, but beyond contact as seen from home, so not reachable from there: {', '.join(names)}; "
         "see whether the motion's signs and zeros are the robot's",
     )
+
+
+def _rows_of(found: Findings, names: set[str]) -> list[int]:
+    """Return the places of those among some names that are certified."""
+    return [row for row in np.flatnonzero(found.codes == 0).tolist() if found.names[row] in names]
 
 
 def _degrees(robot: Robot, trajectory: Trajectory, limits: Findings) -> tuple[str, ...]:

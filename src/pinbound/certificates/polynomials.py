@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, TypeGuard
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from pinbound.bounds.bounds import Expansion
 from pinbound.tolerances import UNIT_ROUNDOFF
 from pinbound.typing import Array, Indices
 
-__all__ = ["Polynomials", "Trajectory"]
+__all__ = ["Polynomials", "Trajectory", "is_straight"]
 
 _RESTRICTING = 8
 """Unit roundoffs per degree, relative to the largest control point: two runs of de Casteljau's scheme."""
@@ -162,3 +162,8 @@ def _restrict(controls: Array, a: Array, b: Array) -> Array:
         points = _step(points, share)
         right.append(points[:, -1])
     return np.stack(right[::-1], axis=1)
+
+
+def is_straight(trajectory: Trajectory) -> TypeGuard[Polynomials]:
+    """Return whether a motion is straight between its knots, which are known exactly."""
+    return isinstance(trajectory, Polynomials) and trajectory.degree == 1 and not np.any(trajectory.radius)

@@ -11,20 +11,21 @@ import numpy as np
 
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError
-from pinbound.typing import Array, Indices, Ints
-from pinbound.values import Value
+from pinbound.typing import Array, Flags, Indices, Ints
+from pinbound.values import FrozenDict, Value, read_only
 
 __all__ = [
-    "BoxCertificate",
     "Budget",
     "Certificate",
     "Contact",
     "Finding",
     "Findings",
+    "NoTruth",
     "OpenBox",
     "OpenPart",
     "Reason",
     "Verdict",
+    "Verdicts",
 ]
 
 
@@ -144,6 +145,12 @@ class Findings(Value, Sequence[Finding]):
     Q: Array
     contacts: Mapping[int, Contact]
 
+    def __post_init__(self) -> None:
+        """Freeze the arrays; names are a tuple of text as they are."""
+        for name in ("codes", "lower", "upper", "times", "Q"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        object.__setattr__(self, "contacts", FrozenDict(self.contacts))
+
     @classmethod
     def none(cls, n: int) -> Findings:
         """Return no findings, of a robot of n coordinates."""
@@ -151,25 +158,22 @@ class Findings(Value, Sequence[Finding]):
         return cls((), np.zeros(0, dtype=np.int64), nothing, nothing, nothing, np.zeros((0, n)), {})
 
     @classmethod
-    def joined(cls, parts: Sequence[Findings], order: Indices | None = None) -> Findings:
-        """Return findings one after the other; with an order, those rows of them."""
-        starts = np.cumsum([0, *(len(part.names) for part in parts)])
-        names = [name for part in parts for name in part.names]
+    def joined(cls, parts: Sequence[Findings], names: tuple[str, ...], order: Indices) -> Findings:
+        """Return the rows `order` of findings one after the other; `names` are theirs in that order."""
+        starts: list[int] = np.cumsum([0, *(len(part.names) for part in parts)]).tolist()
         contacts = {
-            int(start) + row: contact
-            for start, part in zip(starts[:-1], parts, strict=True)
-            for row, contact in part.contacts.items()
+            start + row: one for start, part in zip(starts, parts, strict=False) for row, one in part.contacts.items()
         }
-        columns = [
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("codes", "lower", "upper", "times", "Q")
-        ]
-        if order is not None:
-            places = {int(row): place for place, row in enumerate(order)} if contacts else {}
-            names = [names[row] for row in order.tolist()]
-            columns = [column[order] for column in columns]
-            contacts = {places[row]: contact for row, contact in contacts.items()}
-        return cls(tuple(names), *columns, contacts)
+        places = {int(row): place for place, row in enumerate(order)} if contacts else {}
+        return cls(
+            names,
+            np.concatenate([part.codes for part in parts])[order],
+            np.concatenate([part.lower for part in parts])[order],
+            np.concatenate([part.upper for part in parts])[order],
+            np.concatenate([part.times for part in parts])[order],
+            np.concatenate([part.Q for part in parts])[order],
+            {places[row]: contact for row, contact in contacts.items()},
+        )
 
     @property
     def verdict(self) -> Verdict:
@@ -227,7 +231,7 @@ class OpenPart:
     reason: Reason
 
 
-class _NoTruth:
+class NoTruth:
     """A verdict has three values, so that `if certificate:` would hide one."""
 
     __slots__ = ()
@@ -242,7 +246,7 @@ class _NoTruth:
 
 
 @dataclass(frozen=True, slots=True)
-class Certificate(_NoTruth):
+class Certificate(NoTruth):
     """What was proven about a motion.
 
     Attributes:
@@ -327,40 +331,61 @@ class OpenBox(Value):
     reason: Reason
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class BoxCertificate(_NoTruth, Value):
-    """What was proven about a box of configurations.
+_VERDICTS = tuple(Verdict)
+
+
+@dataclass(frozen=True, eq=False)
+class Verdicts(NoTruth, Value, Sequence[Verdict]):
+    """What was proven about N motions: a sequence of verdicts, and their numbers as arrays.
 
     Attributes:
-        verdict: CERTIFIED, VIOLATED, UNDECIDED or NOTHING_TO_CHECK.
+        codes: (N,) place of each verdict in `tuple(Verdict)`.
+        lower: (N,) proven lower bounds of the smallest signed clearance of each motion [m]; -inf where VIOLATED.
+        upper: (N,) it is at most this [m].
+        witnesses: (N, n) of each VIOLATED motion a q of it that is in contact, or outside a limit; NaN for others.
         coverage: What the boundaries that were checked watch of the robot, and what they do not.
-        lower_corner: (n,).
-        upper_corner: (n,).
-        lower: Proven lower bound of the smallest clearance over the box [m].
-        upper: Upper bound of it: the smallest clearance that was met.
-        witness: (n,) a q of negative clearance or outside a limit; None unless VIOLATED.
-        violated: Name of the boundary or limit that the witness violates.
-        open_boxes: What is undecided.
-        boxes: How many boxes times boundaries were bounded.
+        notes: What the verdicts do not say.
+        boxes: How many parts times boundaries were bounded.
         seconds: Wall time.
-        notes: What the verdict does not say.
     """
 
-    verdict: Verdict
+    codes: Ints
+    lower: Array
+    upper: Array
+    witnesses: Array
     coverage: CoverageRecord
-    lower_corner: Array
-    upper_corner: Array
-    lower: float
-    upper: float
-    witness: Array | None
-    violated: str | None
-    open_boxes: tuple[OpenBox, ...]
+    notes: tuple[str, ...]
     boxes: int
     seconds: float
-    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        """Return verdict, bounds and coverage."""
-        span = f"[{1e3 * self.lower:.6g}, {1e3 * self.upper:.6g}] mm"
-        violated = "" if self.violated is None else f", {self.violated} violated"
-        return f"<BoxCertificate {self.verdict.value}: smallest clearance in {span}{violated}; {self.coverage}>"
+        """Return how many motions have each verdict, and coverage."""
+        counts = [(verdict, int(np.sum(self.codes == place))) for place, verdict in enumerate(_VERDICTS)]
+        said = ", ".join(f"{count} {verdict.value}" for verdict, count in counts if count) or "no motion"
+        return f"<Verdicts of {len(self)} motions: {said}; {self.coverage}>"
+
+    def are(self, verdict: Verdict) -> Flags:
+        """Return which motions (N,) have a verdict.
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> pb.certify_many(robot, np.zeros((1, 3)), np.full((1, 3), 0.1)).are(pb.Verdict.CERTIFIED).tolist()
+            [True]
+        """
+        found: Flags = self.codes == _VERDICTS.index(verdict)
+        return found
+
+    def __len__(self) -> int:
+        """Return how many motions there are."""
+        return len(self.codes)
+
+    @overload
+    def __getitem__(self, index: int) -> Verdict: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Verdict, ...]: ...
+    def __getitem__(self, index: int | slice) -> Verdict | tuple[Verdict, ...]:
+        """Return the verdict of one motion, or of some."""
+        if isinstance(index, slice):
+            return tuple(self[row] for row in range(*index.indices(len(self))))
+        return _VERDICTS[int(self.codes[index])]

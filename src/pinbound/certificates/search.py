@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pinbound.bounds.bounds import Expansion
+from pinbound.certificates.distances import ManyAngleBoundaries
 from pinbound.certificates.enclosures import Enclosure, Family, OneAngleFamily
-from pinbound.certificates.polynomials import Polynomials, Trajectory
+from pinbound.certificates.polynomials import Polynomials, Trajectory, is_straight
 from pinbound.certificates.records import Budget, Contact, Findings, OpenPart, Reason
 from pinbound.tolerances import FIRST_CONTACT
 from pinbound.typing import Array, Flags, Indices
@@ -23,6 +24,7 @@ __all__ = ["Meter", "Search"]
 
 _BATCH = 2**14
 _NARROWEST = 2.0**-48
+_A_SECOND = 5e6  # boxes that machine code bounds in a second, and less
 _WAYS = ((32, 8), (256, 4))
 _REASONS = tuple(Reason)
 
@@ -91,18 +93,21 @@ class Search:
         self.lower = np.full(m, np.inf)
         self.best, self.best_piece, self.best_u = np.full(m, np.inf), np.zeros(m, np.intp), np.zeros(m)
         self.first, self.first_piece, self.first_u = np.full(m, np.inf), np.zeros(m, np.intp), np.zeros(m)
+        self.first_value = np.full(m, np.nan)
         self.open: list[tuple[_Parts, Array, Indices]] = []
         self.unseen: tuple[float, Indices, Reason] | None = None
         starts, durations = trajectory.starts, trajectory.durations
         self.origin, self.total = float(starts[0]), float(starts[-1] + durations[-1] - starts[0])
 
-    def run(self, each: bool) -> None:
+    def run(self, each: bool, rows: Indices | None = None) -> None:
         """Search until everything is decided, or the budget is spent.
 
         Args:
             each: Whether every constraint gets tight bounds of its smallest clearance, not only the smallest of all.
+            rows: The constraints to look at; None: all of them, by quick ways first.
         """
-        active, pieces = self._sweep(each), len(self.trajectory.starts)
+        active = self._quick(self._sweep(each), each) if rows is None else rows
+        pieces = len(self.trajectory.starts)
         m = len(active)
         if not m:
             return
@@ -158,6 +163,29 @@ class Search:
         self.lower[settled] = lower[settled]
         return np.flatnonzero(~settled)
 
+    def _quick(self, active: Indices, each: bool) -> Indices:
+        """Settle by machine code what is clear; return the constraints that need a closer look.
+
+        Machine code proves pairs of points clear on straight motions, and bounds their smallest clearance as tightly as
+        asked. What it finds in contact, or cannot tell, is searched once more here: first contacts, witnesses and open
+        parts are of this search alone.
+        """
+        family, trajectory = self.family, self.trajectory
+        if not len(active) or not isinstance(family, ManyAngleBoundaries) or not is_straight(trajectory):
+            return active
+        groups, controls = family.groups, trajectory.controls
+        left = self.meter.budget.seconds - self.meter.seconds
+        if groups is None or self.meter.spent() or not groups.is_worth(2 * len(active) * len(controls), left):
+            return active
+        room = min(self.meter.budget.boxes - self.meter.boxes, _A_SECOND * left)
+        found = groups.motion(controls, self.precision, self.elsewhere, room, each)
+        if found is None:
+            return active
+        self.meter.boxes += found.boxes
+        self.best, self.best_piece, self.best_u = found.upper, found.piece, found.u
+        self.lower = np.where(found.settled, found.lower, np.inf)
+        return np.flatnonzero(~found.settled)
+
     def _times(self, piece: Indices, u: Array) -> Array:
         """Return times since the start of the motion."""
         return (self.trajectory.starts[piece] - self.origin) + u * self.trajectory.durations[piece]
@@ -169,7 +197,7 @@ class Search:
         upper = found.value + found.error
         self._smallest(parts, middle, upper)
         if np.any(found.violated):
-            self._earliest(parts.take(found.violated), middle[found.violated])
+            self._earliest(parts.take(found.violated), middle[found.violated], found.value[found.violated])
         return found
 
     def _knots(self, active: Indices, pieces: Indices, last: bool) -> None:
@@ -186,11 +214,12 @@ class Search:
         which = parts.which[rows]
         self.best[which], self.best_piece[which], self.best_u[which] = upper[rows], parts.piece[rows], u[rows]
 
-    def _earliest(self, parts: _Parts, u: Array) -> None:
+    def _earliest(self, parts: _Parts, u: Array, value: Array) -> None:
         times = self._times(parts.piece, u)
         rows = _least(parts.which, times, self.first)
         which = parts.which[rows]
         self.first[which], self.first_piece[which], self.first_u[which] = times[rows], parts.piece[rows], u[rows]
+        self.first_value[which] = value[rows]
 
     def _round(self, parts: _Parts, each: bool) -> _Parts:
         """Bound parts, settle what can be settled, and return the rest, cut."""
@@ -246,7 +275,7 @@ class Search:
         for row in np.flatnonzero(hit).tolist():
             before, after = (float(min(pending[row], self.first[row])), float(self.first[row]))
             q = self.trajectory.at(self.first_piece[row : row + 1], self.first_u[row : row + 1])[0]
-            contacts[row] = Contact(self.origin + before, self.origin + after, q, self.family.clearance(row, q))
+            contacts[row] = Contact(self.origin + before, self.origin + after, q, float(self.first_value[row]))
         findings = Findings(
             names,
             np.where(hit, 1, np.where(np.isfinite(pending), 2, 0)),

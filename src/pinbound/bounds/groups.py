@@ -1,0 +1,274 @@
+"""Pairs of points in groups that turn alike, as tables for the machine code that searches straight motions.
+
+Chains with the same axes and coefficients are a group; their blocks b_i differ. Of each group there is one more chain,
+the middle of all: its blocks lie in the middle of theirs, and its threshold is the largest, with the sum over the
+blocks of the largest distance from the middle added. What is proven clear of it is so of
+every pair, by the triangle inequality. `docs/certificates.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinbound.bounds.bounds import Bundle, bundle, lever_arms
+from pinbound.bounds.rounding import Rounding
+from pinbound.machine.compiled import KernelSource, MachineCode, compile_source, has_numba, is_kept
+from pinbound.machine.motion_source import GROUP, HEAD, ROTATION, TABLES, TILE, motion_source
+from pinbound.path.chain import Chain
+from pinbound.tolerances import INFLATION
+from pinbound.typing import Array, Flags, Indices, Ints
+
+__all__ = ["Code", "Groups", "ManyFound", "MotionFound", "groups_of"]
+
+_LEVELS = 64
+"""Levels of halves that a piece may have, and more: it is cut 48 times at most."""
+
+_EMPTY = -1e9
+"""Metres: the threshold of places in a table that hold no pair, so that they are clear."""
+
+_RESULT = 5
+_SUMMARY = 6
+
+
+@dataclass(frozen=True)
+class MotionFound:
+    """What was found of m pairs along one motion.
+
+    Attributes:
+        lower: (m,) proven lower bounds of the signed clearances [m]; not of those that are not settled.
+        upper: (m,) the least value that was met, its rounding bound added [m].
+        piece: (m,) where: the piece.
+        u: (m,) and the place on it.
+        settled: (m,) whether the pair is proven clear on the whole motion, as tightly as was asked.
+        boxes: How many parts times pairs, or groups, were bounded.
+    """
+
+    lower: Array
+    upper: Array
+    piece: Indices
+    u: Array
+    settled: Flags
+    boxes: int
+
+
+@dataclass(frozen=True)
+class ManyFound:
+    """What was found of N motions.
+
+    Attributes:
+        lower: (N,) proven lower bound of the least clearance of all pairs [m]; only where the motion is clear.
+        upper: (N,) the least value that was met, its rounding bound added [m].
+        pair: (N,) the pair that had it.
+        u: (N,) where on the motion.
+        violated: (N,) whether contact is proven there.
+        unknown: (N,) whether a pair is neither proven clear nor in contact.
+        boxes: How many parts times pairs, or groups, were bounded.
+    """
+
+    lower: Array
+    upper: Array
+    pair: Indices
+    u: Array
+    violated: Flags
+    unknown: Flags
+    boxes: int
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """Tables of m pairs.
+
+    Attributes:
+        places: (m,) place of each pair among all places of all tiles.
+        pairs: (places,) the pair at each place.
+        table: What the machine code reads.
+        room: Numbers of room that it needs.
+        results: Where its results begin in the room.
+    """
+
+    places: Indices
+    pairs: Ints
+    table: Array
+    room: int
+    results: int
+
+    def is_worth(self, boxes: int, seconds: float) -> bool:
+        """Count boxes of motions to come, and say whether there were enough to load machine code, or to compile it.
+
+        `seconds` may the whole take: compiling takes a few of them.
+        """
+        return has_numba() and _MOTIONS.is_worth(boxes, seconds)
+
+    def motion(self, ends: Array, precision: float, elsewhere: float, budget: float, each: bool) -> MotionFound | None:
+        """Search one motion of straight pieces; None if the budget of boxes did not suffice.
+
+        Args:
+            ends: (K, 2, n) of the pieces.
+            precision: [m] wanted of the smallest clearance.
+            elsewhere: [m] the least clearance known of other boundaries.
+            budget: Boxes.
+            each: Whether every pair gets tight bounds.
+        """
+        question = np.concatenate((_head(precision, elsewhere, budget, 0.0, each), ends.ravel()))
+        out = np.empty(self.room)
+        boxes = _MOTIONS.run(question, out, 0, 0, self.table, len(ends))
+        if boxes < 0:
+            return None
+        found = out[self.results : self.results + _RESULT * len(self.pairs)].reshape(-1, _RESULT)[self.places]
+        return MotionFound(
+            lower=found[:, 0],
+            upper=found[:, 1],
+            piece=found[:, 2].astype(np.intp),
+            u=found[:, 3],
+            settled=found[:, 4] == 0.0,
+            boxes=boxes,
+        )
+
+    def many(self, ends: Array, precision: float, budget: float) -> ManyFound:
+        """Search N motions of one straight piece each, ends (N, 2, n), with a budget of boxes for each of them."""
+        count = len(ends)
+        question = np.concatenate((_head(precision, np.inf, budget, 1.0, False), ends.ravel()))
+        out = np.empty(self.room + _SUMMARY * count)
+        boxes = _MOTIONS.run(question, out, self.room, _SUMMARY, self.table, count)
+        lower, upper, place, u, violated, unknown = out[self.room :].reshape(count, _SUMMARY).T
+        pair = self.pairs[place.astype(np.intp)].astype(np.intp)
+        return ManyFound(lower, upper, pair, u, violated > 0.0, unknown > 0.0, boxes)
+
+
+def _head(*values: float) -> Array:
+    found = np.zeros(HEAD)
+    found[:] = values
+    return found
+
+
+_WORTH_LOADING, _WORTH_COMPILING = 1_000, 300_000  # boxes: 20 ms, and a second, in NumPy
+_COMPILING = 10.0  # seconds that must be left for it, on a machine that is busy
+
+
+class Code:
+    """Machine code that is loaded, or compiled, once there is enough to do for it."""
+
+    def __init__(self, source: Callable[[], KernelSource]) -> None:
+        """Begin without."""
+        self.source, self.work = source, 0
+        self.code: MachineCode | None = None
+
+    def is_worth(self, boxes: int, seconds: float) -> bool:
+        """Count boxes to come, and say whether the code is there, or worth it."""
+        self.work += boxes
+        if self.code is not None:
+            return True
+        if self.work >= _WORTH_COMPILING and seconds >= _COMPILING:
+            return True
+        return self.work >= _WORTH_LOADING and is_kept(self.source())
+
+    def run(self, question: Array, out: Array, row: int, column: int, table: Array, count: int) -> int:
+        """Ask it; it returns a whole number."""
+        if self.code is None:
+            self.code = compile_source(self.source())
+        address = [array.__array_interface__["data"][0] for array in (question, out, _NO_INDEX, table)]
+        return int(self.code.function(*address[:2], row, column, *address[2:], count))
+
+
+_NO_INDEX = np.empty(0, dtype=np.int64)
+_MOTIONS = Code(motion_source)
+
+
+def groups_of(
+    chains: Sequence[Chain], stacked: Bundle, arms: Array, rounding: Rounding, threshold: Array, places: Array
+) -> Groups:
+    """Return the tables of m pairs of points whose chains do not slide.
+
+    Args:
+        chains: Their chains.
+        stacked: The same side by side.
+        arms: (m, k) lever arms [m].
+        rounding: What bounds their rounding.
+        threshold: (m,) what their distances must exceed [m].
+        places: (m,) further errors of their distances [m].
+    """
+    n = stacked.coefficients.shape[2]
+    constant, slope = rounding.linear()
+    constant = (constant + places) * INFLATION
+    members: dict[tuple[int, bytes, bytes, float], list[int]] = {}
+    for row, (chain, place) in enumerate(zip(chains, places.tolist(), strict=True)):
+        key = chain.rotations, chain.axes.tobytes(), chain.coefficients.tobytes(), place
+        members.setdefault(key, []).append(row)
+    groups = list(members.values())
+    rows: dict[bytes, tuple[int, Array]] = {}
+    turns: list[list[float]] = []
+    for chain in (chains[group[0]] for group in groups):
+        for coefficients, axis in zip(chain.coefficients, chain.axes, strict=True):
+            number, _ = rows.setdefault(coefficients.tobytes(), (len(rows), coefficients))
+            turns.append([float(number), *axis.tolist()])
+    blocks = [_block([chains[row] for row in group], arms[group], threshold[group]) for group in groups]
+    constants, slopes = _errors(groups, blocks, rounding.reach, constant, slope)
+    counts = [len(block) - 1 for block in blocks]
+    parts = [
+        np.zeros(TABLES),
+        np.zeros(GROUP * len(groups)),
+        np.array([coefficients for _, coefficients in rows.values()]).reshape(-1),
+        np.array(slopes).reshape(-1),
+        np.array(turns).reshape(-1),
+        *(block.reshape(-1) for block in blocks),
+    ]
+    table, starts = np.concatenate(parts), np.cumsum([0, *map(len, parts)])
+    first_turn, first_tile = starts[4], 0
+    where, pairs = np.zeros(len(chains), dtype=np.intp), list[int]()
+    for number, (group, count) in enumerate(zip(groups, counts, strict=True)):
+        k, at = chains[group[0]].rotations, starts[1] + GROUP * number
+        table[at : at + GROUP] = k, count, first_turn, starts[5 + number], constants[number], first_tile
+        where[group] = TILE * first_tile + np.arange(len(group))
+        pairs += [*group, *[group[0]] * (TILE * count - len(group))]
+        first_turn, first_tile = first_turn + ROTATION * k, first_tile + count
+    most = max((chain.rotations for chain in chains), default=0) + 1
+    longest = TILE * max(counts, default=0)
+    sizes = [9 * most, 9 * most, most, most, 4 * len(rows), n, TILE * first_tile, _LEVELS * longest, 8 * _LEVELS]
+    rooms = 8 * TILE + np.cumsum([0, *sizes])
+    table[:7] = n, len(groups), starts[1], len(rows), starts[2], first_tile, starts[3]
+    table[7 : 7 + len(rooms)] = rooms
+    results = int(rooms[-1])
+    return Groups(where, np.array(pairs, dtype=np.int64), table, results + _RESULT * TILE * first_tile, results)
+
+
+def _errors(
+    groups: Sequence[list[int]], blocks: Sequence[Array], reach: Array, constant: Array, slope: Array
+) -> tuple[list[float], list[Array]]:
+    """Return the rounding bounds of each group: that of its pairs, and beside it that of the middle, by its length.
+
+    A rounding bound is a length times a factor, which joints and angles say; the middle has a length of its own.
+    """
+    constants: list[float] = []
+    slopes: list[Array] = []
+    share = np.divide(1.0, reach, out=np.zeros_like(reach), where=reach > 0.0)
+    for group, block in zip(groups, blocks, strict=True):
+        k = (block.shape[1] - 5) // 4
+        length = np.linalg.norm(block[0, : 3 * k + 3, 0].reshape(k + 1, 3), axis=1).sum()
+        constants.append(float(constant[group].max() + length * (constant * share)[group].max()) * INFLATION)
+        slopes.append((slope[group].max(axis=0) + length * (slope * share[:, None])[group].max(axis=0)) * INFLATION)
+    return constants, slopes
+
+
+def _block(chains: Sequence[Chain], arms: Array, threshold: Array) -> Array:
+    """Return the numbers of a group (tiles + 1, 4 k + 5, 64): the middle of all first, then its pairs.
+
+    Rows are the components of all blocks, the lever arms, the threshold, and how many pairs there are.
+    """
+    k, count = chains[0].rotations, -(-len(chains) // TILE)
+    offsets = np.array([chain.offsets.ravel() for chain in chains])
+    rows = np.column_stack((offsets, arms[:, :k], threshold))
+    found = np.zeros((1 + count, 4 * k + 5, TILE))
+    found[:, -2] = _EMPTY
+    for tile in range(count):
+        some = rows[TILE * tile : TILE * (tile + 1)]
+        found[1 + tile, :-1, : len(some)], found[1 + tile, -1, 0] = some.T, len(some)
+    middle = 0.5 * (offsets.min(axis=0) + offsets.max(axis=0))
+    away = np.linalg.norm((offsets - middle).reshape(len(chains), k + 1, 3), axis=2).max(axis=0).sum()
+    between = replace(chains[0], offsets=middle.reshape(k + 1, 3))
+    still = np.zeros(chains[0].coefficients.shape[1])
+    found[0, :-2, 0] = [*middle, *lever_arms(bundle([between], len(still)), still, still)[0]]
+    found[0, -2:, 0] = threshold.max() + away * INFLATION, 1.0
+    return found
