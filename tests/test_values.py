@@ -72,6 +72,7 @@ def answers(robot: pb.Robot) -> dict[str, Any]:
         "membership": pb.region_membership(robot, region, q),
         "certificate": pb.certify(robot, [q, other]),
         "box": pb.certified_box(robot, q),
+        "polytope": pb.certified_polytope(robot, q),
         "history": pb.history(robot, [q, other], region=region, samples=5),
         "inverse kinematics": pb.solve_ik(robot, list(robot.tree.links)[-1], np.array([[0.1, 0.0, 0.2]])),
     }

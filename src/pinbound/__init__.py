@@ -58,7 +58,7 @@ if TYPE_CHECKING:
         signed_clearances,
     )
     from pinbound.crosscheck import CrossCheck, cross_check
-    from pinbound.freespace import FreePolytope, certified_polytope
+    from pinbound.freespace import FreePolytope, FreeVolume, Plan, certified_polytope, free_volume, plan
     from pinbound.marking.propose import Proposal, propose_marks
     from pinbound.motion.history import Motion, MotionHistory, history, read_motion
     from pinbound.motion.inverse_kinematics import InverseKinematics, solve_ik
@@ -107,6 +107,7 @@ __all__ = [
     "Edge",
     "FollowerMark",
     "FreePolytope",
+    "FreeVolume",
     "Hull",
     "InputError",
     "InverseKinematics",
@@ -124,6 +125,7 @@ __all__ = [
     "Penetration",
     "PinboundError",
     "Place",
+    "Plan",
     "Plane",
     "Point",
     "Proposal",
@@ -151,10 +153,12 @@ __all__ = [
     "classify",
     "cross_check",
     "feasible_region",
+    "free_volume",
     "history",
     "limit_table",
     "load",
     "packaged_robots",
+    "plan",
     "propose_marks",
     "read_motion",
     "region_membership",
@@ -183,6 +187,10 @@ _LATER = {
     "certify_many": "pinbound.certificates",
     "signed_clearances": "pinbound.certificates",
     "FreePolytope": "pinbound.freespace",
+    "Plan": "pinbound.freespace",
+    "plan": "pinbound.freespace",
+    "FreeVolume": "pinbound.freespace",
+    "free_volume": "pinbound.freespace",
     "certified_polytope": "pinbound.freespace",
     "InverseKinematics": "pinbound.motion.inverse_kinematics",
     "solve_ik": "pinbound.motion.inverse_kinematics",

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.certificates.constraints import families
@@ -22,11 +21,11 @@ from pinbound.limits.univariate import gap_around
 from pinbound.model.coupling import GuardedLimit, LinearLimit
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import LIMIT, UNIT_ROUNDOFF, WIDEST_WINDOW
+from pinbound.typing import Array, Flags
 from pinbound.values import Value
 
 __all__ = ["Face", "Gap", "OneAngleGaps", "guarded_choices", "limit_faces", "outer_box"]
 
-Array = NDArray[np.float64]
 
 _SMALLEST = 4.0
 """Unit roundoffs of an angle: the first slack that is tried; it is doubled until the rest of the gap is proven."""
@@ -154,7 +153,8 @@ def outer_box(faces: Sequence[Face], names: Sequence[str]) -> tuple[Array, Array
     if open_ends:
         name = names[open_ends[0]]
         raise DimensionError(f"{name!r} has no limits; give window={{{name!r}: (lower, upper)}}")
-    return low, high
+    spare = 8.0 * UNIT_ROUNDOFF * (1.0 + np.maximum(np.abs(low), np.abs(high)))  # of the quotients above
+    return low - spare, high + spare
 
 
 @dataclass(frozen=True)
@@ -221,6 +221,13 @@ class OneAngleGaps:
                 return Gap(name, c, low, high, slack)
             slack *= 2.0
         return None
+
+    def violated(self, name: str, phi: Array) -> Flags:
+        """Return at which angles (N,) a boundary is proven in contact."""
+        c, (family, row) = self.strips[name][0], self.known[name]
+        j, centre = int(np.argmax(np.abs(c))), np.zeros((len(phi), len(c)))
+        centre[:, j] = phi / c[j]
+        return family.enclose_box(np.full(len(phi), row), centre, np.zeros_like(centre)).violated
 
     def _is_clear(self, name: str, c: Array, low: float, high: float) -> bool:
         """Return whether every angle in [low, high] is proven clear: halving, along one coordinate of the angle."""

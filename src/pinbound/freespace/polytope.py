@@ -6,23 +6,34 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.boundaries.boundary import Boundary, one_configuration
+from pinbound.certificates.boxes import certify_box
 from pinbound.certificates.records import Budget, Verdict
 from pinbound.certificates.scope import covered, scope, settled
 from pinbound.certificates.search import Meter
-from pinbound.exceptions import UnsupportedError
 from pinbound.freespace.faces import Face, OneAngleGaps, guarded_choices, limit_faces, outer_box
+from pinbound.freespace.growing import Grower
+from pinbound.freespace.pairs import Pairs
+from pinbound.freespace.proving import Prover
 from pinbound.freespace.records import FreePolytope
+from pinbound.freespace.vertices import linear_program
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import UNIT_ROUNDOFF
+from pinbound.typing import Array
 
 __all__ = ["certified_polytope"]
 
-Array = NDArray[np.float64]
 
-_BUDGET = Budget(boxes=100_000_000, seconds=60.0)
+_BUDGET = Budget(boxes=1_000_000_000, seconds=60.0)
+_SHARES = (1.0 / 16.0, 0.25, 1.0)
+"""Of the way from q to all limits: the boxes within which a polytope is proven, one after the other."""
+_MARGIN = 0.1
+"""Radians or metres. How far faces keep away from contact, where there is room: less costs more boxes."""
+_SAMPLES = 6000
+_GROWING = 0.2
+"""Of the seconds that are left: for proposing faces."""
 
 
 def certified_polytope(
@@ -33,8 +44,13 @@ def certified_polytope(
     window: Mapping[str, tuple[float, float]] | None = None,
     *,
     limits_only: bool = False,
+    seed: int = 0,
 ) -> FreePolytope:
     """Return a polytope `{A q <= b}` around q, every configuration of which is proven free and within all limits.
+
+    Boundaries of several effective angles are searched: tangents of contact are proposed from samples, and then every
+    pair is proven free over the polytope in its own coordinates, boxes halved, until nothing is left; where contact
+    or what cannot be told from it is inside, a face is added. The polytope is not the largest one.
 
     If every boundary has one effective angle, as those of parallelogram arms have, the polytope is exact: its faces are
     limits, rules and contact angles, all in closed form, less a slack for rounding of some 1e-11 rad. Of a rule with
@@ -44,9 +60,11 @@ def certified_polytope(
         robot: The robot.
         q: (n,) the configuration inside.
         boundaries: Names of the boundaries; None: all.
-        budget: How much work is allowed; None: 60 seconds.
+        budget: How much work is allowed; None: 60 seconds. If it ends the search, the largest polytope that was proven
+            is returned, with a note; if there is none, the verdict is UNDECIDED.
         window: Ends [rad or m] by coordinate; needed for coordinates without limits.
         limits_only: Keep limits and rules and nothing else. Without it, no boundary at all is NOTHING_TO_CHECK.
+        seed: Of the random samples that propose faces; what is proven does not depend on them.
 
     Returns:
         The polytope. If q itself is not free, an empty one, with the verdict VIOLATED.
@@ -54,7 +72,6 @@ def certified_polytope(
     Raises:
         DimensionError: If q is not one finite configuration, or a coordinate has no limits.
         UnknownNameError: If the robot has no boundary, or the window no coordinate, of that name.
-        UnsupportedError: If a boundary has several effective angles.
 
     References:
         `docs/free-space.md`.
@@ -90,21 +107,91 @@ def certified_polytope(
         note = () if is_proven else (f"q is nearer to contact of {ground.violated!r} than rounding can tell",)
         violated = ground.violated if is_proven else None
         return replace(empty, verdict=verdict, violated=violated, seconds=meter.seconds, notes=note)
-    if ground.searched:
-        names = ", ".join(boundary.name for boundary in ground.searched[:3])
-        said = f"boundaries of several effective angles have no exact polytope: {names}"
-        raise UnsupportedError(f"{said}; name others by boundaries=, or ask certified_box")
     verdict = settled(Verdict.CERTIFIED, chosen, limits_only)
-    faces = needed_faces(ground.faces)
-    return replace(empty, verdict=verdict, faces=faces, is_exact=True, seconds=meter.seconds, notes=tuple(ground.notes))
+    exact = replace(
+        empty,
+        verdict=verdict,
+        faces=needed_faces(ground.faces),
+        is_exact=True,
+        seconds=meter.seconds,
+        notes=tuple(ground.notes),
+    )
+    if not ground.searched:
+        return exact
+    at_q = certify_box(robot, start, start, [boundary.name for boundary in ground.searched], Budget(2_000_000, 10.0))
+    if at_q.verdict is not Verdict.CERTIFIED:
+        note = () if at_q.violated else ("q is nearer to contact than rounding can tell",)
+        return replace(empty, verdict=at_q.verdict, violated=at_q.violated, open_boxes=at_q.open_boxes, notes=note)
+    return _searched(robot, exact, ground, meter, seed)
+
+
+def _searched(robot: Robot, exact: FreePolytope, ground: _Ground, meter: Meter, seed: int) -> FreePolytope:
+    """Return the largest polytope that could be proven: within a small box around q first, then within larger ones."""
+    pairs = Pairs(robot, ground.searched, ground.low, ground.high)
+    best: FreePolytope | None = None
+    left: FreePolytope = exact
+    for share in _SHARES:
+        low, high = ground.low, ground.high
+        if share < 1.0:
+            low, high = ground.q + share * (low - ground.q), ground.q + share * (high - ground.q)
+        around = [] if share == 1.0 else _sides(robot.coordinates, low, high)
+        faces = (*exact.faces, *around)
+        grower = Grower(
+            robot, pairs, ground.q, low, high, exact.A, exact.b, _MARGIN * share, np.random.default_rng(seed)
+        )
+        grower.begin()
+        budget = meter.budget
+        if share == 1.0:  # small ones are done before growing would pay
+            grower.grow(_SAMPLES, meter, meter.seconds + _GROWING * (budget.seconds - meter.seconds))
+        A, b = np.vstack([grower.A, *(f.normal for f in around)]), np.append(grower.b, [f.proven for f in around])
+        prover = Prover(pairs, ground.q, low, high, A, b, _MARGIN * share, meter)
+        is_done = prover.prove_all()
+        added = (*grower.source, *prover.source)
+        rows = [*range(len(exact.faces), len(grower.b)), *range(len(b), len(prover.b))]
+        found = [
+            Face(pairs.names[pair], pairs.names[pair], prover.A[row], float(prover.b[row]), 0.0, True)
+            for row, pair in zip(rows, added, strict=True)
+        ]
+        left = replace(
+            exact,
+            verdict=exact.verdict if is_done else Verdict.UNDECIDED,
+            faces=(*faces, *found),
+            is_exact=False,
+            open_boxes=() if is_done else prover.open_boxes(),
+            boxes=meter.boxes,
+            seconds=meter.seconds,
+        )
+        if not is_done:
+            break
+        best = left
+    if best is None:
+        return left
+    if best is not left:
+        note = (
+            "the budget was spent: a larger polytope may be certified; this one lies in a box around q, the faces "
+            "'... reach'"
+        )
+        best = replace(best, boxes=meter.boxes, seconds=meter.seconds, notes=(*best.notes, note))
+    return best
+
+
+def _sides(names: Sequence[str], low: Array, high: Array) -> list[Face]:
+    found: list[Face] = []
+    for j, name in enumerate(names):
+        one = np.eye(len(names))[j]
+        found.append(Face(f"{name} upper reach", name, one, float(high[j]), 0.0, False))
+        found.append(Face(f"{name} lower reach", name, -one, float(-low[j]), 0.0, False))
+    return found
 
 
 class _Ground:
-    """What is known of a polytope before any search: limits, rules, and boundaries of one angle or none."""
+    """What is known of a polytope before any search: limits, rules, and boundaries of one angle."""
 
     def __init__(
         self, robot: Robot, q: Array, chosen: Sequence[Boundary], window: Mapping[str, tuple[float, float]]
     ) -> None:
+        self.q = q
+        self.searched: list[Boundary] = []
         self.notes: list[str] = []
         self.violated: str | None = None
         self.is_proven = True
@@ -125,15 +212,10 @@ class _Ground:
                 self._stop(name, bool(signed < 0.0))
                 return
             self.faces += gap.faces()
-        self.searched: list[Boundary] = []
-        for boundary in chosen:
-            if boundary.name in gaps.strips:
-                continue
-            self.searched.append(boundary)
+        self.searched = [boundary for boundary in chosen if boundary.name not in gaps.strips]
 
     def _stop(self, name: str, is_proven: bool) -> None:
-        self.violated, self.is_proven = self.violated or name, is_proven
-        self.searched = []
+        self.violated, self.is_proven = name, is_proven
 
     def _rules(self, robot: Robot, q: Array, farthest: Array) -> None:
         """Add one face for each rule with conditions: the one that q keeps by most, and no polytope loses q."""
@@ -175,8 +257,6 @@ def _without_implied(faces: Sequence[Face]) -> list[Face]:
     A linear program proposes weights of the others, and its word is not taken: a face is dropped only if the weights
     are not negative, give its normal to the last digit, and its bound with the rounding of their sum.
     """
-    from scipy.optimize import linprog
-
     kept = list(faces)
     for face in list(faces):
         others = [one for one in kept if one is not face]
@@ -184,10 +264,10 @@ def _without_implied(faces: Sequence[Face]) -> list[Face]:
             continue
         A = np.array([one.normal for one in others])
         b = np.array([one.proven for one in others])
-        found = linprog(b, A_eq=A.T, b_eq=face.normal, bounds=[(0.0, None)] * len(others), method="highs")
-        if not found.success:
+        found = linear_program(b, np.empty((0, len(b))), np.empty(0), 0.0, (A.T, face.normal))
+        if found is None:
             continue
-        weights = np.maximum(np.asarray(found.x), 0.0)
+        weights = np.maximum(found, 0.0)
         weights[weights < 1e-12] = 0.0
         off = np.abs(A.T @ weights - face.normal)
         if np.any(off > 0.0):

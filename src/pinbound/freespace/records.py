@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinbound.certificates.records import OpenBox, Verdict
 from pinbound.coverage import CoverageRecord
@@ -16,11 +16,10 @@ from pinbound.freespace.faces import Face
 from pinbound.freespace.vertices import Factor, factors, product_edges, product_vertices, volume_of
 from pinbound.model.coupling import as_configurations
 from pinbound.tolerances import UNIT_ROUNDOFF
-from pinbound.values import Value
+from pinbound.typing import Array, Indices
+from pinbound.values import Value, read_only
 
 __all__ = ["FreePolytope"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -129,13 +128,13 @@ class FreePolytope(Value):
             UnsupportedError: If faces tie more than four coordinates together.
         """
         if not self.faces:
-            return np.empty((0, len(self.coordinates)))
-        return product_vertices(self.factors, len(self.coordinates))
+            return read_only(np.empty((0, len(self.coordinates))))
+        return read_only(product_vertices(self.factors, len(self.coordinates)))
 
     @cached_property
-    def edges(self) -> NDArray[np.intp]:
+    def edges(self) -> Indices:
         """(e, 2) its edges, as pairs of rows of `vertices`."""
-        return product_edges(self.factors) if self.faces else np.empty((0, 2), dtype=np.intp)
+        return read_only(product_edges(self.factors) if self.faces else np.empty((0, 2), dtype=np.intp))
 
     @property
     def volume(self) -> float:

@@ -11,18 +11,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, product
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinbound.exceptions import UnsupportedError
 from pinbound.tolerances import UNIT_ROUNDOFF, VERTEX
-from pinbound.values import Value
+from pinbound.typing import Array, Flags, Indices
+from pinbound.values import Value, read_only
 
-__all__ = ["Factor", "centre_of", "factors", "product_edges", "product_vertices", "volume_of"]
+__all__ = ["Factor", "centre_of", "factors", "linear_program", "product_edges", "product_vertices", "volume_of"]
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _EXACT = 4
 """Coordinates of a factor up to which its vertices are listed: 80 faces in seven make millions."""
@@ -49,19 +48,17 @@ class Factor(Value):
     @cached_property
     def vertices(self) -> Array:
         """(v, k), each solved from the faces that meet in it; none if the polytope is empty or flat."""
-        return _vertices(self.A, self.b)
+        return read_only(_vertices(self.A, self.b))
 
     @cached_property
     def extent(self) -> tuple[Array, Array]:
         """Corners (k,), (k,) of the smallest box around it, by linear programs."""
-        from scipy.optimize import linprog
-
         ends: list[float] = []
         for j, sign in product(range(self.A.shape[1]), (1.0, -1.0)):
             cost = sign * np.eye(self.A.shape[1])[j]
-            found = linprog(cost, self.A, self.b, bounds=[(None, None)] * self.A.shape[1], method="highs")
-            ends.append(sign * float(found.fun) if found.success else 0.0)
-        return np.array(ends[::2]), np.array(ends[1::2])
+            found = linear_program(cost, self.A, self.b)
+            ends.append(0.0 if found is None else float(cost @ found) * sign)
+        return read_only(np.array(ends[::2])), read_only(np.array(ends[1::2]))
 
     @cached_property
     def edges(self) -> Indices:
@@ -69,18 +66,18 @@ class Factor(Value):
         k, points = self.A.shape[1], self.vertices
         meets = self.meets
         if k == 1:
-            return np.array([[0, 1]] if len(points) == 2 else [], dtype=np.intp).reshape(-1, 2)
+            return read_only(np.array([[0, 1]] if len(points) == 2 else [], dtype=np.intp).reshape(-1, 2))
         found: list[tuple[int, int]] = []
         for i, j in combinations(range(len(points)), 2):
             both = self.A[meets[i] & meets[j]]
             if len(both) >= k - 1 and np.linalg.matrix_rank(both, tol=1e-9) == k - 1:
                 found.append((i, j))
-        return np.array(found, dtype=np.intp).reshape(-1, 2)
+        return read_only(np.array(found, dtype=np.intp).reshape(-1, 2))
 
     @cached_property
-    def meets(self) -> NDArray[np.bool_]:
+    def meets(self) -> Flags:
         """(v, m), which faces meet in each vertex."""
-        return _near(self.A, self.b, self.vertices)
+        return read_only(_near(self.A, self.b, self.vertices))
 
     @cached_property
     def volume(self) -> tuple[float, float]:
@@ -91,9 +88,10 @@ class Factor(Value):
         if k == 1:
             low, high = float(points.min()), float(points.max())
             return high - low, 4.0 * UNIT_ROUNDOFF * (abs(low) + abs(high))
-        from scipy.spatial import ConvexHull
+        from scipy import spatial
 
-        hull = ConvexHull(points, qhull_options="Qt")
+        solver: Any = spatial
+        hull: Any = solver.ConvexHull(points, qhull_options="Qt")
         corners = points[hull.simplices] - points.mean(axis=0)  # (s, k, k): a cone over each triangle of the surface
         parts = np.abs(np.linalg.det(corners)) / math.factorial(k)
         # A vertex off by e moves each cone by at most its surface times e; determinants of k rows round so, too.
@@ -101,12 +99,12 @@ class Factor(Value):
         return float(np.sum(parts)), float(hull.area) * off + 64.0 * k * UNIT_ROUNDOFF * float(np.sum(parts))
 
 
-def _near(A: Array, b: Array, points: Array) -> NDArray[np.bool_]:
+def _near(A: Array, b: Array, points: Array) -> Flags:
     size = 1.0 + np.abs(points).max(axis=1, initial=0.0)
     return np.abs(points @ A.T - b) <= _MEETS * VERTEX * np.linalg.norm(A, axis=1) * size[:, None]
 
 
-def _residual(A: Array, b: Array, points: Array, meets: NDArray[np.bool_]) -> float:
+def _residual(A: Array, b: Array, points: Array, meets: Flags) -> float:
     lengths = np.linalg.norm(A, axis=1)
     return float(np.max(np.where(meets, np.abs(points @ A.T - b) / lengths, 0.0), initial=0.0))
 
@@ -125,16 +123,18 @@ def _vertices(A: Array, b: Array) -> Array:
     centre, radius = centre_of(A, b)
     if not radius > 0.0:
         return np.empty((0, k))
-    from scipy.spatial import HalfspaceIntersection
+    from scipy import spatial
 
-    proposed = HalfspaceIntersection(np.column_stack([A, -b]), centre).intersections
+    solver: Any = spatial
+    proposed: Array = solver.HalfspaceIntersection(np.column_stack([A, -b]), centre).intersections
     found: dict[tuple[int, ...], Array] = {}
     lengths = np.linalg.norm(A, axis=1)
     for point in proposed:
         rows = np.flatnonzero(np.abs(A @ point - b) <= _MEETS * VERTEX * lengths * (1.0 + np.abs(point).max()))
         if len(rows) < k:
             continue
-        solved = np.linalg.lstsq(A[rows] / lengths[rows, None], b[rows] / lengths[rows], rcond=None)[0]
+        algebra: Any = np.linalg
+        solved: Array = algebra.lstsq(A[rows] / lengths[rows, None], b[rows] / lengths[rows], rcond=None)[0]
         if np.all(A @ solved <= b + _MEETS * VERTEX * lengths * (1.0 + np.abs(solved).max())):
             found[tuple(rows.tolist())] = solved + 0.0
     points = np.array(list(found.values())).reshape(-1, k)
@@ -150,16 +150,32 @@ def centre_of(A: Array, b: Array) -> tuple[Array, float]:
         >>> radius, bool(np.all(A @ centre <= [1.0, 1.0, 2.0, 0.0]))
         (1.0, True)
     """
-    from scipy.optimize import linprog
-
     lengths = np.linalg.norm(A, axis=1)
     k = A.shape[1]
-    found = linprog(
-        np.append(np.zeros(k), -1.0), np.column_stack([A, lengths]), b, bounds=[(None, None)] * (k + 1), method="highs"
-    )
-    if not found.success:
-        return np.zeros(k), -np.inf
-    return np.asarray(found.x[:k], dtype=np.float64), float(found.x[k])
+    found = linear_program(np.append(np.zeros(k), -1.0), np.column_stack([A, lengths]), b)
+    if found is None:
+        return np.zeros_like(A[0]), -np.inf
+    centre: Array = found[:k]
+    return centre, float(found[k])
+
+
+def linear_program(cost: Array, A: Array, b: Array, lowest: float | None = None, equal: Any = (None, None)) -> Any:
+    """Return x of least cost with `A x <= b`, and `A_eq x = b_eq` of `equal`; None if there is none. Nothing is proven.
+
+    Args:
+        cost: (k,).
+        A: (m, k).
+        b: (m,).
+        lowest: Lower bound of every entry; None: none.
+        equal: `A_eq` and `b_eq`.
+    """
+    from scipy import optimize
+
+    solver: Any = optimize
+    bounds = [(lowest, None)] * len(cost)
+    rows = (A, b) if len(A) else (None, None)
+    found = solver.linprog(cost, *rows, *equal, bounds=bounds, method="highs")
+    return np.asarray(found.x, dtype=np.float64) if found.success else None
 
 
 def factors(A: Array, b: Array) -> tuple[Factor, ...]:
@@ -171,13 +187,14 @@ def factors(A: Array, b: Array) -> tuple[Factor, ...]:
         [[0], [1, 2]]
     """
     n = A.shape[1]
-    group = np.arange(n)
+    group = np.arange(n, dtype=np.intp)
     for row in A:
         used = np.flatnonzero(row)
         for j in used[1:]:
             group[group == group[j]] = group[used[0]]
     found: list[Factor] = []
-    for label in dict.fromkeys(group.tolist()):
+    labels: list[int] = group.tolist()
+    for label in dict.fromkeys(labels):
         columns = np.flatnonzero(group == label)
         rows = np.flatnonzero(np.any(A[:, columns] != 0.0, axis=1))
         found.append(Factor(columns, rows, A[np.ix_(rows, columns)], b[rows]))

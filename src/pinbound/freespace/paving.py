@@ -1,0 +1,279 @@
+"""free_volume(): how much of the box of limits is free, in two to four coordinates, as a proven interval.
+
+The box is halved into boxes, each with the pairs that are not yet proven free in it. A box without such a pair is free;
+a box over which one pair is proven in contact, or one limit passed, is not. Pairs are bounded in their own
+coordinates, all boxes of a round at once. `docs/free-space.md` has the bounds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pinbound.boundaries.boundary import Boundary, one_configuration
+from pinbound.certificates.records import Budget, Reason
+from pinbound.certificates.scope import covered, scope
+from pinbound.certificates.search import Meter
+from pinbound.coverage import CoverageRecord
+from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
+from pinbound.freespace.faces import Face, guarded_choices, limit_faces, outer_box
+from pinbound.freespace.pairs import Pairs
+from pinbound.robot.robot import Robot
+from pinbound.tolerances import INFLATION, LIMIT, UNIT_ROUNDOFF
+from pinbound.typing import Array, Flags, Indices
+from pinbound.values import Value
+
+__all__ = ["FreeVolume", "free_volume"]
+
+_BUDGET = Budget(boxes=20_000_000, seconds=10.0)
+_ROWS = 16_384
+_FEWEST, _MOST = 2, 4
+
+
+@dataclass(frozen=True, eq=False)
+class FreeVolume(Value):
+    """How much of a box is free, proven. Made by `free_volume`.
+
+    Attributes:
+        coordinates: Of the box.
+        at: (n,) where the others are held.
+        coverage: What the boundaries watch of the robot, and what they do not.
+        box: (2, k) corners of the box of limits [rad or m].
+        lower: At least so much of it is free [rad^k, metres where a joint slides].
+        upper: At most so much.
+        free: (f, 2, k) corners of boxes that are proven free.
+        open: (u, 2, k) corners of boxes that are not decided.
+        reason: Why there are any: the budget; None if as much was decided as was asked for.
+        boxes: How many boxes times boundaries were bounded.
+        seconds: Wall time.
+    """
+
+    coordinates: tuple[str, ...]
+    at: Array
+    coverage: CoverageRecord
+    box: Array
+    lower: float
+    upper: float
+    free: Array
+    open: Array
+    reason: Reason | None
+    boxes: int
+    seconds: float
+
+    @property
+    def undecided(self) -> float:
+        """The volume that is not decided: `upper - lower`."""
+        return self.upper - self.lower
+
+    @property
+    def volume(self) -> float:
+        """Volume of the box."""
+        return float((self.box[1] - self.box[0]).prod())
+
+    @property
+    def decided(self) -> float:
+        """The share of the box that is decided, in [0, 1]."""
+        return max(0.0, 1.0 - self.undecided / self.volume)
+
+
+def free_volume(
+    robot: Robot,
+    coordinates: Sequence[str],
+    at: ArrayLike | None = None,
+    boundaries: Sequence[str] | None = None,
+    budget: Budget | None = None,
+    window: Mapping[str, tuple[float, float]] | None = None,
+    *,
+    decided: float = 0.99,
+) -> FreeVolume:
+    """Return a proven interval of the free volume in the box of limits of two to four coordinates.
+
+    Free is what `robot.boundaries.free` says: out of contact, and within all limits and rules.
+
+    Args:
+        robot: The robot.
+        coordinates: Two, three or four names.
+        at: (n,) where the others are held; home by default.
+        boundaries: Names of the boundaries; None: all.
+        budget: How much work is allowed; None: 10 seconds.
+        window: Ends [rad or m] by coordinate; needed for coordinates without limits.
+        decided: The share of the box after which the search ends, in (0, 1].
+
+    Raises:
+        UnknownNameError: If there is no coordinate, or no boundary, of a name.
+        UnsupportedError: If there are not two to four coordinates, each once.
+        DimensionError: If `at` is not one finite configuration, `decided` is not in (0, 1], or a coordinate has no
+            limits.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> found = pb.free_volume(robot, ("q2", "q3"), decided=0.999)
+        >>> area = pb.feasible_region(robot).area
+        >>> found.lower < area < found.upper, found.decided >= 0.999
+        (True, True)
+    """
+    held = np.array(robot.home if at is None else one_configuration(at, robot.coordinates), dtype=np.float64)
+    names = (coordinates,) if isinstance(coordinates, str) else tuple(coordinates)
+    for name in names:
+        if name not in robot.coordinates:
+            raise UnknownNameError("coordinate", name, robot.coordinates)
+    if not _FEWEST <= len(names) <= _MOST or len(set(names)) < len(names):
+        raise UnsupportedError(f"a paving takes two to four coordinates, each once, and you gave {', '.join(names)}")
+    if not 0.0 < decided <= 1.0:
+        raise DimensionError(f"the share {decided} is not in (0, 1]")
+    chosen = scope(robot, boundaries, True, not len(robot.boundaries) and boundaries is None)
+    axes = np.array([robot.coordinates.index(name) for name in names])
+    paving = _Paving(robot, chosen, axes, held, dict(window or {}), Meter(budget or _BUDGET))
+    reason = paving.run(decided)
+    total = float(np.prod(paving.high - paving.low))
+    free, contact = _sum(paving.free), _sum(paving.contact)
+    room = 64.0 * UNIT_ROUNDOFF * total
+    return FreeVolume(
+        coordinates=names,
+        at=held,
+        coverage=covered(robot, chosen),
+        box=np.stack([paving.low, paving.high]),
+        lower=max(0.0, free - room),
+        upper=min(total, total - contact + room),
+        free=_corners(paving.free, len(axes)),
+        open=_corners(paving.left, len(axes)),
+        reason=reason,
+        boxes=paving.meter.boxes,
+        seconds=paving.meter.seconds,
+    )
+
+
+def _sum(parts: Sequence[Array]) -> float:
+    sizes = [(one[:, 1] - one[:, 0]).prod(axis=1) for one in parts]
+    return math.fsum(float(x) for one in sizes for x in one)
+
+
+def _corners(parts: Sequence[Array], k: int) -> Array:
+    return np.concatenate([np.empty((0, 2, k)), *parts])
+
+
+class _Paving:
+    """Boxes [low, high] over the axes, and rows (box, pair) of what is not yet proven free in them."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        chosen: Sequence[Boundary],
+        axes: Indices,
+        at: Array,
+        window: Mapping[str, tuple[float, float]],
+        meter: Meter,
+    ) -> None:
+        rough = limit_faces(robot, window)
+        n = len(robot.coordinates)
+        others = np.setdiff1d(np.arange(n), axes)
+        ones = np.eye(n)
+        fixed = [Face("", "", s * ones[j], s * float(at[j]), 0.0, False) for j in others for s in (1.0, -1.0)]
+        bounding = [face for face in rough if np.any(face.normal[axes])]
+        low, high = outer_box([*bounding, *fixed], robot.coordinates)
+        ends = [(face, np.flatnonzero(face.normal)) for face in rough]
+        for face, used in ends:  # exact ends where one coordinate has them: the box of limits, not a wider one
+            if len(used) == 1 and used[0] in axes:
+                end = face.bound / float(face.normal[used[0]])
+                if face.normal[used[0]] > 0.0 and abs(end - high[used[0]]) < LIMIT * (1.0 + abs(end)):
+                    high[used[0]] = end
+                elif face.normal[used[0]] < 0.0 and abs(end - low[used[0]]) < LIMIT * (1.0 + abs(end)):
+                    low[used[0]] = end
+        self.axes, self.at, self.meter = axes, at, meter
+        self.low, self.high = low[axes], high[axes]
+        farthest = np.maximum(np.abs(low), np.abs(high))
+        self.pairs = Pairs(robot, [robot.boundaries[one.name] for one in chosen], low, high)
+        self.rules = [[face] for face in limit_faces(robot, {}, farthest)]
+        self.rules += [guarded_choices(one, farthest, robot.coordinates) for one in robot.guarded_limits]
+        self.farthest = farthest
+        self.free: list[Array] = []
+        self.contact: list[Array] = []
+        self.left: list[Array] = []
+
+    def run(self, decided: float) -> Reason | None:
+        """Halve until the undecided share is small enough; return what of the budget ended it, if it did."""
+        m = len(self.pairs) + len(self.rules)
+        boxes = np.stack([self.low, self.high])[None]
+        box, item = np.zeros(m, dtype=np.intp), np.arange(m)
+        total = float(np.prod(self.high - self.low))
+        while len(boxes):
+            undecided = float(np.sum(np.prod(boxes[:, 1] - boxes[:, 0], axis=1)))
+            reason = self.meter.spent()
+            if undecided <= (1.0 - decided) * total or reason:
+                self.left.append(boxes)
+                return reason if undecided > (1.0 - decided) * total else None
+            open_rows, is_contact = np.ones(len(box), dtype=np.bool_), np.zeros(len(boxes), dtype=np.bool_)
+            least, which = np.full(len(boxes), np.inf), np.zeros(len(boxes), dtype=np.intp)
+            for start in range(0, len(box), _ROWS):
+                part = slice(start, start + _ROWS)
+                if start and self.meter.spent():
+                    break
+                lower, upper = self._bounds(item[part], boxes[box[part]])
+                open_rows[part] = lower <= 0.0
+                is_contact[box[part][upper < 0.0]] = True
+                order = np.argsort(-lower, kind="stable")
+                better = lower[order] < least[box[part][order]]
+                rows = order[better]
+                least[box[part][rows]] = lower[rows]
+                which[box[part][rows]] = item[part][rows]
+                self.meter.boxes += len(lower)
+            keep = open_rows & ~is_contact[box]
+            is_open = np.zeros(len(boxes), dtype=np.bool_)
+            is_open[box[keep]] = True
+            self.contact.append(boxes[is_contact])
+            self.free.append(boxes[~is_contact & ~is_open])
+            number = np.cumsum(is_open) - 1
+            boxes, box, item = self._halved(boxes[is_open], which[is_open]), number[box[keep]], item[keep]
+            count = len(boxes) // 2
+            box, item = np.concatenate([box, box + count]), np.concatenate([item, item])
+        return None
+
+    def _bounds(self, item: Indices, boxes: Array) -> tuple[Array, Array]:
+        """Return lower bounds, above zero where proven kept, and upper ones, below zero where proven not to be."""
+        centre = np.tile(self.at, (len(item), 1))
+        half = np.zeros_like(centre)
+        middle = 0.5 * (boxes[:, 0] + boxes[:, 1])
+        centre[:, self.axes] = middle
+        half[:, self.axes] = np.maximum(boxes[:, 1] - middle, middle - boxes[:, 0]) * INFLATION
+        lower, upper = np.empty(len(item)), np.empty(len(item))
+        rows = np.flatnonzero(item < len(self.pairs))
+        if len(rows):
+            found = self.pairs.bound(item[rows], centre[rows], half[rows])
+            lower[rows], upper[rows] = found.lower, found.upper
+        for index, choices in enumerate(self.rules):
+            rows = np.flatnonzero(item == len(self.pairs) + index)
+            if len(rows):
+                lower[rows], upper[rows] = self._rule(choices, centre[rows], half[rows])
+        return lower, upper
+
+    def _rule(self, choices: Sequence[Face], centre: Array, half: Array) -> tuple[Array, Array]:
+        """Return (1, inf) where one of the half-spaces is kept all over, (0, -1) where all are left, else (0, inf)."""
+        kept: Flags = np.zeros(len(centre), dtype=np.bool_)
+        lost: Flags = np.ones(len(centre), dtype=np.bool_)
+        for index, face in enumerate(choices):
+            middle, wide = centre @ face.normal, (half / INFLATION) @ np.abs(face.normal)
+            rounding = 16.0 * UNIT_ROUNDOFF * (float(np.abs(face.normal) @ self.farthest) + abs(face.bound))
+            tolerance = 2.0 * LIMIT if index == 0 else -LIMIT
+            kept |= middle + wide <= face.proven + (LIMIT if index == 0 else 0.0) - rounding
+            lost &= middle - wide > face.bound + tolerance + rounding
+        return np.where(kept, 1.0, 0.0), np.where(lost, -1.0, np.inf)
+
+    def _halved(self, boxes: Array, which: Indices) -> Array:
+        """Halve each box across the coordinate that moves its worst pair most; of limits the widest one."""
+        wide = boxes[:, 1] - boxes[:, 0]
+        weights = np.ones((len(boxes), len(self.axes)))
+        is_pair = which < len(self.pairs)
+        weights[is_pair] = self.pairs.weights[which[is_pair]][:, self.axes]
+        reach = weights * wide
+        reach[~np.any(reach > 0.0, axis=1)] = wide[~np.any(reach > 0.0, axis=1)]
+        across, rows = np.argmax(reach, axis=1), np.arange(len(boxes))
+        middle = 0.5 * (boxes[rows, 0, across] + boxes[rows, 1, across])
+        first, second = boxes.copy(), boxes.copy()
+        first[rows, 1, across] = middle
+        second[rows, 0, across] = middle
+        return np.concatenate([first, second])

@@ -1,0 +1,242 @@
+"""Proofs over a polytope: boxes that no face cuts off and no bound clears are halved, and what stays is cut off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pinbound.certificates.records import OpenBox, Reason
+from pinbound.certificates.search import Meter
+from pinbound.freespace.growing import SHARE
+from pinbound.freespace.pairs import Affine, Pairs
+from pinbound.tolerances import INFLATION, UNIT_ROUNDOFF
+from pinbound.typing import Array, Flags, Indices
+
+__all__ = ["Boxes", "Prover"]
+
+
+_BATCH = 8192
+_TOGETHER = 8
+_WEIGHINGS = 4
+_SMALLEST = 2.0**-40
+_NARROW = 0.02
+"""Of the distance to the seed: a box this small, across whose slope the seed is not well away from contact, is cut off
+across the line from the seed."""
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Boxes [low, high] (N, n), each of one pair; neighbours share their corners, so that there is no gap."""
+
+    which: Indices
+    low: Array
+    high: Array
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self.which)
+
+    def take(self, rows: Flags | slice | Indices) -> Boxes:
+        """Return some of them."""
+        return Boxes(self.which[rows], self.low[rows], self.high[rows])
+
+    def middles(self) -> tuple[Array, Array]:
+        """Return centres, and half-widths that hold the corners whatever was rounded."""
+        centre = 0.5 * (self.low + self.high)
+        half = np.maximum(self.high - centre, centre - self.low) * INFLATION
+        return centre, half
+
+    def halved(self, reach: Array) -> Boxes:
+        """Halve each box across the coordinate along which `reach` (N, n) is largest."""
+        rows, across = np.arange(len(self)), np.argmax(reach, axis=1)
+        middle = 0.5 * (self.low[rows, across] + self.high[rows, across])
+        first, second = self.high.copy(), self.low.copy()
+        first[rows, across] = middle
+        second[rows, across] = middle
+        return Boxes(
+            np.concatenate([self.which, self.which]),
+            np.concatenate([self.low, second]),
+            np.concatenate([first, self.high]),
+        )
+
+
+@dataclass
+class Prover:
+    """A polytope while it is proven; faces are only added or moved inwards, so that what was proven stays so."""
+
+    pairs: Pairs
+    seed: Array
+    low: Array
+    high: Array
+    A: Array
+    b: Array
+    margin: float
+    meter: Meter
+    source: list[int] = field(default_factory=list[int])
+    stuck: list[Boxes] = field(default_factory=list[Boxes])
+
+    def __post_init__(self) -> None:
+        """Know how much the rounding of `a . q` can be."""
+        nothing = np.empty((0, len(self.low)))
+        self.left, self.unseen = Boxes(np.empty(0, np.intp), nothing, nothing), np.empty(0, np.intp)
+        self.farthest = np.maximum(np.abs(self.low), np.abs(self.high))
+        self.unit = 8.0 * (len(self.low) + 2) * UNIT_ROUNDOFF
+
+    def rounding(self) -> Array:
+        """Return a bound of the rounding of every `a . q - b` (m,)."""
+        return self.unit * (np.abs(self.A) @ self.farthest + np.abs(self.b))
+
+    def prove_all(self) -> bool:
+        """Prove all pairs, those of few coordinates first; False if the budget, or rounding, left some open."""
+        used = np.count_nonzero(self.pairs.weights, axis=1)
+        order = np.lexsort((np.arange(len(used)), used))
+        for start in range(0, len(order), _TOGETHER):
+            if not self.prove(order[start : start + _TOGETHER]):
+                self.unseen = order[start + _TOGETHER :]
+                return False
+        return not self.stuck
+
+    def open_boxes(self) -> tuple[OpenBox, ...]:
+        """Return what is not proven."""
+        reason = self.meter.spent() or Reason.ROUNDING
+        whole = Boxes(self.unseen, np.tile(self.low, (len(self.unseen), 1)), np.tile(self.high, (len(self.unseen), 1)))
+        found: list[OpenBox] = []
+        for boxes, why in (*((one, Reason.ROUNDING) for one in self.stuck), (whole, reason), (self.left, reason)):
+            for pair, low, high in zip(boxes.which, boxes.low, boxes.high, strict=True):
+                found.append(OpenBox(self.pairs.names[int(pair)], low, high, -np.inf, why))
+        return tuple(found)
+
+    def prove(self, rows: Indices) -> bool:
+        """Prove pairs `rows` free over the polytope; False if the budget ended it."""
+        n = len(self.low)
+        stack = Boxes(np.asarray(rows), np.tile(self.low, (len(rows), 1)), np.tile(self.high, (len(rows), 1)))
+        self.left = stack
+        while len(stack):
+            if self.meter.spent():
+                self.left = stack
+                return False
+            start = max(0, len(stack) - _BATCH)
+            now, stack = stack.take(slice(start, None)), stack.take(slice(0, start))
+            again = self._nearest_last(self._round(now))
+            stack = Boxes(
+                np.concatenate([stack.which, again.which]),
+                np.concatenate([stack.low, again.low]).reshape(-1, n),
+                np.concatenate([stack.high, again.high]).reshape(-1, n),
+            )
+        self.left = stack
+        return True
+
+    def _nearest_last(self, boxes: Boxes) -> Boxes:
+        """Return boxes in the order in which a stack gives the nearest to the seed first: faces near it spare most."""
+        away = np.maximum(np.maximum(boxes.low - self.seed, self.seed - boxes.high), 0.0)
+        return boxes.take(np.argsort(-np.einsum("ni,ni->n", away, away), kind="stable"))
+
+    def _round(self, boxes: Boxes) -> Boxes:
+        self.meter.boxes += len(boxes)
+        boxes = boxes.take(~self._outside(boxes))
+        centre, half = boxes.middles()
+        found = self.pairs.bound(boxes.which, centre, half)
+        open_ = found.lower <= 0.0
+        boxes, centre, half = boxes.take(open_), centre[open_], half[open_]
+        found = _some(found, open_)
+        if not len(boxes):
+            return boxes
+        open_ = self._weigh(found, centre, half) <= 0.0
+        boxes, centre, half = boxes.take(open_), centre[open_], half[open_]
+        found = _some(found, open_)
+        if not len(boxes):
+            return boxes
+        boxes, half = self._cut(boxes, found, centre, half)
+        return boxes.halved(self.pairs.weights[boxes.which] * half) if len(boxes) else boxes
+
+    def _outside(self, boxes: Boxes) -> Flags:
+        """Return which boxes lie wholly beyond a face."""
+        centre, half = boxes.middles()
+        least = centre @ self.A.T - half @ np.abs(self.A.T)
+        return np.any(least > self.b + self.rounding(), axis=1)
+
+    def _weigh(self, found: Affine, centre: Array, half: Array) -> Array:
+        """Return lower bounds (N,) over what the polytope leaves of boxes: faces weighed against the slope."""
+        best, slope = found.lower.copy(), found.slope.copy()
+        constant = found.value - found.rest
+        room = self.b + self.rounding()
+        todo = np.arange(len(best))
+        for _ in range(_WEIGHINGS):
+            corner = centre[todo] - np.sign(slope[todo]) * half[todo]
+            beyond = corner @ self.A.T - room
+            face = np.argmax(beyond, axis=1)
+            useful = beyond[np.arange(len(todo)), face] > 0.0
+            todo, face = todo[useful], face[useful]
+            if not len(todo):
+                break
+            a, s, h = self.A[face], slope[todo], half[todo]
+            distance = room[face] - np.einsum("ni,ni->n", a, centre[todo])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                weight = np.where(a != 0.0, -s / a, 0.0)
+            weight = np.where(np.isfinite(weight) & (weight > 0.0), weight, 0.0)  # (N, n) candidates
+            tried = np.abs(s[:, None] + weight[:, :, None] * a[:, None])  # (N, candidates, n)
+            spread = np.matmul(tried, h[:, :, None])[:, :, 0] * INFLATION
+            value = constant[todo, None] - weight * distance[:, None] - spread
+            rows = np.arange(len(todo))
+            pick = np.argmax(value, axis=1)
+            chosen = weight[rows, pick]
+            lost = self.unit * ((np.abs(s) + chosen[:, None] * np.abs(a)) @ self.farthest)
+            slope[todo] = s + chosen[:, None] * a
+            constant[todo] -= chosen * distance + lost
+            best[todo] = np.maximum(best[todo], value[rows, pick] - lost)
+            todo = todo[(best[todo] <= 0.0) & (chosen > 0.0)]
+        return best
+
+    def _cut(self, boxes: Boxes, found: Affine, centre: Array, half: Array) -> tuple[Boxes, Array]:
+        """Cut off what cannot be cleared by halving: boxes in contact, small enough that a face takes them off."""
+        slope = found.slope
+        flat = np.flatnonzero(~np.any(slope != 0.0, axis=1))
+        slope = slope.copy()
+        if len(flat):  # bounds that are not affine: the whole box is cut off, across the gradient
+            slope[flat] = self.pairs.gradients(boxes.which[flat], centre[flat])
+        steep = np.linalg.norm(slope, axis=1)
+        away = -np.einsum("ni,ni->n", slope, centre - self.seed)  # times the slope: how far on the seed's side
+        room = np.minimum(self.margin * steep, SHARE * away)
+        ripe = (found.rest <= 0.25 * room) & (found.value <= found.rest)
+        own = self.pairs.weights[boxes.which] > 0.0
+        way = np.where(own, centre - self.seed, 0.0)
+        far = np.linalg.norm(way, axis=1)
+        size = np.linalg.norm(np.where(own, half, 0.0), axis=1)
+        radial = ~ripe & (found.value <= found.rest) & (size <= _NARROW * far) & (away <= _NARROW * far * steep)
+        hopeless = np.max(np.where(own, half, 0.0), axis=1) < _SMALLEST
+        is_flat = np.zeros(len(boxes), dtype=np.bool_)
+        is_flat[flat] = True
+        is_flat |= radial
+        slope[radial] = -way[radial]
+        steep[radial] = far[radial]
+        room[radial] = 0.0
+        ripe |= radial
+        for row in np.flatnonzero(ripe).tolist():
+            one, part = boxes.take(slice(row, row + 1)), _some(found, slice(row, row + 1))
+            h = half[row : row + 1]
+            if self._outside(one)[0] or self._weigh(part, centre[row : row + 1], h)[0] > 0.0:
+                continue
+            normal = -slope[row] / steep[row]
+            bound = float(normal @ centre[row])
+            if is_flat[row]:
+                bound -= float(np.abs(normal) @ half[row]) + 0.25 * float(room[row] / steep[row])
+            else:
+                bound += float(found.value[row] - found.rest[row] - 0.5 * room[row]) / float(steep[row])
+            if normal @ self.seed < bound:
+                self.A, self.b = np.vstack([self.A, normal]), np.append(self.b, bound)
+                self.source.append(int(one.which[0]))
+        if np.any(hopeless):
+            self.stuck.append(boxes.take(hopeless))
+        keep = ~hopeless
+        boxes, half, found, centre = boxes.take(keep), half[keep], _some(found, keep), centre[keep]
+        if np.any(ripe) and len(boxes):
+            open_ = ~self._outside(boxes)
+            open_[open_] = self._weigh(_some(found, open_), centre[open_], half[open_]) <= 0.0
+            boxes, half = boxes.take(open_), half[open_]
+        return boxes, half
+
+
+def _some(found: Affine, rows: Flags | slice) -> Affine:
+    parts = (found.value, found.slope, found.rest, found.moved, found.lower, found.upper)
+    return Affine(*(part[rows] for part in parts))
