@@ -19,7 +19,7 @@ from pinbound.typing import Array, Flags
 
 __all__ = ["READ", "RawBodies", "raw_shapes", "unreadable"]
 
-READ = (*(shape for shape in SHAPES if shape != "mesh"), "mesh")
+READ: tuple[str, ...] = tuple(dict.fromkeys((*SHAPES, "mesh")))
 """Shapes of bodies that coal is given."""
 
 

@@ -130,13 +130,22 @@ class _Inside:
             rows[:, part] = np.eye(self.count)
             whole = np.zeros(size)
             whole[part] = 1.0
-            return [
-                {"type": "ineq", "fun": lambda x: rows @ x, "jac": lambda _: rows},
-                {"type": "eq", "fun": lambda x: whole @ x - 1.0, "jac": lambda _: whole},
-            ]
+            return [_linear("ineq", rows, 0.0), _linear("eq", whole, 1.0)]
         normals, level = self.facets[:, :_SOLID], self.facets[:, _SOLID]
         rows[:, part] = -np.column_stack((normals, np.ones(len(normals))))
-        return [{"type": "ineq", "fun": lambda x: rows @ x - level, "jac": lambda _: rows}]
+        return [_linear("ineq", rows, level)]
+
+
+def _linear(kind: str, rows: Array, level: Array | float) -> dict[str, Any]:
+    """Return `rows @ x >= level`, or `==`, as SciPy takes it."""
+
+    def value(x: Array) -> Array:
+        return rows @ x - level
+
+    def slope(_: Array) -> Array:
+        return rows
+
+    return {"type": kind, "fun": value, "jac": slope}
 
 
 def _facets(vertices: Array) -> Array | None:
