@@ -286,6 +286,9 @@ LOOP = robot_xml(
 )
 """A parallelogram whose sides differ by 10 um."""
 
+UNEQUAL = LOOP.replace('xyz_a="2.00001 0 0"', 'xyz_a="2.2 0 0"').replace('tolerance="2e-5"', "")
+"""A four-bar linkage that is no parallelogram."""
+
 
 def speeds(velocity: Any) -> Any:
     from pinbound.adapters.shared import SafeSteps
@@ -1200,7 +1203,22 @@ def doubtful(radius: float, **options: Any) -> Do:
 
 
 def others() -> Iterator[Entry]:
-    """Yield those of free space, tables, models, scripts and the machine."""
+    """Yield those of loops, free space, tables, models, scripts and the machine."""
+    linkage = lambda: made(UNEQUAL)
+
+    def supported(_: Path) -> object:
+        robot, Q = linkage(), linkage().home[None]
+        box = robot.home - 1e-4, robot.home + 1e-4
+        answers: list[object] = [robot.boundaries.norms(Q), robot.boundaries.gradients(Q), robot.boundaries.hessians(Q)]
+        answers += [robot.boundaries.signed_clearances(Q), robot.boundaries.free(Q), robot.coupling.expand(Q)]
+        answers += [pb.certify(robot, Q), pb.certify_box(robot, *box), robot.to_pinocchio(robot.model, Q)]
+        return answers
+
+    through = "Supported through it are: values, gradients, Hessians, signed clearances, free, certify, certify_box, "
+    through += "coupling.expand, to_pinocchio"
+    yield one(through, lambda _: linkage().coupling.S, supported)
+    slopes = lambda *shape: lambda _: linkage().boundaries.gradients(linkage().home[None], out=np.zeros(shape))
+    yield one("give a writeable {} array of shape {}", slopes(2, 1, 1), slopes(1, 1, 1))
     polytope = lambda robot, **more: lambda _: pb.certified_polytope(robot(), robot().home, **more)
     stopped = lambda: made(robot_xml(TURNS, {"p": ("base", "0.3 0 0"), "s": ("a", "0 0 0.3")}, [("p", "s")]))
     ends = {"q1": (-0.5, 0.5)}

@@ -250,7 +250,8 @@ class LoopBoundarySet(BoundarySet):
             return chained
         given = cast(Any, out)
         if not isinstance(given, np.ndarray) or given.shape != chained.shape or given.dtype != chained.dtype:
-            raise DimensionError(f"out must be an array {chained.shape} of {chained.dtype}")
+            said = f"out does not fit; give a writeable {chained.dtype} array of shape {chained.shape}"
+            raise DimensionError(said)
         given[...] = chained
         return given
 
