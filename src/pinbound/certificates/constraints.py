@@ -87,6 +87,7 @@ def signed_clearances(robot: Robot, Q: ArrayLike, boundaries: Sequence[str] | No
         DimensionError: If the last axis of Q is not n long.
 
     Example:
+        >>> import numpy as np
         >>> import pinbound as pb
         >>> robot = pb.load("minervabot_v3")
         >>> Q = np.radians([[0.0, 0.0, 0.0], [0.0, 0.0, 60.0]])
