@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
 from pinbound.bounds.bounds import Expansion
 from pinbound.typing import Array, Flags, Indices
 
-__all__ = ["Enclosure", "Family", "OneAngleFamily", "angle_range"]
+__all__ = ["Enclosure", "Family", "angle_range"]
 
 
 @dataclass(frozen=True)
@@ -61,20 +61,6 @@ class Family(Protocol):
 
     def clearance(self, row: int, q: Array) -> float:
         """Return the signed clearance of one constraint at one q (n,)."""
-        ...
-
-
-@runtime_checkable
-class OneAngleFamily(Family, Protocol):
-    """Constraints on one angle each, or one affine function of q, so that its range says all."""
-
-    @property
-    def angles(self) -> Array:
-        """(m, n) coefficients of the angles."""
-        ...
-
-    def judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
-        """Return what is known of constraints `which` from the angle somewhere, and from its range."""
         ...
 
 

@@ -14,7 +14,9 @@ import numpy as np
 
 from pinbound.bounds.bounds import Expansion
 from pinbound.certificates.distances import ManyAngleBoundaries
-from pinbound.certificates.enclosures import Enclosure, Family, OneAngleFamily
+from pinbound.certificates.enclosures import Enclosure, Family
+from pinbound.certificates.limits import Limits
+from pinbound.certificates.one_angle import OneAngleBoundaries
 from pinbound.certificates.polynomials import Polynomials, Trajectory, is_straight
 from pinbound.certificates.records import Budget, Contact, Findings, OpenPart, Reason
 from pinbound.tolerances import FIRST_CONTACT
@@ -142,7 +144,7 @@ class Search:
         all pieces count, both ends of each among them: that a piece begins where the one before ends is not assumed.
         """
         m, family = len(self.family.names), self.family
-        if not m or not isinstance(family, OneAngleFamily) or not isinstance(self.trajectory, Polynomials):
+        if not m or not isinstance(family, Limits | OneAngleBoundaries) or not isinstance(self.trajectory, Polynomials):
             return np.arange(m)
         controls, which = self.trajectory.controls, np.arange(m)
         phi = self.trajectory.ends @ family.angles.T
