@@ -185,6 +185,48 @@ def test_questions_for_a_class_are_seen() -> None:
     assert not asked_classes(ast.parse(head + "Point('p', 'link', (0, 0, 0)); x.shape.is_point"))
 
 
+CASE = {"is_plain", "is_signed", "is_solid", "across", "form", "measure", "upright"}
+ASKED = {
+    "batch/evaluation.py": 2,
+    "boundaries/boundary.py": 1,
+    "bounds/swept_bounds.py": 10,
+    "certificates/kept.py": 2,
+    "cli/inspect.py": 1,
+    "contact/rule.py": 3,
+    "coverage/reach.py": 1,
+    "crosscheck/contacts.py": 1,
+    "crosscheck/points.py": 1,
+    "evaluate/depth.py": 8,
+    "evaluate/separation.py": 15,
+    "evaluate/symbolic.py": 9,
+    "export/chains.py": 3,
+    "export/nodes.py": 1,
+    "kernel/hulls.py": 6,
+    "kernel/mixed.py": 2,
+    "kernel/program.py": 5,
+    "limits/isolated.py": 2,
+    "limits/outwards.py": 1,
+    "limits/swept_isolation.py": 2,
+    "limits/swept_sliding.py": 1,
+    "limits/univariate.py": 8,
+    "loops/closures.py": 1,
+    "region/margins.py": 2,
+    "region/outlines.py": 6,
+    "region/sliding.py": 1,
+}
+"""How often each module asks a path which case it is. It may become less: then lower the number."""
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_which_case_a_path_is_is_asked_in_few_places(path: Path) -> None:
+    """`path` decides once which case a pair is; an interpreter should ask once, and hand on what it found."""
+    here = path.relative_to(PACKAGE)
+    if room(here.parts) not in ("annotations", "path"):
+        asked = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Attribute)]
+        found = sum(node.attr in CASE and ast.unparse(node.value).split(".")[-1] == "path" for node in asked)
+        assert found <= ASKED.get(here.as_posix(), 0), "use `path.counted`, `left_of`, `is_harmonic`, or ask once"
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_modules_stay_readable(path: Path) -> None:
     assert len(path.read_text().splitlines()) <= 450

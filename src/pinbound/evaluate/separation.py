@@ -63,7 +63,7 @@ def vectors(path: RelativePath, Q: Array) -> Array:
         return r
     unit = numeric.positions(path.upright, Q)
     along = np.einsum("ni,ni->n", r, unit)[:, None] * unit
-    return along if path.is_signed else r - along
+    return path.left_of(r, along)
 
 
 def nearest_points(path: RelativePath, Q: Array) -> Array:
@@ -82,7 +82,7 @@ def nearest_points(path: RelativePath, Q: Array) -> Array:
         unit = numeric.positions(path.upright, Q)
         r = points[0] - points[1]
         along = np.einsum("ni,ni->n", r, unit)[:, None] * unit
-        r = along if path.is_signed else r - along
+        r = path.left_of(r, along)
         if path.first_is_b:
             points[1] = points[0] - r
         else:
@@ -177,10 +177,8 @@ def measured(path: RelativePath, Q: Array) -> tuple[Array, Array]:
     """Return w (N, d) and the e (k, N, d) of what counts: d = 3, 2 across a line, 1 above a plane."""
     w = numeric.positions(path.minimal, Q)
     ways = np.array([numeric.positions(way, Q) for way in path.swept.ways]).reshape(len(path.swept.ways), *w.shape)
-    if path.across is None:
-        return w, ways
     with np.errstate(invalid="ignore"):
-        return w @ path.across.T, ways @ path.across.T
+        return path.counted(w), path.counted(ways)
 
 
 def _parameters(path: RelativePath, w: Array, ways: Array) -> Array:

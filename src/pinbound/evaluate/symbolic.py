@@ -69,7 +69,7 @@ def ancestor_vector(path: RelativePath, coordinates: Sequence[str]) -> Any:
         return r
     unit = _vector(path.upright, 0, symbols(coordinates))
     along = unit * unit.dot(r)
-    return along if path.is_signed else r - along
+    return path.left_of(r, along)
 
 
 def _swept_vector(swept: Swept, position: int, coordinates: Sequence[str]) -> Any:

@@ -20,8 +20,7 @@ def is_closed(path: RelativePath, index: int) -> bool:
     """Return whether a coordinate's contacts are known at once: it turns one rotation of points, or only slides."""
     turned = np.count_nonzero(path.minimal.coefficients[:, index])
     slides = bool(np.any(path.minimal.slides[:, :, index]))
-    points = path.is_plain or (path.is_signed and not path.swept.directions)
-    return not turned or (turned == 1 and not slides and points)
+    return not turned or (turned == 1 and not slides and path.is_harmonic)
 
 
 def around(
@@ -48,14 +47,9 @@ def around(
         low, high = domain
     near = q.copy()
     near[index] = min(max(float(q[index]), low), high)  # what lies beyond is free, and ends nothing
-    if path.is_plain:
-        from pinbound.limits import isolation
+    from pinbound.limits import isolated
 
-        found = isolation.around(path.minimal, index, name, near, threshold, (low, high))
-    else:
-        from pinbound.limits import swept_isolation
-
-        found = swept_isolation.around(path, index, name, near, threshold, (low, high))
+    found = isolated.around(path, index, name, near, threshold, (low, high))
     if found is None:
         return None
     return domain[0] if found[0] <= low else found[0], domain[1] if found[1] >= high else found[1]

@@ -48,9 +48,7 @@ def intervals(path: RelativePath, index: int, Q: Array, threshold: float) -> Arr
     rest = Q.copy()
     rest[:, index] = 0.0
     w, ways = separation.measured(path, rest)
-    d = numeric.derivative(path.minimal, rest)[:, :, index]
-    if path.across is not None:
-        d = d @ path.across.T
+    d = path.counted(numeric.derivative(path.minimal, rest)[:, :, index])
     speed = np.linalg.norm(d, axis=1)
     moves = speed > REDUCTION
     found = np.full((len(Q), 2, 2), np.nan)

@@ -290,12 +290,10 @@ def allowed_arcs_table(
     chain = path.minimal
     turned = np.flatnonzero(chain.coefficients[:, index])
     slides = bool(np.any(chain.slides[:, :, index]))
-    plane = path.is_signed and not path.swept.directions
-    if len(turned) == 1 and not slides and (path.is_plain or plane):
+    if len(turned) == 1 and not slides and path.is_harmonic:
         return _turning(path, index, int(turned[0]), name, Q, threshold, tolerance)
     if not len(turned) and path.is_plain:
         return _sliding(chain, index, name, Q, threshold, tolerance)
-    ends = (-math.inf, math.inf)
     if not len(turned):
         from pinbound.limits.swept_sliding import intervals as sliding
 
@@ -305,17 +303,9 @@ def allowed_arcs_table(
         found = np.clip(found, *window)
         found[found[:, :, 0] >= found[:, :, 1]] = np.nan
         return AllowedArcsTable(name, np.take_along_axis(found, np.argsort(found, axis=1), axis=1), never, window)
-    if path.is_plain:
-        from pinbound.limits import isolation
+    from pinbound.limits import isolated
 
-        rows = [isolation.arcs(chain, index, name, q, threshold, window) for q in Q]
-        found, periods = [row[0] for row in rows], [row[1] for row in rows]
-        ends = rows[0][2] if rows else ends
-    else:
-        from pinbound.limits import swept_isolation
-
-        found, period, ends = swept_isolation.arcs(path, index, name, Q, threshold, window)
-        periods = [period if len(one) and math.isfinite(one[0, 0]) else math.inf for one in found]
+    found, periods, ends = isolated.arcs(path, index, name, Q, threshold, window)
     intervals = np.full((len(found), max((len(one) for one in found), default=1) or 1, 2), np.nan)
     for number, one in enumerate(found):
         intervals[number, : len(one)] = one

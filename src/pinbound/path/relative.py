@@ -110,6 +110,19 @@ class RelativePath(Value):
         return not self.swept.directions and self.across is None
 
     @property
+    def is_harmonic(self) -> bool:
+        """Whether `|r|^2`, or the height, is `a + b cos phi + c sin phi` in all angles: points, a point and a plane."""
+        return not self.swept.directions and self.measure is not Measure.ACROSS
+
+    def counted(self, r: Array) -> Array:
+        """Return what counts of vectors (..., 3) in the frame at position 0: three numbers, two, or one."""
+        return r if self.across is None else r @ self.across.T
+
+    def left_of(self, r: Any, along: Any) -> Any:
+        """Return what counts of r in the ancestor's frame, given its part along `upright`; arrays or expressions."""
+        return along if self.measure is Measure.HEIGHT else r - along
+
+    @property
     def is_solid(self) -> bool:
         """Whether the marks span bodies that may overlap, so that their distance stays zero: boxes, prisms, hulls.
 

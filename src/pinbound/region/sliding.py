@@ -44,9 +44,7 @@ class SlidingFunction(SeparationFunction):
         start = chain.offsets[0] + chain.slides[0] @ low
         ways = [chain.slides[0][:, axis] * width[axis] for axis in (0, 1)]
         ways += [np.asarray(way[0], dtype=np.float64) for way in path.swept.directions]
-        measured = np.array([start, *ways])
-        if path.across is not None:
-            measured = measured @ path.across.T
+        measured = path.counted(np.array([start, *ways]))
         if path.swept.is_zonotope:
             t = nearest(measured[:1], measured[1:, None, :])[0]
         else:  # the window is a square, and so a part of the one body
