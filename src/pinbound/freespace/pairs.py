@@ -15,6 +15,7 @@ import numpy as np
 from pinbound.boundaries.boundary import Boundary
 from pinbound.certificates.constraints import ManyAngleBoundaries, OneAngleBoundaries, families
 from pinbound.certificates.enclosures import Family
+from pinbound.freespace.groups import Groups
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import INFLATION
 from pinbound.typing import Array, Indices
@@ -54,9 +55,13 @@ class Pairs:
         self.boundaries = tuple(robot.boundaries[name] for name in self.names)
         sizes = [len(family.names) for family in self.families]
         self.first = np.concatenate([[0], np.cumsum(sizes)])
-        self.weights = np.concatenate(
-            [family.weights.reshape(size, len(low)) for family, size in zip(self.families, sizes, strict=True)]
-        )
+        weights = [one.weights.reshape(size, len(low)) for one, size in zip(self.families, sizes, strict=True)]
+        self.weights = np.concatenate(weights)
+        grouped, error = list[int](), np.zeros(len(self.names))
+        if many.chains.slides is None:
+            grouped = list(range(int(self.first[1]), int(self.first[2])))
+            error[grouped] = many.error
+        self.groups = Groups.of(self.boundaries, error, grouped)
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -83,6 +88,14 @@ class Pairs:
             for name in ("value", "slope", "rest", "moved", "lower", "upper"):
                 getattr(found, name)[rows] = getattr(part, name)
         return found
+
+    def bound_nodes(self, nodes: Indices, centre: Array, half: Array) -> Affine:
+        """Return what is known of nodes of `groups`: of a group, a lower bound of all its pairs, and nothing above."""
+        found = self.bound(self.groups.pair[nodes], centre, half)
+        extra = self.groups.extra[nodes]
+        upper = np.where(nodes < len(self), found.upper, np.inf)
+        value, lower = found.value - extra, found.lower - extra
+        return Affine(value, found.slope, found.rest, found.moved, lower, upper)
 
     def gradients(self, which: Indices, Q: Array) -> Array:
         """Return the gradients (N, n) of the signed clearances of pairs `which` at Q, zero where there is none."""

@@ -151,7 +151,7 @@ def _separation(robot: Robot, chosen: Sequence[Boundary], first: Array, last: Ar
     gaps = OneAngleGaps(robot, chosen, *outer_box(limit_faces(robot, {}), robot.coordinates))
     for name, (c, strips) in gaps.strips.items():
         low, high = sorted((float(c @ first), float(c @ last)))
-        turns = 2.0 * np.pi * np.arange(np.floor(low / (2.0 * np.pi)) - 1.0, np.ceil(high / (2.0 * np.pi)) + 2.0)
+        turns: Array = 2.0 * np.pi * np.arange(np.floor(low / (2.0 * np.pi)) - 1.0, np.ceil(high / (2.0 * np.pi)) + 2.0)
         middles = [strip.angle + turns for strip in strips]
         phi = np.concatenate([np.linspace(low, high, _ANGLES), *middles])
         phi = phi[(phi >= low) & (phi <= high)]

@@ -27,7 +27,7 @@ __all__ = ["certified_polytope"]
 
 
 _BUDGET = Budget(boxes=1_000_000_000, seconds=60.0)
-_SHARES = (1.0 / 16.0, 0.25, 1.0)
+_SHARES = (1.0 / 16.0, 0.25, 0.5, 1.0)
 """Of the way from q to all limits: the boxes within which a polytope is proven, one after the other."""
 _MARGIN = 0.1
 """Radians or metres. How far faces keep away from contact, where there is room: less costs more boxes."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -89,8 +90,9 @@ class Prover:
 
     def prove_all(self) -> bool:
         """Prove all pairs, those of few coordinates first; False if the budget, or rounding, left some open."""
-        used = np.count_nonzero(self.pairs.weights, axis=1)
-        order = np.lexsort((np.arange(len(used)), used))
+        groups = self.pairs.groups
+        used = np.count_nonzero(self.pairs.weights[groups.pair[groups.roots]], axis=1)
+        order = groups.roots[np.lexsort((np.arange(len(used)), used))]
         for start in range(0, len(order), _TOGETHER):
             if not self.prove(order[start : start + _TOGETHER]):
                 self.unseen = order[start + _TOGETHER :]
@@ -103,13 +105,13 @@ class Prover:
         whole = Boxes(self.unseen, np.tile(self.low, (len(self.unseen), 1)), np.tile(self.high, (len(self.unseen), 1)))
         found: list[OpenBox] = []
         for boxes, why in (*((one, Reason.ROUNDING) for one in self.stuck), (whole, reason), (self.left, reason)):
-            for pair, low, high in zip(boxes.which, boxes.low, boxes.high, strict=True):
-                found.append(OpenBox(self.pairs.names[int(pair)], low, high, -np.inf, why))
+            for node, low, high in zip(boxes.which, boxes.low, boxes.high, strict=True):
+                for pair in self.pairs.groups.members[int(node)]:
+                    found.append(OpenBox(self.pairs.names[pair], low, high, -np.inf, why))
         return tuple(found)
 
     def prove(self, rows: Indices) -> bool:
-        """Prove pairs `rows` free over the polytope; False if the budget ended it."""
-        n = len(self.low)
+        """Prove nodes `rows` of the pairs' groups free over the polytope; False if the budget ended it."""
         stack = Boxes(np.asarray(rows), np.tile(self.low, (len(rows), 1)), np.tile(self.high, (len(rows), 1)))
         self.left = stack
         while len(stack):
@@ -119,11 +121,7 @@ class Prover:
             start = max(0, len(stack) - _BATCH)
             now, stack = stack.take(slice(start, None)), stack.take(slice(0, start))
             again = self._nearest_last(self._round(now))
-            stack = Boxes(
-                np.concatenate([stack.which, again.which]),
-                np.concatenate([stack.low, again.low]).reshape(-1, n),
-                np.concatenate([stack.high, again.high]).reshape(-1, n),
-            )
+            stack = _joined([stack, again])
         self.left = stack
         return True
 
@@ -136,7 +134,7 @@ class Prover:
         self.meter.boxes += len(boxes)
         boxes = boxes.take(~self._outside(boxes))
         centre, half = boxes.middles()
-        found = self.pairs.bound(boxes.which, centre, half)
+        found = self.pairs.bound_nodes(boxes.which, centre, half)
         open_ = found.lower <= 0.0
         boxes, centre, half = boxes.take(open_), centre[open_], half[open_]
         found = _some(found, open_)
@@ -147,8 +145,18 @@ class Prover:
         found = _some(found, open_)
         if not len(boxes):
             return boxes
-        boxes, half = self._cut(boxes, found, centre, half)
-        return boxes.halved(self.pairs.weights[boxes.which] * half) if len(boxes) else boxes
+        groups = self.pairs.groups
+        reach = found.rest + np.einsum("ni,ni->n", np.abs(found.slope), half)
+        is_group = boxes.which >= len(self.pairs)
+        coarse = is_group & ((found.value <= 0.0) | (groups.extra[boxes.which] >= reach))
+        halves = boxes.take(coarse)
+        asked = [Boxes(groups.halves[halves.which, side], halves.low, halves.high) for side in (0, 1)]
+        split = is_group & ~coarse
+        again = boxes.take(split).halved(self.pairs.weights[groups.pair[boxes.which[split]]] * half[split])
+        single = ~is_group
+        boxes, half = self._cut(boxes.take(single), _some(found, single), centre[single], half[single])
+        boxes = boxes.halved(self.pairs.weights[boxes.which] * half)
+        return _joined([*asked, again, boxes])
 
     def _outside(self, boxes: Boxes) -> Flags:
         """Return which boxes lie wholly beyond a face."""
@@ -235,6 +243,14 @@ class Prover:
             open_[open_] = self._weigh(_some(found, open_), centre[open_], half[open_]) <= 0.0
             boxes, half = boxes.take(open_), half[open_]
         return boxes, half
+
+
+def _joined(parts: Sequence[Boxes]) -> Boxes:
+    return Boxes(
+        np.concatenate([one.which for one in parts]),
+        np.concatenate([one.low for one in parts]),
+        np.concatenate([one.high for one in parts]),
+    )
 
 
 def _some(found: Affine, rows: Flags | slice) -> Affine:
