@@ -22,7 +22,8 @@ from scipy.spatial import ConvexHull
 
 import pinbound as pb
 from pinbound.coverage.bodies import collision_bodies
-from pinbound.crosscheck.raw import RawBodies
+from pinbound.crosscheck.engine import Engine
+from pinbound.crosscheck.raw import RawBodies, raw_shapes
 from pinbound.figures import plots
 
 SHARE = Path(str(distribution("example-robot-data").locate_file("cmeel.prefix/share")))
@@ -46,21 +47,45 @@ def robot_of(home: float) -> pb.Robot:
     return robot.with_annotations(replace(marks, home=said))
 
 
+def grid(robot: pb.Robot) -> tuple[list[np.ndarray], np.ndarray]:
+    """Return the nodes of both joints over their limits, and the configurations (NODES^2, n)."""
+    places = [robot.coordinates.index(name) for name in JOINTS]
+    axes = [np.linspace(robot.lower[place], robot.upper[place], NODES) for place in places]
+    Q = np.tile(robot.home, (NODES * NODES, 1))
+    Q[:, places] = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    return axes, Q
+
+
+def on_visual_meshes(robot: pb.Robot) -> int:
+    """Print at how many nodes coal finds the visual meshes of the two links in contact."""
+    bodies = [
+        replace(body, filename=body.filename.replace("collision", "visual").replace(".stl", ".dae"))
+        for body in collision_bodies(robot)
+        if body.link in LINKS
+    ]
+    _, Q = grid(robot)
+    touch = Engine(robot, raw_shapes(robot, bodies), [(0, 1)]).collisions(Q)[:, 0]
+    counts = [len(robot.meshes.of(body).triangles) for body in bodies]
+    print(f"In contact on the visual meshes ({counts} triangles): {int(touch.sum())} of {len(Q)} nodes.")
+    return 0
+
+
 def main() -> int:
     """Run, print, write; exit code 1 if a node in contact is called inside."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--width", type=float, default=0.06, help="of the cells [rad]")
     parser.add_argument("--figure", type=Path)
+    parser.add_argument("--visual", action="store_true", help="ask coal about the visual meshes, and nothing else")
     options = parser.parse_args()
     robot = robot_of(home=1.87)
+    if options.visual:
+        return on_visual_meshes(robot)
     start, cpu = time.perf_counter(), time.process_time()
     region = pb.feasible_region(robot, JOINTS, width=options.width, accuracy=1e-3, budget=np.inf)
     wall, cpu = time.perf_counter() - start, time.process_time() - cpu
     low, high = region.area_interval
     places = [robot.coordinates.index(name) for name in JOINTS]
-    axes = [np.linspace(robot.lower[place], robot.upper[place], NODES) for place in places]
-    Q = np.tile(robot.home, (NODES * NODES, 1))
-    Q[:, places] = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    axes, Q = grid(robot)
     start = time.perf_counter()
     touch = RawBodies(robot, [LINKS]).collisions(Q)[:, 0]
     queries = time.perf_counter() - start
