@@ -1227,12 +1227,13 @@ def others() -> Iterator[Entry]:
         polytope(endless, boundaries=[]),
         polytope(endless, boundaries=[], window=ends),
     )
-    yield one(
-        "name others by boundaries=, or ask certified_box",
-        polytope(planar),
-        polytope(planar, boundaries=[]),
-        lambda _: pb.certified_box(planar(), ZERO),
-    )
+    many = lambda starts, ends: lambda _: pb.certify_many(planar(), starts, ends)
+    yield one("give one row for each motion, (N, {})", many(ZERO, ZERO), many([ZERO], [ZERO]))
+    yield one("give finite numbers", many([[0.0, np.nan]], [ZERO]), many([ZERO], [ZERO]))
+    yield one("give one of each for a motion", many([ZERO, ZERO], [ZERO]), many([ZERO], [ZERO]))
+    paved = lambda *names, **more: lambda _: pb.free_volume(planar(), names, **({"decided": 0.5} | more))
+    yield one("give two to four coordinates, each once", paved("q1", "q1"), paved("q1", "q2"))
+    yield one("give above 0, at most 1", paved("q1", "q2", decided=0.0), paved("q1", "q2"))
     asked = lambda what: patched("pinbound.freespace.vertices._EXACT", 1, lambda _: what(polytope(minerva)(_)))
     known = "take .A and .b, or sampled_volume()"
     yield one(known, asked(lambda p: p.vertices), asked(lambda p: (p.A, p.b)), asked(lambda p: p.sampled_volume()))

@@ -138,7 +138,7 @@ def _controls(starts: ArrayLike, ends: ArrayLike, coordinates: Sequence[str]) ->
             raise DimensionError(f"{name} have shape {Q.shape}; give one row for each motion, (N, {len(coordinates)})")
         bad = np.flatnonzero(~np.all(np.isfinite(Q), axis=1))
         if bad.size:
-            raise DimensionError(f"row {bad[0]} of {name} is not finite: {Q[bad[0]].tolist()}")
+            raise DimensionError(f"row {bad[0]} of {name} is not finite, {Q[bad[0]].tolist()}; give finite numbers")
         found.append(Q)
     if len(found[0]) != len(found[1]):
         raise DimensionError(

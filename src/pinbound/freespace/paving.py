@@ -123,9 +123,9 @@ def free_volume(
         if name not in robot.coordinates:
             raise UnknownNameError("coordinate", name, robot.coordinates)
     if not _FEWEST <= len(names) <= _MOST or len(set(names)) < len(names):
-        raise UnsupportedError(f"a paving takes two to four coordinates, each once, and you gave {', '.join(names)}")
+        raise UnsupportedError(f"you gave {', '.join(names) or 'none'}; give two to four coordinates, each once")
     if not 0.0 < decided <= 1.0:
-        raise DimensionError(f"the share {decided} is not in (0, 1]")
+        raise DimensionError(f"the share {decided} is not in (0, 1]; give above 0, at most 1")
     chosen = scope(robot, boundaries, True, not len(robot.boundaries) and boundaries is None)
     axes = np.array([robot.coordinates.index(name) for name in names])
     paving = _Paving(robot, chosen, axes, held, dict(window or {}), Meter(budget or _BUDGET))
