@@ -65,7 +65,8 @@ class _Builder:
         self.boundaries, self.error = boundaries, error
         count = len(boundaries)
         self.pair, self.extra = list(range(count)), [0.0] * count
-        self.halves, self.members = [(-1, -1)] * count, [(pair,) for pair in range(count)]
+        self.halves = [(-1, -1)] * count
+        self.members: list[tuple[int, ...]] = [(pair,) for pair in range(count)]
 
     def node(self, members: Indices) -> int:
         """Return the node of some pairs of the same two links."""

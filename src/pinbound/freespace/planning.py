@@ -7,6 +7,7 @@ inequality, has to pass through contact.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -151,9 +152,9 @@ def _separation(robot: Robot, chosen: Sequence[Boundary], first: Array, last: Ar
     gaps = OneAngleGaps(robot, chosen, *outer_box(limit_faces(robot, {}), robot.coordinates))
     for name, (c, strips) in gaps.strips.items():
         low, high = sorted((float(c @ first), float(c @ last)))
-        turns: Array = 2.0 * np.pi * np.arange(np.floor(low / (2.0 * np.pi)) - 1.0, np.ceil(high / (2.0 * np.pi)) + 2.0)
-        middles = [strip.angle + turns for strip in strips]
-        phi = np.concatenate([np.linspace(low, high, _ANGLES), *middles])
+        first_turn, last_turn = math.floor(low / (2.0 * math.pi)) - 1, math.ceil(high / (2.0 * math.pi)) + 1
+        middles = [strip.angle + 2.0 * math.pi * k for strip in strips for k in range(first_turn, last_turn + 1)]
+        phi = np.concatenate([np.linspace(low, high, _ANGLES), np.array(middles)])
         phi = phi[(phi >= low) & (phi <= high)]
         if np.any(gaps.violated(name, phi)):
             return name
