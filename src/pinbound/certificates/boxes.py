@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike
 from pinbound.boundaries.boundary import Boundary, one_configuration
 from pinbound.bounds.group_boxes import is_worth, search_box
 from pinbound.certificates.box_records import BoxCertificate, OpenBoxes
-from pinbound.certificates.constraints import families, unplaced
+from pinbound.certificates.constraints import families, needs_limits, unplaced
 from pinbound.certificates.degrees import look_like_degrees
 from pinbound.certificates.distances import ManyAngleBoundaries
 from pinbound.certificates.enclosures import Family
-from pinbound.certificates.kept import tables_of
 from pinbound.certificates.lifted import LiftedFamily, closed_only, loop_errors
 from pinbound.certificates.records import Budget, Reason, Verdict
 from pinbound.certificates.scope import covered, scope, settled
@@ -105,14 +104,14 @@ def certify_box(
     chosen = scope(robot, boundaries, limits, limits_only)
     coverage = covered(robot, chosen)
     meter, state = Meter(budget or Budget()), _State()
-    tables = tables_of(robot, chosen)
+    is_loose = needs_limits(chosen)
     limit_family, *others = _families(robot, chosen, low, high, limits)
     limits = limits or isinstance(robot, LoopRobot)  # that its loops close is no wish
-    if limits or tables.is_loose:
+    if limits or is_loose:
         kept = state if limits else _State()
         if len(limit_family.names):
             _search(limit_family, low, high, meter, kept, is_limit=True)
-        if tables.is_loose and (kept.witness is not None or kept.open):
+        if is_loose and (kept.witness is not None or kept.open):
             _, *others = families(robot, unplaced(chosen), low, high)
             state.lower = -np.inf
     for family in others:
