@@ -31,6 +31,7 @@ from pinbound.cli import app
 from pinbound.coverage.bodies import Body
 from pinbound.coverage.covers import cover
 from pinbound.crosscheck.regions_level import check_region
+from pinbound.evaluate.touching import nearest_features
 from pinbound.figures.report import tool_link
 from pinbound.meshes import read_mesh
 from pinbound.model.coupling import LinearLimit
@@ -141,6 +142,21 @@ def arm(*words: Any) -> tuple[pb.Robot, pb.Region]:
     return robot, pb.feasible_region(robot, ("a", "b"))
 
 
+def touching(edge: str) -> object:
+    region = pb.feasible_region(minerva(), ("q2", "q3"), window={"q2": (-0.1, 0.1)})
+    return region.touching(next(one for one in region.edges if one.name == edge))
+
+
+def featured(mark: str) -> Do:
+    """Ask which parts are nearest of a box and what is written as an element of the annotations."""
+    text = f"""<robot name="r" xmlns:pinbound="urn:pinbound:1"><link name="a"/><link name="b"/>
+<joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
+  <limit lower="-1" upper="1" effort="1" velocity="1"/></joint><pinbound:annotations>
+<pinbound:{mark} name="m" link="a" xyz="0 0 -2"/><pinbound:box name="n" link="b" xyz="0 0 0" rpy="0 0 0" size="1 1 1"/>
+<pinbound:boundary name="mn" a="m" b="n"/></pinbound:annotations></robot>"""
+    return lambda _: nearest_features(pb.load(text).boundaries["mn"].path, np.zeros((1, 1)))
+
+
 def section(turn: str | None = None, words: Any = (("0.5 1.0", "0.5 1.0"),), link: str = "tool") -> Any:
     robot, region = arm(*words)
     return pb.workspace_section(robot, region, link, turn=turn)
@@ -237,6 +253,7 @@ UNKNOWN = [
     Unknown("coordinate", lambda name, _: planar().boundaries["far"].limits(name, ZERO), "q22"),
     Unknown("coordinate", lambda name, _: minerva().boundaries["beta_5"].limit_expressions(name), "qq3"),
     Unknown("coordinate", lambda name, _: pb.feasible_region(planar(), ("q1", name)), "q22"),
+    Unknown("contact edge", lambda name, _: touching(name), "q2 window upper"),
     Unknown("coordinate", lambda name, _: pb.limit_table(minerva(), "q2", name), "q33"),
     Unknown("coordinate", lambda name, _: section(name), "turned"),
     Unknown("coordinate", lambda name, _: speeds({"q1": 1.0, name: 1.0}), "q22"),
@@ -536,6 +553,7 @@ def entries() -> Iterator[Entry]:
     # model, path
     finite = "give finite numbers"
     masked = np.ma.masked_invalid([[0.0, np.nan]])
+    yield one("Ask for a boundary between two bodies", featured('plane normal="0 0 1"'), featured("point"))
     yield one("fill them or leave their rows out", norms(masked), norms(masked.filled(0.0)), norms(masked[1:]))
     yield one("give real numbers", norms([[0j, 1.0]]), norms([[0.0, 1.0]]))
     yield one("give numbers", norms([["a", "b"]]), norms([[0.0, 1.0]]))

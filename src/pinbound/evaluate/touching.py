@@ -16,7 +16,7 @@ from pinbound.evaluate import numeric, separation
 from pinbound.exceptions import UnsupportedError
 from pinbound.path.chain import Chain
 from pinbound.path.relative import RelativePath
-from pinbound.tolerances import UNIT_ROUNDOFF
+from pinbound.tolerances import OVERLAP, UNIT_ROUNDOFF
 from pinbound.typing import Array, Flags
 from pinbound.values import Value
 
@@ -48,7 +48,7 @@ class Feature(Value):
 
 
 def nearest_features(path: RelativePath, Q: Array) -> list[tuple[Feature, Feature] | None]:
-    """Return the nearest features of a and b at each row of Q; None where the distance is zero, and has no direction.
+    """Return the nearest features of a and b at each row of Q; None where they overlap, and no direction is told.
 
     Args:
         path: The relative path of two marks.
@@ -58,7 +58,7 @@ def nearest_features(path: RelativePath, Q: Array) -> list[tuple[Feature, Featur
         UnsupportedError: If one of the marks is a line or plane, which has no vertices.
     """
     if path.upright is not None:
-        raise UnsupportedError("a line or plane has no vertices to name; ask for a boundary between two bodies")
+        raise UnsupportedError("a line or plane has no vertices to name. Ask for a boundary between two bodies")
     r = separation.vectors(path, Q)
     size = np.linalg.norm(r, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -68,7 +68,7 @@ def nearest_features(path: RelativePath, Q: Array) -> list[tuple[Feature, Featur
     a = _lowest(path.branch_a.ways[:split], path.swept.corners[0], Q, unit, slack)
     b = _lowest(path.branch_b.ways[split:], path.swept.corners[1], Q, -unit, slack)
     return [
-        (_feature(first), _feature(second)) if length > 0.0 else None
+        (_feature(first), _feature(second)) if length > OVERLAP * path.minimal.scale else None
         for first, second, length in zip(a, b, size.tolist(), strict=True)
     ]
 

@@ -20,6 +20,7 @@ from pinbound.region import inside
 from pinbound.region.arrangement import Corner, Edge, Unresolved
 from pinbound.region.halfplanes import Support
 from pinbound.region.slice import Slice
+from pinbound.region.touching import Touch, touches
 from pinbound.typing import Array, Flags
 from pinbound.values import read_only
 
@@ -107,6 +108,25 @@ class PlanarShape(ABC):
     def edges(self) -> tuple[Edge, ...]:
         """All edges, those of the exterior first; the region lies to the left of each."""
         return tuple(edge for loop in self.loops for edge in loop)
+
+    def touching(self, edge: Edge) -> tuple[Touch, ...]:
+        """Return which parts of the two bodies touch along a contact edge: a vertex, an edge or a face of each.
+
+        One `Touch` for each stretch of `edge.points`, in their order. Vertices are counted in `mark.shape.vertices`.
+
+        Raises:
+            UnknownNameError: If the edge is a joint limit or a rule.
+            UnsupportedError: If one of the two marks is a line or plane.
+
+        Example:
+            >>> import pinbound as pb
+            >>> region = pb.feasible_region(pb.load("minervabot_v3"), ("q2", "q3"))
+            >>> edge = next(edge for edge in region.edges if edge.is_contact)
+            >>> [str(touch) for touch in region.touching(edge)]
+            ['point on point']
+        """
+        contacts = dict.fromkeys(other.name for other in self.edges if other.is_contact)
+        return touches(self.slice, edge, tuple(contacts))
 
     @cached_property
     def vertices(self) -> Array:

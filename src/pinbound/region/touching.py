@@ -1,0 +1,59 @@
+"""Which parts of two bodies touch along an edge of a region: a vertex, an edge or a face of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from pinbound.evaluate.touching import Feature, nearest_features
+from pinbound.exceptions import UnknownNameError
+from pinbound.region.arrangement import Edge
+from pinbound.region.slice import Slice
+from pinbound.values import Value
+
+__all__ = ["Touch", "touches"]
+
+
+@dataclass(frozen=True, eq=False)
+class Touch(Value):
+    """A stretch of an edge along which the same parts of two bodies are nearest.
+
+    Attributes:
+        first: Position in `edge.points` at which it begins.
+        last: Position at which it ends, itself included.
+        a: The part of the boundary's first mark.
+        b: The part of its second mark.
+    """
+
+    first: int
+    last: int
+    a: Feature
+    b: Feature
+
+    def __str__(self) -> str:
+        """Return both parts, e.g. ``"vertex 3 on face 0-1-2-3"``."""
+        return f"{self.a} on {self.b}"
+
+
+def touches(slice_: Slice, edge: Edge, contacts: Sequence[str]) -> tuple[Touch, ...]:
+    """Return the stretches of an edge, in its order; points where the bodies overlap to rounding are left out.
+
+    An edge is a polyline within the region's `accuracy` of contact: each of its points is asked, so that a stretch
+    shorter than the distance of two points can be missed.
+
+    Raises:
+        UnknownNameError: If the edge is no contact: a limit of a joint, or a rule.
+    """
+    if not edge.is_contact:
+        raise UnknownNameError("contact edge", edge.name, contacts)
+    Q = slice_.lift(np.asarray(edge.points))
+    told = nearest_features(slice_.robot.boundaries[edge.source].path, Q)
+    found: list[Touch] = []
+    for pair, group in groupby(enumerate(told), key=lambda one: one[1]):
+        places = [place for place, _ in group]
+        if pair is not None:
+            found.append(Touch(places[0], places[-1], *pair))
+    return tuple(found)
