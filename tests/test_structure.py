@@ -199,6 +199,7 @@ ASKED = {
     "evaluate/depth.py": 8,
     "evaluate/separation.py": 15,
     "evaluate/symbolic.py": 9,
+    "evaluate/touching.py": 1,
     "export/chains.py": 3,
     "export/nodes.py": 1,
     "kernel/hulls.py": 6,
