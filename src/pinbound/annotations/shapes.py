@@ -208,7 +208,7 @@ def _sorted_by_qhull(local: Array) -> tuple[Ints, Ints]:
     except QhullError:  # a sliver that is flat for Qhull: its furthest points, to which others are added
         kept = np.unique(np.concatenate((np.argmin(local, axis=0), np.argmax(local, axis=0))))
         return kept, np.setdiff1d(everything, kept)
-    kept = np.sort(found.vertices)
+    kept = np.sort(found.vertices).astype(np.int64)
     height = np.full(len(local), -np.inf)
     for normal in found.equations:  # one at a time: points and facets may be many
         height = np.maximum(height, local @ normal[:-1] + normal[-1])
