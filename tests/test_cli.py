@@ -140,16 +140,17 @@ def test_mark_says_last_what_it_left_out_and_exits_with_1(tmp_path: Path) -> Non
     urdf = marked_arm(
         tmp_path, base='<sphere radius="0.05"/>', d='<box size="0.1 0.1 0.1"/>', b='<mesh filename="x.stl"/>'
     )
-    lines = run("mark", str(urdf), "--out", str(out), code=1).splitlines()
+    lines = run("mark", str(urdf), "--out", str(out), "--skip-missing", code=1).splitlines()
     assert lines[-2] == "Not covered: 1 body of b (1 mesh); no boundary speaks of it."
     assert lines[-1].startswith("1 of 3 bodies carries no mark")
     assert len(pb.load(urdf, annotations=out).boundaries) == 1
-    record = json.loads(run("mark", str(urdf), "--json", code=1))
+    record = json.loads(run("mark", str(urdf), "--json", "--skip-missing", code=1))
     assert [(one["link"], one["shape"]) for one in record["uncovered"]] == [("b", "mesh")]
     assert ["base", "b"] in [one["links"] for one in record["left_out"]]
     meshes = marked_arm(tmp_path, base='<mesh filename="x.stl"/>', d='<mesh filename="y.stl"/>')
-    assert "2 of 2 bodies carry no mark" in run("mark", str(meshes), code=1).splitlines()[-1]
+    assert "2 of 2 bodies carry no mark" in run("mark", str(meshes), "--skip-missing", code=1).splitlines()[-1]
     run("mark", str(urdf), "--shapes", "box", code=1)
+    assert "--skip-missing" in run("mark", str(urdf), code=2)
 
 
 def test_mark_of_half_written_geometry_is_bad_input(tmp_path: Path) -> None:

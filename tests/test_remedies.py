@@ -332,6 +332,11 @@ def mesh_entries() -> Iterator[Entry]:
     yield Entry("Correct the name, or put the mesh there", mesh("arm/tip.obj", CORNER, "package://arm/top.obj"), inside)
     package = "Give the folder that holds the package: package_dirs=[...], or --package-dir"
     yield Entry(package, mesh("arm/tip.obj", CORNER, "package://hand/tip.obj"), inside)
+    yield Entry(
+        "Mend it, or leave such bodies uncovered: --skip-missing, skip_missing=True",
+        lambda folder: pb.propose_marks(crane(folder), skip_missing=False),
+        lambda folder: pb.propose_marks(crane(folder), skip_missing=True),
+    )
     network = "Nothing is read from a network: save the file, and name it by package://, file:// or a path"
     yield Entry(network, mesh("tip.obj", CORNER, "http://localhost/tip.obj"), good)
 

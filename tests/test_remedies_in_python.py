@@ -275,7 +275,7 @@ UNKNOWN = [
     Unknown("link", lambda name, _: pb.solve_ik(planar(), name, [0.1, 0, 0.6]), "bb"),
     Unknown("link", lambda name, _: section(link=name), "tol"),
     Unknown("shape", lambda name, _: pb.propose_marks(planar(), shapes=(name,)), "spheres"),
-    Unknown("cover", lambda name, _: pb.propose_marks(planar(), by=name), "body"),
+    Unknown("cover", lambda name, _: pb.propose_marks(planar(), by=name), "hull"),
     Unknown("preset", lambda name, _: pb.load(name), "palletizers/fanuc_m410ib_70"),
     Unknown("format", lambda name, _: pb.limit_table(minerva(), "q2", "q3", whole=True).text(name), "jskeu"),
     Unknown(

@@ -27,6 +27,7 @@ __all__ = [
     "EXACT_LOOP",
     "EXTREME",
     "FARTHEST",
+    "FEELER",
     "FIRST_CONTACT",
     "FLAT",
     "FOLDING",
@@ -315,6 +316,9 @@ it, as far as the rounding of its own coordinates can tell (16 unit roundoffs, r
 
 OVERLAP: Final = 1e-14
 """Relative to the length of a path: boxes or prisms that are nearer than this overlap, as far as rounding can tell."""
+
+FEELER: Final = 1e-6
+"""Metres. Two parts of a cover that lie next to each other, or this far apart, have no outer surface between them."""
 
 HELD: Final = 1e-12
 """Metres. A mark holds a body if no point of the body is further than this outside it: what rounding adds to a hundred

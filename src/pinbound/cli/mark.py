@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
+from rich.progress import Progress
 
 from pinbound.annotations import kind_of
 from pinbound.cli.shared import (
@@ -23,11 +24,11 @@ from pinbound.cli.shared import (
     millimetres,
     print_table,
 )
-from pinbound.coverage.covers import By, Cover
+from pinbound.coverage.covers import MOST_PARTS, By, Cover
 from pinbound.exceptions import InputError, Problem
 from pinbound.marking.disabled import DisabledPair, disabled_pairs, find_srdf
 from pinbound.marking.judge import Evidence
-from pinbound.marking.propose import SHAPES, Proposal, propose_marks
+from pinbound.marking.propose import ALL_SHAPES, Proposal, propose_marks
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array
 
@@ -43,9 +44,13 @@ _BASES = {"proof": "proof", "witness": "witness", "samples": "samples", "granted
 def mark(
     robot: RobotName,
     out: Annotated[Path | None, typer.Option(help="Sidecar to write; it must not exist.")] = None,
-    accuracy: Annotated[float, typer.Option(help="How far a mark may stick out of its body [m].")] = 0.02,
-    shapes: Annotated[str, typer.Option(help="Shapes to cover, separated by commas.")] = ",".join(SHAPES),
-    by: Annotated[str, typer.Option(help="Cover by 'bodies' (capsules, boxes, prisms) or by 'spheres'.")] = "bodies",
+    accuracy: Annotated[float, typer.Option(help="How far a mark may stick out of its body [mm].")] = 20.0,
+    shapes: Annotated[str, typer.Option(help="Shapes to cover, separated by commas.")] = ",".join(ALL_SHAPES),
+    by: Annotated[str, typer.Option(help="Cover meshes by hulls, capsules, spheres or boxes.")] = "hulls",
+    most: Annotated[int, typer.Option(help="Most marks a link over its meshes.")] = MOST_PARTS,
+    skip_missing: Annotated[
+        bool, typer.Option("--skip-missing", help="Name meshes that cannot be read as not covered.")
+    ] = False,
     neighbours: Annotated[bool, typer.Option("--neighbours", help="Watch neighbours, too.")] = False,
     srdf: Annotated[
         Path | None, typer.Option(help="SRDF whose disable_collisions are judged; else the one beside the robot.")
@@ -63,7 +68,13 @@ def mark(
         raise InputError([Problem("exists already", "Remove it, or give another name", str(out))])
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     chosen = tuple(word.strip() for word in shapes.split(",") if word.strip())
-    proposal = propose_marks(loaded, accuracy, chosen, cast(By, by), neighbours)
+    with Progress(console=console(stderr=True), transient=True) as progress:
+        task = progress.add_task("covers of meshes", total=None, visible=False)
+
+        def step(done: int, total: int, link: str) -> None:
+            progress.update(task, completed=done, total=total, description=f"meshes of {link}", visible=True)
+
+        proposal = propose_marks(loaded, accuracy / 1e3, chosen, cast(By, by), neighbours, most, skip_missing, step)
     disabled, files = _disabled(loaded, proposal, srdf)
     if out is not None:
         proposal.annotations.save(out)

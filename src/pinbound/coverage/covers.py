@@ -8,7 +8,7 @@ sweep along half of the polygon's sides and the axis; its flat ends are the cyli
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,14 +16,24 @@ import numpy as np
 
 from pinbound.annotations import Mark, Point, Segment, Sweep
 from pinbound.coverage.bodies import SHAPES, Body
+from pinbound.coverage.body_meshes import MeshSource
+from pinbound.coverage.mesh_covers import cover_meshes
+from pinbound.coverage.mesh_proof import MeshProof
+from pinbound.coverage.parts import Fit
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.tolerances import REDUCTION, SAME_BODY
 from pinbound.typing import Array
 
-__all__ = ["By", "Cover", "cover", "covers"]
+__all__ = ["BY", "MOST_PARTS", "By", "Cover", "Progress", "cover", "covers"]
 
-By = Literal["bodies", "spheres"]
+By = Literal["hulls", "capsules", "spheres", "boxes", "bodies"]
+"""By what bodies are covered; ``"bodies"`` is the old name of ``"hulls"``."""
+BY: tuple[By, ...] = ("hulls", "capsules", "spheres", "boxes", "bodies")
+Progress = Callable[[int, int, str], None]
+"""Called with how many links are done, how many there are, and the name of the next."""
 
+MOST_PARTS = 8
+"""Marks that hold the meshes of one link, at most, unless it is said."""
 _MOST_SPHERES = 64
 _SIDES = range(2, 9)  # half the number of sides of a polygon around a cylinder
 
@@ -35,12 +45,15 @@ class Cover:
     Attributes:
         bodies: The bodies.
         marks: The marks.
-        excess: [m], no point of a mark is further than this outside the bodies.
+        excess: [m], no point of a mark is further than this outside the bodies; of a mesh, no place of the marks' outer
+            surface is further than this from it.
+        proof: Of a mesh: which mark holds which triangle.
     """
 
     bodies: tuple[Body, ...]
     marks: tuple[Mark, ...]
     excess: float
+    proof: MeshProof | None = None
 
     @property
     def link(self) -> str:
@@ -48,13 +61,24 @@ class Cover:
         return self.bodies[0].link
 
 
-def covers(bodies: Sequence[Body], accuracy: float, by: By = "bodies") -> tuple[Cover, ...]:
+def covers(
+    bodies: Sequence[Body],
+    accuracy: float,
+    by: By = "hulls",
+    meshes: MeshSource | None = None,
+    most: int = MOST_PARTS,
+    progress: Progress | None = None,
+) -> tuple[Cover, ...]:
     """Return covers of bodies, in their order.
 
     Args:
-        bodies: The bodies, their shapes among `bodies.SHAPES`.
+        bodies: The bodies, their shapes among `bodies.SHAPES`; meshes, if they can be read.
         accuracy: [m], the excess to aim at.
-        by: ``"bodies"``: by capsules, boxes and prisms; a cylinder between two spheres is one capsule. ``"spheres"``.
+        by: What holds meshes. Other bodies are held by themselves: by points, capsules, boxes and prisms; a cylinder
+            between two spheres is one capsule. ``"spheres"``: all bodies by spheres.
+        meshes: Reads meshes.
+        most: Marks of one link that hold meshes, at most; each mesh has one at least.
+        progress: Told of the links that have meshes.
 
     Raises:
         DimensionError: If the accuracy is not positive.
@@ -66,7 +90,14 @@ def covers(bodies: Sequence[Body], accuracy: float, by: By = "bodies") -> tuple[
     for body in bodies:
         if body.shape == "sphere":
             spheres.setdefault(body.link, []).append(body)
-    if by == "bodies":
+    if not accuracy > 0.0:
+        raise DimensionError(f"the accuracy {accuracy} is not a positive length")
+    if most < 1:
+        raise DimensionError(f"most = {most} leaves no part to a link; give 1 or more")
+    if meshes is not None:
+        found += _of_meshes([body for body in bodies if body.shape == "mesh"], accuracy, by, meshes, most, progress)
+        taken |= {body for body in bodies if body.shape == "mesh"}
+    if by != "spheres":
         for body in bodies:
             ends = _end_spheres(body, spheres.get(body.link, ()))
             if ends is not None and not taken & {body, *ends}:
@@ -79,7 +110,27 @@ def covers(bodies: Sequence[Body], accuracy: float, by: By = "bodies") -> tuple[
     return tuple(sorted(found, key=lambda one: order[one.bodies[0]]))
 
 
-def cover(body: Body, accuracy: float, by: By = "bodies") -> Cover:
+def _of_meshes(
+    bodies: Sequence[Body], accuracy: float, by: By, meshes: MeshSource, most: int, progress: Progress | None
+) -> list[Cover]:
+    """Return covers of meshes, link by link."""
+    links: dict[str, list[Body]] = {}
+    for body in bodies:
+        links.setdefault(body.link, []).append(body)
+    fit: Fit = "hulls" if by == "bodies" else by
+    found: list[Cover] = []
+    for place, (link, own) in enumerate(links.items()):
+        if progress is not None:
+            progress(place, len(links), link)
+        named = [(f"{link}.{body.index}", link, meshes.of(body)) for body in own]
+        made = cover_meshes(named, accuracy, fit, most)
+        found += [Cover((body,), one.marks, one.excess, one.proof) for body, one in zip(own, made, strict=True)]
+    if progress is not None and links:
+        progress(len(links), len(links), "")
+    return found
+
+
+def cover(body: Body, accuracy: float, by: By = "hulls") -> Cover:
     """Return marks whose union holds one body.
 
     Spheres are as few as keep the excess within `accuracy`, at most 64, a polygon has as few sides, at most 16.

@@ -18,8 +18,10 @@ import numpy as np
 
 from pinbound.annotations import Mark, Shape
 from pinbound.coverage.bodies import Body
+from pinbound.coverage.mesh_proof import prove
 from pinbound.coverage.unions import spheres_over
 from pinbound.evaluate.closest import nearest, nearest_of_hulls
+from pinbound.meshes import Mesh
 from pinbound.tolerances import HELD
 from pinbound.typing import Array
 
@@ -29,12 +31,13 @@ _SOLID = 3  # dimensions
 _ROUND = 32  # corners of the polygon around a cylinder's rim
 
 
-def holders(body: Body, marks: Sequence[Mark]) -> tuple[tuple[str, ...], ...]:
+def holders(body: Body, marks: Sequence[Mark], mesh: Mesh | None = None) -> tuple[tuple[str, ...], ...]:
     """Return the marks that hold a body: each one that holds it alone, else one set of spheres that does together.
 
     Args:
-        body: The body; a mesh is held by nothing, for it is not read.
+        body: The body; a mesh is held by nothing unless it is given.
         marks: Marks on the body's link.
+        mesh: If the body is a mesh: what was read of it, in the frame of its link.
 
     Example:
         >>> body = Body("arm", 0, "capsule", (0.05, 0.4), np.eye(3), np.zeros(3))
@@ -45,6 +48,9 @@ def holders(body: Body, marks: Sequence[Mark]) -> tuple[tuple[str, ...], ...]:
         >>> holders(body, ends), holders(body, [*ends, Point("middle", "arm", (0.0, 0.0, 0.0), 0.1)])
         ((), (('low', 'middle', 'high'),))
     """
+    if mesh is not None and body.shape == "mesh":
+        proof = prove(mesh, marks)
+        return (proof.used,) if proof.is_complete else ()
     alone = tuple((mark.name,) for mark in marks if holds(mark, body))
     if alone or not is_known(body):
         return alone

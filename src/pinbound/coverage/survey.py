@@ -11,6 +11,7 @@ import numpy as np
 from pinbound.annotations import Annotations, LeftOutMark, Mark
 from pinbound.boundaries.boundary import Boundary
 from pinbound.coverage.bodies import Body
+from pinbound.coverage.body_meshes import MeshSource
 from pinbound.coverage.covers import covers
 from pinbound.coverage.holding import holders, is_known
 from pinbound.coverage.poses import Poses
@@ -64,9 +65,10 @@ class Coverage:
         bodies: Sequence[Body],
         boundaries: Iterable[Boundary],
         closures: Sequence[Closure] = (),
+        meshes: MeshSource | None = None,
     ) -> None:
-        """Take a robot's parts; `bodies` are those of all links."""
-        self._survey = _Survey(tree, coupling, annotations, bodies, closures)
+        """Take a robot's parts; `bodies` are those of all links, `meshes` reads those that are meshes."""
+        self._survey = _Survey(tree, coupling, annotations, bodies, closures, meshes)
         self._boundaries = tuple(boundaries)
         self._parts: dict[frozenset[str], Coverage] = {}
 
@@ -173,7 +175,9 @@ class _Survey:
         annotations: Annotations,
         bodies: Sequence[Body],
         closures: Sequence[Closure],
+        meshes: MeshSource | None,
     ) -> None:
+        self.meshes = meshes
         errors = joint_errors(coupling, closures)
         self.loose = {name for name, error in zip(coupling.joints, errors.tolist(), strict=True) if error}
         self.tree, self.coupling, self.annotations, self.all_bodies = tree, coupling, annotations, tuple(bodies)
@@ -200,7 +204,7 @@ class _Survey:
         return {
             name: LinkCoverage(
                 name,
-                tuple(_body_coverage(body, self.marks[name]) for body in self.bodies[name]),
+                tuple(_body_coverage(body, self.marks[name], self.meshes) for body in self.bodies[name]),
                 tuple(mark.name for mark in self.marks[name]),
             )
             for name in self.tree.links
@@ -308,8 +312,13 @@ class _Survey:
         """Marks that hold each link's bodies, to prove with; none if one of them is not read."""
         found: dict[str, list[Mark]] = {}
         for link, bodies in self.bodies.items():
-            known = all(is_known(body) for body in bodies)
-            found[link] = [mark for one in covers(bodies, _fine(bodies)) for mark in one.marks] if known else []
+            plain = [body for body in bodies if is_known(body)]
+            held = [one.held_by[0] for one in self.links[link].bodies if one.shape == "mesh" and one.is_held]
+            found[link] = []
+            if len(plain) + len(held) == len(bodies):
+                by_name = {mark.name: mark for mark in self.marks[link]}
+                found[link] = [by_name[name] for names in held for name in names]
+                found[link] += [mark for one in covers(plain, _fine(plain)) for mark in one.marks]
         return found
 
     def _reach(self, a: str, b: str) -> Reach:
@@ -362,12 +371,17 @@ class _Survey:
         return "; ".join([f"{watched} of {count} pairs of bodies are watched", *words])
 
 
-def _body_coverage(body: Body, marks: Sequence[Mark]) -> BodyCoverage:
-    held = holders(body, marks)
+def _body_coverage(body: Body, marks: Sequence[Mark], meshes: MeshSource | None) -> BodyCoverage:
+    is_mesh = body.shape == "mesh" and meshes is not None
+    fault = meshes.fault(body) if is_mesh and marks and meshes is not None else ""  # no file is read for nothing
+    mesh = meshes.of(body) if is_mesh and marks and not fault and meshes is not None else None
+    held = holders(body, marks, mesh)
     reason = ""
     if not held:
         reason = "no mark on its link" if not marks else "not proven to lie in the marks of its link"
-        reason = reason if is_known(body) else f"a {body.shape}, which is not read"
+        reason = reason if is_mesh or is_known(body) else f"a {body.shape}, which is not read"
+        reason = f"a mesh, and {reason}" if is_mesh else reason
+        reason = f"a mesh that cannot be read: {fault}" if fault else reason
     return BodyCoverage(body.link, body.index, body.shape, held, reason)
 
 

@@ -2,10 +2,10 @@
 
 from pinbound.marking.disabled import DisabledPair, disabled_pairs, find_srdf
 from pinbound.marking.judge import Evidence
-from pinbound.marking.propose import SHAPES, Proposal, left_out_marks, propose_marks
+from pinbound.marking.propose import ALL_SHAPES, Proposal, left_out_marks, propose_marks
 
 __all__ = [
-    "SHAPES",
+    "ALL_SHAPES",
     "DisabledPair",
     "Evidence",
     "Proposal",

@@ -74,7 +74,7 @@ def simple_homes(robot: Robot) -> Array:
             q[index] = value
             found.append(q)
     found.insert(len(lower), middle)
-    Q = np.array(found).reshape(-1, len(lower))
+    Q = np.array(found).reshape(len(found), len(lower))
     return Q[within_limits(robot.linear_limits, Q, robot.guarded_limits)]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from pinbound.annotations import Annotations, BoundaryMark, LeftOutMark
 from pinbound.coverage.bodies import SHAPES, Body, LinkBodies, read_bodies
-from pinbound.coverage.covers import By, Cover, covers
+from pinbound.coverage.covers import BY, MOST_PARTS, By, Cover, Progress, covers
 from pinbound.exceptions import Problems, UnknownNameError
 from pinbound.marking.candidates import home_entries
 from pinbound.marking.evidence import evidence_of
@@ -34,9 +34,11 @@ from pinbound.marking.kept import kept, known, unused
 from pinbound.robot.robot import Robot
 from pinbound.values import Value
 
-__all__ = ["SHAPES", "Proposal", "left_out_marks", "propose_marks"]
+__all__ = ["ALL_SHAPES", "Proposal", "left_out_marks", "propose_marks"]
 
 
+ALL_SHAPES = (*SHAPES, "mesh")
+"""What can be covered."""
 _FINEST = 0.01  # of a body's smallest measure: the excess to aim at where marks touch at home
 
 
@@ -77,7 +79,14 @@ class Proposal(Value):
 
 
 def propose_marks(
-    robot: Robot, accuracy: float = 0.02, shapes: Collection[str] = SHAPES, by: By = "bodies", neighbours: bool = False
+    robot: Robot,
+    accuracy: float = 0.02,
+    shapes: Collection[str] = ALL_SHAPES,
+    by: By = "hulls",
+    neighbours: bool = False,
+    most: int = MOST_PARTS,
+    skip_missing: bool = True,
+    progress: Progress | None = None,
 ) -> Proposal:
     """Return marks that hold the robot's bodies, and a boundary for every pair worth checking.
 
@@ -92,11 +101,16 @@ def propose_marks(
     Args:
         robot: The robot; marks and boundaries that it has already are kept and not proposed again.
         accuracy: [m], how far a mark may stick out of its body, where that can be reached.
-        shapes: The shapes to cover, of ``"sphere"``, ``"box"``, ``"cylinder"``, ``"capsule"``.
-        by: ``"bodies"``: by points, capsules, boxes and prisms, which fit; ``"spheres"``: by spheres alone, which are
-            many, but compiled as a whole, and whose regions have curved edges.
+        shapes: The shapes to cover, of ``"sphere"``, ``"box"``, ``"cylinder"``, ``"capsule"``, ``"mesh"``.
+        by: What holds meshes: ``"hulls"``, ``"capsules"``, ``"spheres"`` or ``"boxes"``. Other bodies are held by
+            points, capsules, boxes and prisms, which fit; with ``"spheres"`` by spheres alone, which are many, but
+            compiled as a whole, and whose regions have curved edges.
         neighbours: Watch neighbours, too, where their marks do not touch at home: their contact is what many joint
             limits stand for.
+        most: Marks of one link that hold its meshes, at most.
+        skip_missing: Whether a mesh that cannot be read is named as not covered, with the reason in `notes`; if not, it
+            is an error.
+        progress: Called with how many links with meshes are done, how many there are, and the name of the next.
 
     Returns:
         The proposal; `proposal.annotations.save(path)` writes the sidecar.
@@ -108,25 +122,49 @@ def propose_marks(
         UnsupportedError: If no configuration keeps all limits, or distances are too large to compute.
     """
     for shape in shapes:
-        if shape not in SHAPES:
-            raise UnknownNameError("shape", shape, SHAPES)
-    if by not in ("bodies", "spheres"):
-        raise UnknownNameError("cover", by, ("bodies", "spheres"))
+        if shape not in ALL_SHAPES:
+            raise UnknownNameError("shape", shape, ALL_SHAPES)
+    if by not in BY:
+        raise UnknownNameError("cover", by, BY[:-1])
     problems = Problems(robot.document.label)
     read = read_bodies(robot.document, problems)
     problems.raise_if_any()
-    chosen = [body for body in read.bodies if body.shape in shapes]
+    asked = [body for body in read.bodies if body.shape in shapes]
+    meshes, said = _readable(robot, [body for body in asked if body.shape == "mesh"], skip_missing)
+    read = replace(read, notes=(*read.notes, *said))
+    of_meshes = covers(meshes, accuracy, by, robot.meshes, most, progress)
+    chosen = [body for body in asked if body.shape != "mesh"]
     judge = Judge(robot, neighbours)
-    proposal, touching = _proposal(judge, covers(chosen, accuracy, by), read)
-    if touching and by == "bodies":
+    place = {body: place for place, body in enumerate(read.bodies)}
+
+    def together(*found: Cover) -> list[Cover]:
+        return sorted((*found, *of_meshes), key=lambda one: place[one.bodies[0]])
+
+    proposal, touching = _proposal(judge, together(*covers(chosen, accuracy, by)), read)
+    if touching and by != "spheres":
         sizes = [size for body in chosen if body.link in touching for size in body.size if size > 0.0]
         finest = min((accuracy, *(_FINEST * size for size in sizes)))
         again = covers([body for body in chosen if body.link in touching], finest)
         rest = covers([body for body in chosen if body.link not in touching], accuracy)
-        order = {body: place for place, body in enumerate(chosen)}
-        found = sorted((*rest, *again), key=lambda one: order[one.bodies[0]])
-        proposal, _ = _proposal(judge, found, read)
+        proposal, _ = _proposal(judge, together(*rest, *again), read)
     return proposal
+
+
+def _readable(robot: Robot, bodies: Sequence[Body], skip_missing: bool) -> tuple[list[Body], list[str]]:
+    """Return the bodies whose meshes can be read, and what is to be said of these and of the others."""
+    faults = {body: robot.meshes.fault(body) for body in bodies}
+    if any(faults.values()) and not skip_missing:
+        problems = Problems(robot.document.label)
+        for body, fault in faults.items():
+            if fault:
+                remedy = "Mend it, or leave such bodies uncovered: --skip-missing, skip_missing=True"
+                problems.add(f"the mesh of {body.name!r} cannot be read: {fault.rstrip('.')}", remedy, body.line)
+        problems.raise_if_any()
+    notes = [note for body in bodies for note in robot.meshes.notes(body)]
+    notes += [
+        f"{body.name} of {body.link} is not covered: {fault.rstrip('.')}" for body, fault in faults.items() if fault
+    ]
+    return [body for body, fault in faults.items() if not fault], [*dict.fromkeys(notes)]
 
 
 def _proposal(judge: Judge, found: Sequence[Cover], read: LinkBodies) -> tuple[Proposal, set[str]]:

@@ -146,7 +146,7 @@ class Robot(Value):
             (0, 7, False)
         """
         bodies = collision_bodies(self)
-        return Coverage(self.tree, self.coupling, self.annotations, bodies, self.boundaries, self.closures)
+        return Coverage(self.tree, self.coupling, self.annotations, bodies, self.boundaries, self.closures, self.meshes)
 
     @cached_property
     def meshes(self) -> MeshSource:

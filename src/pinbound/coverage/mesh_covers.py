@@ -1,0 +1,186 @@
+"""Covers of meshes: a mark around each of several pieces of the surface.
+
+The part that sticks out furthest is cut in two by a plane, until none sticks out too far. That is a proposal. What is
+proven is that each triangle lies in marks (`mesh_proof`), and how far their outer surface is from it (`excess`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.annotations import Mark
+from pinbound.coverage.cuts import best_cut
+from pinbound.coverage.excess import Excess, Near, Surface, excess_of, surface_of
+from pinbound.coverage.mesh_proof import NONE, MeshProof, away_from, prove
+from pinbound.coverage.parts import FITS, Fit, outline
+from pinbound.exceptions import UnsupportedError
+from pinbound.meshes import Mesh
+from pinbound.tolerances import FEELER
+from pinbound.values import Value
+
+__all__ = ["MeshCover", "cover_meshes"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_SIMPLER = 0.1  # of the accuracy: what vertices that are left out may cost, and pockets that count as filled
+_ATTEMPTS = 6
+_FINE, _ROUGH = 0.05, 0.4  # of a bound: what is not told apart at the end, and while parts are cut
+
+
+@dataclass(frozen=True, eq=False)
+class MeshCover(Value):
+    """Marks whose union holds a mesh.
+
+    Attributes:
+        marks: The marks.
+        proof: For each triangle the mark that holds it.
+        excess: [m]: no place of the outer surface of the marks is further than this from the mesh.
+    """
+
+    marks: tuple[Mark, ...]
+    proof: MeshProof
+    excess: float
+
+
+@dataclass(eq=False)
+class _Work:
+    """One mesh while its cover is made: its surface in groups, and a mark, a surface and an excess for each group."""
+
+    name: str
+    link: str
+    mesh: Mesh
+    fit: Fit
+    accuracy: float
+    near: Near = field(init=False)
+    groups: list[Array] = field(default_factory=list[Array])
+    marks: list[Mark] = field(default_factory=list[Mark])
+    surfaces: list[Surface] = field(default_factory=list[Surface])
+    excess: list[Excess] = field(default_factory=list[Excess])
+
+    def __post_init__(self) -> None:
+        self.near = Near(self.mesh)
+        self._add(self.mesh.vertices[self.mesh.triangles])
+        self.measure(range(1))
+
+    def _add(self, group: Array) -> None:
+        mark = FITS[self.fit](self.name, self.link, _points(group), _SIMPLER * self.accuracy)
+        self.groups.append(group)
+        self.marks.append(mark)
+        self.surfaces.append(surface_of(*outline(mark)))
+
+    def measure(self, asked: Sequence[int], within: float = _FINE) -> None:
+        """Bound the excess of some parts."""
+        around = max(one.radius + one.slack for one in self.surfaces)
+        if len(self.surfaces) > 1:
+            around = max(around + FEELER, _SIMPLER * self.accuracy)
+        found = excess_of(self.surfaces, self.near, around, self.accuracy, asked, within)
+        self.excess += [found[0]] * (len(self.surfaces) - len(self.excess))
+        for place, one in zip(asked, found, strict=True):
+            self.excess[place] = one
+
+    @property
+    def worst(self) -> int:
+        """The part that sticks out furthest."""
+        return int(np.argmax([one.bound for one in self.excess]))
+
+    @property
+    def bound(self) -> float:
+        return max(one.bound for one in self.excess)
+
+    @property
+    def can_be_cut(self) -> bool:
+        return self.bound > self.accuracy and not self.stuck
+
+    stuck: bool = False
+
+    def cut(self) -> None:
+        """Cut the part that sticks out furthest, by the plane that leaves the smallest hulls."""
+        place = self.worst
+        old = self.surfaces[place]
+        sides = best_cut(self.groups[place], self.excess[place].place, self.accuracy)
+        if sides is None:
+            self.stuck = True
+            return
+        del self.groups[place], self.marks[place], self.surfaces[place], self.excess[place]
+        for side in sides:
+            self._add(side)
+        last = len(self.groups)
+        touched = [i for i in range(last - 2) if _meet(self.surfaces[i], old)]
+        self.measure([*touched, last - 2, last - 1], _ROUGH)
+
+    def finished(self) -> MeshCover:
+        """Return the marks under their names, proven; parts take in what they were not proven to hold."""
+        several = len(self.marks) > 1
+        names = [f"{self.name}.{place}" if several else self.name for place in range(len(self.marks))]
+        left = 0
+        for attempt in range(_ATTEMPTS):
+            marks = [_named(mark, name) for mark, name in zip(self.marks, names, strict=True)]
+            proof = prove(self.mesh, marks)
+            if proof.is_complete:
+                if attempt or several:
+                    self.measure(range(len(marks)))
+                return MeshCover(tuple(marks), proof, self.bound)
+            left = len(proof.part_of) - proof.held
+            self._take_in(np.flatnonzero(proof.part_of == NONE))
+        raise UnsupportedError(
+            f"{self.mesh.source}: {left} triangles are not proven to lie in a mark; "
+            "their numbers are too large for float64: give the mesh in metres"
+        )
+
+    def _take_in(self, rows: Ints) -> None:
+        """Add triangles to the parts that they are nearest to as a whole."""
+        polygons = np.isin(self.mesh.polygons, self.mesh.polygons[rows])
+        triangles = self.mesh.vertices[self.mesh.triangles[polygons]]
+        away: list[Array] = [
+            away_from(mark.shape, triangles.reshape(-1, 3)).reshape(-1, 3).max(axis=1) for mark in self.marks
+        ]
+        nearest = np.argmin(away, axis=0)
+        for place in np.unique(nearest).tolist():
+            more: Array = triangles[nearest == place]
+            self.groups[place] = np.concatenate((self.groups[place], more))
+            mark = FITS[self.fit](self.name, self.link, _points(self.groups[place]), 0.0)
+            self.marks[place], self.surfaces[place] = mark, surface_of(*outline(mark))
+
+
+def cover_meshes(
+    named: Sequence[tuple[str, str, Mesh]], accuracy: float, fit: Fit = "hulls", most: int = 16
+) -> tuple[MeshCover, ...]:
+    """Return covers of the meshes of one link, in the link's frame.
+
+    Args:
+        named: For each mesh a name for its marks, the link, and the mesh.
+        accuracy: [m], the excess to aim at.
+        fit: What marks are made.
+        most: Marks that they may have together; each mesh has one at least.
+
+    Raises:
+        UnsupportedError: If rounding hides whether a triangle is held, which takes vertices many kilometres away.
+    """
+    works = [_Work(name, link, mesh, fit, accuracy) for name, link, mesh in named]
+    while sum(len(one.marks) for one in works) < most:
+        open_ones = [one for one in works if one.can_be_cut]
+        if not open_ones:
+            break
+        max(open_ones, key=lambda one: one.excess[one.worst].bound).cut()
+    return tuple(one.finished() for one in works)
+
+
+def _named(mark: Mark, name: str) -> Mark:
+    known: Any = mark
+    named: Mark = replace(known, name=name)
+    return named
+
+
+def _meet(one: Surface, two: Surface) -> bool:
+    a, b = (np.concatenate([corners.reshape(-1, 3) for corners, _ in part.pieces]) for part in (one, two))
+    return bool(np.all((a.min(axis=0) <= b.max(axis=0)) & (b.min(axis=0) <= a.max(axis=0))))
+
+
+def _points(group: Array) -> Array:
+    return np.unique(group.reshape(-1, 3), axis=0)

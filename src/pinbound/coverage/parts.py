@@ -1,0 +1,175 @@
+"""One mark around some points: a hull of few of them, a capsule, a sphere, or a box, each grown until it holds all.
+
+What is fitted is a proposal. The radius, or the size, is then made as large as the furthest point asks for, rounded up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.annotations import Box, Hull, Mark, Point, Segment
+from pinbound.annotations.shapes import extreme_vertices
+from pinbound.coverage.mesh_proof import away_from
+from pinbound.tolerances import HELD
+
+__all__ = ["FITS", "Fit", "directions", "outline"]
+
+Array = NDArray[np.float64]
+Fit = Literal["hulls", "capsules", "spheres", "boxes"]
+
+_COUNTS = (12, 16, 24, 32, 48, 64, 96)
+"""How many directions are looked along for the vertices of a hull, until those that are left out are near enough."""
+_STEPS = 200  # of the search for a small ball
+_LARGER = 1.0 + 1e-12  # so that rounding leaves no point outside
+_BALL = 1.02  # vertices of `_BALL_CORNERS` are this far from the centre of a unit ball that their hull holds
+
+
+def outline(mark: Mark) -> tuple[Array, float]:
+    """Return vertices (k, 3) and a radius, of which the hull with the ball around it holds the mark.
+
+    Of capsules and spheres it is a polytope around them, which is 2 % of their radius too large.
+    """
+    shape = mark.shape
+    if len(shape.vertices) > 2 or not shape.radius > 0.0:
+        return shape.vertices, shape.radius
+    ball = _ball_corners() * (_BALL * shape.radius)
+    return extreme_vertices((shape.vertices[:, None] + ball).reshape(-1, 3)), 0.0
+
+
+def _hull(name: str, link: str, points: Array, budget: float) -> Mark:
+    """Return a hull of few of the points, with the radius that the others ask for; up to about `budget`."""
+    extreme = extreme_vertices(points)
+    if len(extreme) <= _COUNTS[0] or not budget > 0.0:
+        return Hull(name, link, _rows(extreme))
+    centred = extreme - extreme.mean(axis=0)
+    for count in _COUNTS:
+        chosen = np.unique(np.argmax(centred @ directions(count).T, axis=0))
+        if 3 * len(chosen) > 2 * len(extreme):
+            break
+        mark = Hull(name, link, _rows(extreme[chosen]))
+        rest = np.setdiff1d(np.arange(len(extreme)), chosen)
+        radius = float(away_from(mark.shape, extreme[rest]).max(initial=0.0)) * _LARGER + HELD
+        if radius <= budget:
+            return Hull(name, link, mark.vertices, radius)
+    return Hull(name, link, _rows(extreme))
+
+
+def _capsule(name: str, link: str, points: Array, budget: float) -> Mark:
+    """Return the thinnest of three capsules, along the axes in which the points spread."""
+    extreme = extreme_vertices(points)
+    found: list[tuple[float, Segment]] = []
+    for axis in _principal(extreme):
+        along = extreme @ axis
+        flat = extreme - np.outer(along, axis)
+        centre = _ball_centre(flat)
+        lateral = np.linalg.norm(flat - centre, axis=1)
+        radius = float(lateral.max())
+        cap = np.sqrt(np.maximum(radius**2 - lateral**2, 0.0))
+        low, high = float(np.min(along + cap)), float(np.max(along - cap))
+        if low > high:
+            low = high = 0.5 * (low + high)
+        ends = [_row(centre - axis * (centre @ axis) + axis * height) for height in (low, high)]
+        bare = Segment(name, link, ends[0], ends[1])
+        radius = float(away_from(bare.shape, extreme).max()) * _LARGER + HELD
+        found.append((radius**2 * (high - low + 4.0 / 3.0 * radius), Segment(name, link, ends[0], ends[1], radius)))
+    return min(found, key=lambda one: one[0])[1]
+
+
+def _sphere(name: str, link: str, points: Array, budget: float) -> Mark:
+    extreme = extreme_vertices(points)
+    centre = _row(_ball_centre(extreme))
+    radius = float(np.linalg.norm(extreme - np.array(centre), axis=1).max()) * _LARGER + HELD
+    return Point(name, link, centre, radius)
+
+
+def _box(name: str, link: str, points: Array, budget: float) -> Mark:
+    """Return the smaller of two boxes: along the link's axes, along those in which the points spread."""
+    extreme = extreme_vertices(points)
+    found: list[tuple[float, Box]] = []
+    ways: tuple[Array, Array] = (np.eye(3), _principal(extreme))
+    for axes in ways:
+        local = extreme @ axes.T
+        low, high = local.min(axis=0), local.max(axis=0)
+        grown = HELD * (1.0 + float(np.abs(local).max()))
+        size = high - low + 2.0 * grown
+        middle = (0.5 * (low + high)) @ axes
+        bare = Box(name, link, _row(middle), _rpy(axes.T), _row(size))
+        out = float(away_from(bare.shape, extreme).max())
+        if out > 0.0:
+            bare = Box(name, link, bare.xyz, bare.rpy, _row(size + 2.0 * _LARGER * out))
+        found.append((float(size[0] * size[1] * size[2]), bare))
+    return min(found, key=lambda one: one[0])[1]
+
+
+FITS: dict[Fit, Callable[[str, str, Array, float], Mark]] = {
+    "hulls": _hull,
+    "capsules": _capsule,
+    "spheres": _sphere,
+    "boxes": _box,
+}
+"""How a mark is made around points (N, 3): from name, link, points, and a length that it may be simpler by."""
+
+
+def _row(values: Array) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _rows(points: Array) -> tuple[tuple[float, float, float], ...]:
+    return tuple(_row(point) for point in points)
+
+
+def _principal(points: Array) -> Array:
+    """Return the axes (3, 3), rows, along which points spread, the longest first; right-handed."""
+    axes: Any = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)[2]
+    return axes * np.linalg.det(axes)
+
+
+def _rpy(rotation: Array) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw [rad] of a rotation (3, 3)."""
+    pitch = math.asin(max(-1.0, min(1.0, -float(rotation[2, 0]))))
+    if abs(rotation[2, 0]) > 1.0 - 1e-12:  # roll and yaw turn about one axis: yaw does all of it
+        return 0.0, pitch, math.atan2(-float(rotation[0, 1]), float(rotation[1, 1]))
+    roll = math.atan2(float(rotation[2, 1]), float(rotation[2, 2]))
+    return roll, pitch, math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
+
+
+def _ball_centre(points: Array) -> Array:
+    """Return nearly the centre of the smallest ball around points (Badoiu and Clarkson, 2003)."""
+    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    best, least = centre, math.inf
+    for step in range(1, _STEPS + 1):
+        away = points - centre
+        square = np.einsum("ni,ni->n", away, away)
+        furthest = int(np.argmax(square))
+        if square[furthest] < least:
+            best, least = centre, float(square[furthest])
+        centre = centre + away[furthest] / (step + 1.0)
+    return best
+
+
+def directions(count: int) -> Array:
+    """Return unit vectors (2 count + 6, 3) spread over the sphere: a spiral, its opposite, and the axes."""
+    heights = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    turns = np.pi * (1.0 + math.sqrt(5.0)) * np.arange(count)
+    flat = np.sqrt(1.0 - heights**2)
+    spiral = np.column_stack((flat * np.cos(turns), flat * np.sin(turns), heights))
+    return np.vstack((spiral, np.eye(3), -np.eye(3)))
+
+
+def _ball_corners() -> Array:
+    """Return 162 unit vectors: an icosahedron with its edges halved twice."""
+    g = 0.5 * (1.0 + math.sqrt(5.0))
+    corners = [(0.0, s, t * g) for s in (-1.0, 1.0) for t in (-1.0, 1.0)]
+    points = np.array([turned for x, y, z in corners for turned in ((x, y, z), (y, z, x), (z, x, y))])
+    for shortest in (2.0, 1.0):
+        gaps = np.linalg.norm(points[:, None] - points, axis=2)
+        near = np.argwhere(np.triu((gaps > 0.0) & (gaps < 1.3 * np.min(gaps + np.eye(len(gaps)) * 9.0))))
+        points = np.vstack((points, 0.5 * (points[near[:, 0]] + points[near[:, 1]])))
+        points = points / np.linalg.norm(points, axis=1, keepdims=True) * (1.0 if shortest < 2.0 else g)
+    return points / np.linalg.norm(points, axis=1, keepdims=True)

@@ -1,0 +1,185 @@
+"""A surface of triangles around the hull of some points, checked, and who is inside it.
+
+Qhull proposes the triangles. That they enclose what they should is proven here: each edge is in two triangles, once in
+each direction, and a point c sees all of them from inside. Then every ray from c meets one of them, at `gauge = 1`:
+
+    gauge(x) = max over facets f of n_f . (x - c) / n_f . (a_f - c).
+
+All triangles have their corners among the points, so that what they enclose is in the hull. `docs/covers.md`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.tolerances import UNIT_ROUNDOFF
+from pinbound.values import Value, read_only
+
+__all__ = ["Polytope", "split_polygon"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_ROUNDED = 32.0 * UNIT_ROUNDOFF  # of a product of three lengths: a determinant of rounded differences
+_BLOCK = 2_000_000  # entries of a table of points and facets that is made at once
+
+
+@dataclass(frozen=True, eq=False)
+class Polytope(Value):
+    """Points, and triangles that are proven to enclose nearly their hull.
+
+    Attributes:
+        vertices: (k, 3) [m].
+        facets: (F, 3), rows of `vertices`, seen from outside against the clock.
+        centre: (3,) [m], what sees all facets from inside.
+        slopes: (F, 3) [1/m], `n_f / n_f . (a_f - c)`: gauge is the largest of `slopes @ (x - centre)`.
+        rounded: (F,), by how much rounding may change each of these within `reach` of the centre.
+        reach: [m], how far vertices are from the centre.
+        slack: [m], how far a point of the hull may be outside what the triangles enclose.
+    """
+
+    vertices: Array
+    facets: Ints
+    centre: Array
+    slopes: Array
+    rounded: Array
+    reach: float
+    slack: float
+
+    @classmethod
+    def of(cls, vertices: Array) -> Polytope | None:
+        """Return it; None if the points lie in a plane, or if no proof is found: slivers.
+
+        Example:
+            >>> cube = Polytope.of(np.array([(x, y, z) for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)]))
+            >>> cube.away(np.array([[0.5, 0.5, 1.0], [0.5, 0.5, 2.0]])).round(6).tolist()
+            [0.0, 1.0]
+        """
+        facets = _proposed(vertices)
+        if facets is None or not _is_closed(facets):
+            return None
+        centre = vertices.mean(axis=0)
+        offsets = vertices - centre
+        reach = float(np.linalg.norm(offsets, axis=1).max()) * (1.0 + 8.0 * UNIT_ROUNDOFF)
+        a, b, c = (vertices[facets[:, corner]] for corner in range(3))
+        normals: Any = np.cross(b - a, c - a)
+        heights = np.einsum("fi,fi->f", normals, a - centre)
+        size = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
+        error = _ROUNDED * size * 2.0 * reach
+        unsure = heights <= error
+        if np.any(heights < -error):
+            return None
+        for row in np.flatnonzero(unsure).tolist():
+            if _exact_height(vertices[facets[row]], centre) != 0:
+                return None  # seen from behind, or so flat that nothing can be divided by its height
+        sure = ~unsure  # triangles without area as seen from c: no ray but those of a plane meets them
+        if not np.any(sure):
+            return None
+        slopes = normals[sure] / heights[sure, None]
+        rounded = 2.0 * error[sure] / heights[sure]
+        out = float(np.max(offsets @ slopes.T + rounded)) - 1.0
+        return cls(vertices, facets, centre, slopes, rounded, reach, max(out, 0.0) * reach)
+
+    def away(self, points: Array) -> Array:
+        """Return upper bounds (N,) of how far points are from what the triangles enclose [m]; 0 of those inside."""
+        found = np.zeros(len(points))
+        step = max(1, _BLOCK // len(self.slopes))
+        for start in range(0, len(points), step):
+            block = points[start : start + step] - self.centre
+            gauge = self._gauge(block)
+            length = np.linalg.norm(block, axis=1)
+            found[start : start + step] = np.maximum(1.0 - 1.0 / np.maximum(gauge, 1.0), 0.0) * length
+        return found
+
+    def inside(self, points: Array, depth: float) -> NDArray[np.bool_]:
+        """Return which points (N,) are inside, `depth` (of the way from the centre) before the surface."""
+        return self._gauge(points - self.centre) <= 1.0 - depth
+
+    def _gauge(self, offsets: Array) -> Array:
+        stretch = np.maximum(np.abs(offsets).max(axis=1, initial=0.0) / self.reach, 1.0)
+        return np.max(offsets @ self.slopes.T + self.rounded * stretch[:, None], axis=1)
+
+    def heights(self, points: Array) -> Array:
+        """Return how far points (N, 3) are above the plane of each facet (N, F) [m]."""
+        normals = self.normals
+        level = np.einsum("fi,fi->f", normals, self.vertices[self.facets[:, 0]])
+        return points @ normals.T - level
+
+    @cached_property
+    def normals(self) -> Array:
+        """Unit normals outwards (F, 3); of triangles without area zero."""
+        a, b, c = (self.vertices[self.facets[:, corner]] for corner in range(3))
+        normals: Any = np.cross(b - a, c - a)
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        return read_only(np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0))
+
+
+def _proposed(vertices: Array) -> Ints | None:
+    """Return the triangles that Qhull makes of the points, stretched to equal extents, turned outwards."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    if len(vertices) < 4:
+        return None
+    middle = vertices.mean(axis=0)
+    spread = np.linalg.svd(vertices - middle, full_matrices=False)
+    if not spread[1][2] > 1e-9 * spread[1][0]:
+        return None
+    local = (vertices - middle) @ spread[2].T / spread[1]
+    try:
+        hull = ConvexHull(local)
+    except QhullError:
+        return None
+    facets = np.array(hull.simplices, dtype=np.int64)
+    a, b, c = (local[facets[:, corner]] for corner in range(3))
+    normals: Any = np.cross(b - a, c - a)
+    inward = np.einsum("fi,fi->f", normals, hull.equations[:, :3]) < 0.0
+    if np.linalg.det(spread[2]) < 0.0:
+        inward = ~inward
+    facets[inward] = facets[inward][:, ::-1]
+    return facets
+
+
+def _is_closed(facets: Ints) -> bool:
+    """Return whether each edge is in two triangles, once in each direction."""
+    count = int(facets.max()) + 1
+    start, end = facets.ravel(), np.roll(facets, -1, axis=1).ravel()
+    there, back = np.sort(start * count + end), np.sort(end * count + start)
+    return bool(np.array_equal(there, back)) and not np.any(there[1:] == there[:-1])
+
+
+def _exact_height(corners: Array, centre: Array) -> Fraction:
+    """Return the determinant that says on which side of a triangle the centre is, without rounding."""
+    c = [Fraction(x) for x in centre.tolist()]
+    a, b, d = ([Fraction(x) - y for x, y in zip(row, c, strict=True)] for row in corners.tolist())
+    minors = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    return sum((x * y for x, y in zip(minors, d, strict=True)), Fraction(0))
+
+
+def split_polygon(polygon: Array, height: Array) -> tuple[Array, Array]:
+    """Return the parts of a convex polygon where a height is negative, and where it is positive; both have the cut.
+
+    Example:
+        >>> square = np.array([[0.0, 0, 0], [2.0, 0, 0], [2.0, 2.0, 0], [0, 2.0, 0]])
+        >>> [len(part) for part in split_polygon(square, square[:, 0] - 1.0)]
+        [4, 4]
+    """
+    below: list[Array] = []
+    above: list[Array] = []
+    count = len(polygon)
+    for row in range(count):
+        here, there = float(height[row]), float(height[(row + 1) % count])
+        if here <= 0.0:
+            below.append(polygon[row])
+        if here >= 0.0:
+            above.append(polygon[row])
+        if here * there < 0.0:
+            place = polygon[row] + here / (here - there) * (polygon[(row + 1) % count] - polygon[row])
+            below.append(place)
+            above.append(place)
+    return np.array(below).reshape(-1, 3), np.array(above).reshape(-1, 3)

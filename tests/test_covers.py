@@ -1,0 +1,255 @@
+"""Covers of meshes: every triangle is in a mark, no outer surface is further away than said, whoever looks again."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+from typer.testing import CliRunner
+
+import pinbound as pb
+from pinbound.cli import app
+from pinbound.coverage import Status
+from pinbound.coverage.covers import covers
+from pinbound.coverage.excess import Near, excess_of, surface_of
+from pinbound.coverage.mesh_covers import cover_meshes
+from pinbound.coverage.mesh_proof import JOINTLY, away_from, prove
+from pinbound.coverage.parts import FITS, outline
+from pinbound.coverage.polytopes import Polytope, split_polygon
+from pinbound.meshes import Mesh, read_mesh
+
+L_FACES = "f 6 5 4 3 2 1\nf 7 8 9 10 11 12\n" + "\n".join(f"f {i} {i % 6 + 1} {i % 6 + 7} {i + 6}" for i in range(1, 7))
+L_PLAN = ((0.0, 0.0), (0.3, 0.0), (0.3, 0.1), (0.1, 0.1), (0.1, 0.3), (0.0, 0.3))
+L_SHAPE = "\n".join(f"v {x} {y} {z}" for z in (0.0, 0.05) for x, y in L_PLAN) + "\n" + L_FACES + "\n"
+"""An angle of 0.3 m by 0.3 m, 0.1 m wide and 0.05 m high, of eight polygons, its hull 0.1 m too large."""
+RNG = np.random.default_rng(14)
+
+
+def angle(folder: Path) -> Mesh:
+    (folder / "angle.obj").write_text(L_SHAPE)
+    return read_mesh(folder / "angle.obj")
+
+
+def triangles(mesh: Mesh) -> Mesh:
+    """Return a mesh whose triangles may each be held by another mark."""
+    return Mesh(mesh.vertices, mesh.triangles, np.arange(len(mesh.triangles)))
+
+
+def bumpy(count: int = 8) -> Mesh:
+    """Return a ball with a dent and two spikes."""
+    turns, heights = np.linspace(0, 2 * np.pi, count, endpoint=False), np.linspace(0.1, np.pi - 0.1, count)
+    grid = np.array([(np.sin(h) * np.cos(t), np.sin(h) * np.sin(t), np.cos(h)) for h in heights for t in turns])
+    radius = 0.1 + 0.04 * (grid @ (1.0, 0.0, 0.0) > 0.9) - 0.05 * np.exp(-20 * ((grid - (0, 1, 0)) ** 2).sum(axis=1))
+    rows = [(i * count + j, i * count + (j + 1) % count) for i in range(count - 1) for j in range(count)]
+    faces = [face for a, b in rows for face in ((a, b, a + count), (b, b + count, a + count))]
+    return Mesh(grid * radius[:, None], np.array(faces), np.arange(len(faces)))
+
+
+def on_triangles(mesh: Mesh, count: int) -> Any:
+    rows = RNG.integers(0, len(mesh.triangles), count)
+    return np.einsum("nk,nki->ni", RNG.dirichlet(np.ones(3), count), mesh.vertices[mesh.triangles[rows]])
+
+
+def outside(marks: Any, points: Any) -> Any:
+    """Return how far points are outside all of the marks, by the nearest points of their hulls."""
+    return np.min([away_from(mark.shape, points) - mark.shape.radius for mark in marks], axis=0)
+
+
+@pytest.mark.parametrize("flat", [1.0, 1e-3, 1e-7])
+def test_a_polytope_knows_what_is_inside(flat: float) -> None:
+    points = RNG.normal(size=(40, 3)) * (1.0, 0.5, flat)
+    polytope = Polytope.of(points)
+    assert polytope is not None
+    asked = RNG.normal(size=(2000, 3)) * (1.0, 0.5, flat)
+    hull = ConvexHull(points / (1.0, 0.5, flat))
+    height = (hull.equations @ np.column_stack((asked / (1.0, 0.5, flat), np.ones(len(asked)))).T).max(axis=0)
+    clear = np.abs(height) > 1e-6
+    assert np.array_equal((polytope.away(asked) == 0.0)[clear], (height < 0.0)[clear])
+    shape = pb.Hull("h", "l", tuple(map(tuple, points.tolist()))).shape
+    assert np.all(polytope.away(asked) >= away_from(shape, asked) - 1e-12)
+
+
+def test_a_surface_that_is_not_closed_is_no_proof(monkeypatch: pytest.MonkeyPatch) -> None:
+    from pinbound.coverage import polytopes
+
+    points = RNG.normal(size=(20, 3))
+    whole = polytopes._proposed(points)
+    assert whole is not None
+    inner = RNG.normal(size=(5, 3)) * 0.01
+    for facets in (whole[1:], np.vstack((whole, whole[:1])), whole[:, ::-1], np.vstack((whole[1:], whole[:1, ::-1]))):
+        with monkeypatch.context() as patch:
+            patch.setattr(polytopes, "_proposed", lambda _, facets=facets: facets)
+            assert Polytope.of(points) is None
+    swapped = whole.copy()
+    swapped[whole == whole[0, 0]] = 20  # a vertex of the surface is replaced by a point inside
+    with monkeypatch.context() as patch:
+        patch.setattr(polytopes, "_proposed", lambda _: swapped)
+        found = Polytope.of(np.vstack((points, inner[:1])))
+    assert found is None or found.slack > 0.01
+
+
+def test_flat_points_have_no_polytope() -> None:
+    assert Polytope.of(np.column_stack((RNG.normal(size=(9, 2)), np.zeros(9)))) is None
+    assert Polytope.of(np.eye(3)) is None
+
+
+def test_a_polygon_is_split_where_it_is_cut() -> None:
+    polygon = np.array([[0.0, 0, 0], [1.0, 0, 0], [1.0, 1.0, 0], [0, 1.0, 0]])
+    below, above = split_polygon(polygon, polygon[:, 0] + polygon[:, 1] - 1.5)
+    assert (len(below), len(above)) == (5, 3)
+    assert np.allclose(np.sort(above[:, :2].sum(axis=1)), (1.5, 1.5, 2.0))
+
+
+@pytest.mark.parametrize("fit", FITS)
+@pytest.mark.parametrize("name", ["angle", "bumpy"])
+def test_every_triangle_is_held_and_the_excess_is_a_bound(fit: Any, name: str, tmp_path: Path) -> None:
+    mesh = triangles(angle(tmp_path)) if name == "angle" else bumpy()
+    (cover,) = cover_meshes([("m", "l", mesh)], 0.01, fit, most=3)
+    assert cover.proof.is_complete
+    assert 1 <= len(cover.marks) <= 3
+    points = np.vstack((on_triangles(mesh, 1000), mesh.vertices))
+    assert outside(cover.marks, points).max() <= 2e-12
+    near, worst = Near(mesh), 0.0
+    hulls = [outline(mark) for mark in cover.marks]
+    shapes = [pb.Hull("h", "l", tuple(map(tuple, vertices.tolist()))).shape for vertices, _ in hulls]
+    around = max(radius for _, radius in hulls)
+    if len(hulls) > 1:
+        around = max(around + 1e-6, 0.001)  # a tenth of the accuracy
+    for vertices, _ in hulls:  # places of the surface of all hulls with balls of this radius
+        if Polytope.of(vertices) is None:
+            continue  # flat
+        hull = ConvexHull(vertices)
+        rows = RNG.integers(0, len(hull.simplices), 600)
+        surface = np.einsum("nk,nki->ni", RNG.dirichlet(np.ones(3), 600), vertices[hull.simplices[rows]])
+        surface = surface + around * hull.equations[rows, :3]
+        away = np.min([away_from(shape, surface) for shape in shapes], axis=0)
+        surface = surface[away >= around - 1e-9]
+        if len(surface):
+            worst = max(worst, float(near.bounds(np.repeat(surface[:, None], 3, axis=1))[1].max()))
+    assert 0.0 < worst <= cover.excess
+
+
+def test_parts_stick_out_less_than_one_hull(tmp_path: Path) -> None:
+    """Its hull sticks out by 0.1 m over the inner corner."""
+    mesh = triangles(angle(tmp_path))
+    (one,) = cover_meshes([("m", "l", mesh)], 1.0)
+    assert len(one.marks) == 1
+    assert one.excess == pytest.approx(0.1, rel=1e-6)
+    (more,) = cover_meshes([("m", "l", mesh)], 0.05, most=4)
+    assert 1 < len(more.marks) <= 4  # which parts are found is a search, not a proof
+    assert more.excess < one.excess
+    assert JOINTLY in more.proof.part_of
+
+
+def test_what_is_not_held_is_not_proven(tmp_path: Path) -> None:
+    mesh = triangles(angle(tmp_path))
+    (cover,) = cover_meshes([("m", "l", mesh)], 0.05, most=4)
+    for place, mark in enumerate(cover.marks):
+        others = [one for one in cover.marks if one is not mark]
+        assert not prove(mesh, others).is_complete
+        vertices = mark.shape.vertices
+        for corner in range(0, len(vertices), 5):
+            less = vertices.copy()
+            less[corner] += 1e-6 * (vertices.mean(axis=0) - vertices[corner])
+            smaller = pb.Hull(mark.name, "l", tuple(map(tuple, less.tolist())))
+            moved = [*others[:place], smaller, *others[place:]]
+            proof = prove(mesh, moved)
+            points = np.vstack((on_triangles(mesh, 200), mesh.vertices))
+            assert not proof.is_complete or outside(moved, points).max() <= 2e-12
+
+
+def test_a_gap_between_two_marks_is_seen() -> None:
+    mesh = Mesh(np.array([[0.0, 0, 0], [1.0, 0, 0], [0.5, 0.5, 0]]), np.array([[0, 1, 2]]), np.zeros(1, np.int64))
+    for gap in (0.0, 1e-9):
+        left = pb.Box("a", "l", (0.25 - gap / 2, 0.25, 0.0), (0.0, 0.0, 0.0), (0.5 - gap, 0.5, 0.1))
+        right = pb.Box("b", "l", (0.75, 0.25, 0.0), (0.0, 0.0, 0.0), (0.5, 0.5, 0.1))
+        proof = prove(mesh, [left, right])
+        assert proof.is_complete == (gap == 0.0)
+    assert proof.parts == ("a", "b")
+
+
+def test_a_polytope_around_a_ball_holds_it() -> None:
+    for mark in (
+        pb.Point("p", "l", (0.1, 0.2, 0.3), 0.05),
+        pb.Segment("s", "l", (0.0, 0.0, 0.0), (0.1, 0.0, 0.1), 0.05),
+    ):
+        vertices, radius = outline(mark)
+        assert radius == 0.0
+        units = RNG.normal(size=(2000, 3))
+        units *= 0.05 / np.linalg.norm(units, axis=1, keepdims=True)
+        ball = pb.Hull("h", "l", tuple(map(tuple, vertices.tolist())))
+        for end in mark.shape.vertices:
+            assert away_from(ball.shape, end + units).max() <= 1e-12
+
+
+def test_hidden_surface_counts_only_where_it_is_hidden() -> None:
+    """Two boxes beside each other have no surface between them; with a gap of 1 mm they have."""
+    box = np.array([(x, y, z) for x in (0.0, 0.1) for y in (0.0, 0.1) for z in (0.0, 0.1)])
+    beside = box + np.array([0.1, 0.0, 0.0])
+    hull = ConvexHull(np.vstack((box, beside)))
+    whole = Mesh(hull.points, hull.simplices.astype(np.int64), np.arange(len(hull.simplices)))
+    near = Near(whole)
+    for gap, limit in ((0.0, (0.0, 0.001)), (0.001, (0.04, 0.06))):
+        parts = [surface_of(box - np.array([gap, 0.0, 0.0]), 0.0), surface_of(beside, 0.0)]
+        found = max(one.bound for one in excess_of(parts, near, 1e-4, 0.01, range(2)))
+        assert limit[0] <= found - gap <= limit[1] + 2e-4
+
+
+ARM = """<robot name="arm"><link name="base"><collision><geometry>
+<mesh filename="angle.obj"/></geometry></collision></link>
+<link name="mid"/><link name="hand"><collision><origin xyz="0 0 0.1" rpy="0.3 0 0"/><geometry>
+<mesh filename="angle.obj" scale="0.5 -0.5 0.5"/></geometry></collision></link>
+<joint name="a" type="revolute"><parent link="base"/><child link="mid"/><origin xyz="0 0 0.3"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<joint name="b" type="revolute"><parent link="mid"/><child link="hand"/><origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
+
+
+def test_marks_are_found_again_to_hold_the_meshes(tmp_path: Path) -> None:
+    (tmp_path / "angle.obj").write_text(L_SHAPE)
+    (tmp_path / "arm.urdf").write_text(ARM)
+    robot = pb.load(tmp_path / "arm.urdf")
+    proposal = pb.propose_marks(robot, accuracy=0.05, most=4)
+    assert not proposal.uncovered
+    assert 0.0 < proposal.excess < 0.1
+    proposal.annotations.save(tmp_path / "arm.pinbound.yaml")
+    coverage = pb.load(tmp_path / "arm.urdf").coverage
+    assert [body.is_held for body in coverage.bodies] == [True, True]
+    (pair,) = coverage.pairs
+    assert pair.status is Status.WATCHED
+    (tmp_path / "angle.obj").write_text(L_SHAPE.replace("v 0.3 0.1 0.05", "v 0.31 0.1 0.05"))
+    coverage = pb.load(tmp_path / "arm.urdf").coverage
+    assert not any(body.is_held for body in coverage.bodies)
+    (tmp_path / "angle.obj").unlink()
+    assert "angle.obj: there is no such file" in pb.load(tmp_path / "arm.urdf").coverage.bodies[0].reason
+
+
+def test_a_mesh_that_cannot_be_read_is_an_error_or_is_named(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM)
+    robot = pb.load(tmp_path / "arm.urdf")
+    proposal = pb.propose_marks(robot)
+    assert [body.link for body in proposal.uncovered] == ["base", "hand"]
+    assert any("angle.obj: there is no such file" in note for note in proposal.notes)
+    with pytest.raises(pb.InputError, match="--skip-missing"):
+        pb.propose_marks(robot, skip_missing=False)
+    runner = CliRunner()
+    assert runner.invoke(app, ["mark", str(tmp_path / "arm.urdf")]).exit_code == 2
+    said = runner.invoke(app, ["mark", str(tmp_path / "arm.urdf"), "--skip-missing"])
+    assert said.exit_code == 1
+    (tmp_path / "angle.obj").write_text(L_SHAPE)
+    words = ["mark", str(tmp_path / "arm.urdf"), "--by", "boxes", "--accuracy", "5", "--most", "3", "--json"]
+    assert runner.invoke(app, words).exit_code == 0
+
+
+def test_parts_are_shared_by_the_meshes_of_a_link(tmp_path: Path) -> None:
+    (tmp_path / "angle.obj").write_text(L_SHAPE)
+    (tmp_path / "arm.urdf").write_text(ARM)
+    robot = pb.load(tmp_path / "arm.urdf")
+    bodies = pb.propose_marks(robot).covers[0].bodies
+    calls: list[tuple[int, int, str]] = []
+    one = covers(bodies, 1e-4, "hulls", robot.meshes, 1, lambda *said: calls.append(said))
+    assert len(one[0].marks) == 1
+    assert calls == [(0, 1, "base"), (1, 1, "")]
+    with pytest.raises(pb.DimensionError):
+        covers(bodies, 1e-3, "hulls", robot.meshes, 0)
