@@ -11,6 +11,7 @@ import pytest
 import pinbound as pb
 from linkages import Mechanism, Part
 from pinbound.robot.loop_robot import LoopRobot
+from pinbound.robot.model_view import ModelJoints, ModelView
 
 Load = Callable[..., pb.Robot]
 
@@ -85,7 +86,7 @@ def test_batch_and_single_answers_agree_and_gradients_are_differences(robot: Loo
 
 def test_no_motion_is_certified_that_sampling_finds_in_contact(robot: LoopRobot) -> None:
     rng = np.random.default_rng(4)
-    Q = closing(robot, rng, 14)
+    Q = closing(robot, rng, 9)
     seen = dict.fromkeys(pb.Verdict, 0)
     share = np.linspace(0.0, 1.0, 4001)[:, None]
     for start, end in itertools.pairwise(Q):
@@ -128,7 +129,7 @@ def test_splines_and_functions_with_bounds_go_through_loops(robot: LoopRobot) ->
 def test_boxes_are_certified_only_where_every_sample_is_free(robot: LoopRobot) -> None:
     rng = np.random.default_rng(6)
     seen = set()
-    for centre in closing(robot, rng, 12):
+    for centre in closing(robot, rng, 8):
         half = rng.uniform(0.01, 0.3, 2)
         found = pb.certify_box(robot, centre - half, centre + half)
         samples = centre + rng.uniform(-1.0, 1.0, (3000, 2)) * half
@@ -178,13 +179,31 @@ def test_what_does_not_go_through_loops_is_refused_with_their_name(robot: LoopRo
         "c": lambda: robot.export("c", f"{tmp_path}/x.c"),
         "json": lambda: robot.export("json", f"{tmp_path}/x.json"),
         "pinocchio": lambda: robot.on(robot.model),
-        "box": lambda: pb.certified_box(robot, robot.home),
+        "polytope": lambda: pb.certified_polytope(robot, robot.home),
+        "mink": lambda: ModelView.of(robot.boundaries, robot.coupling, ModelJoints, robot.home),  # type: ignore[arg-type]
+        "steps": lambda: pb.StepBounds(robot),
     }
     for ask in asks.values():
         with pytest.raises(pb.UnsupportedError, match="'bar'"):
             ask()
     assert robot.coupling.row("A")[0].tolist() == [1.0, 0.0]
     assert robot.coupling.text("D") == "bar(A)"
+
+
+def test_coal_agrees_on_points_and_what_is_not_derived_is_said(robot: LoopRobot) -> None:
+    found = pb.cross_check(robot, samples=200, rays=5, levels=("points", "boundaries"))
+    assert found.holds
+    assert found.points.worst < 1e-9
+    assert found.points.pins["bar"] < 1e-12
+    assert "'bar'" in found.not_checked["boundaries"]
+
+
+def test_a_box_grows_until_something_stops_it(robot: LoopRobot) -> None:
+    found = pb.certified_box(robot, [0.6, 1.5], reach=0.2, budget=pb.Budget(boxes=5_000, seconds=20.0))
+    assert found.verdict is pb.Verdict.CERTIFIED
+    assert np.all(found.upper_corner - found.lower_corner > 0.0)
+    rng = np.random.default_rng(8)
+    assert robot.boundaries.free(rng.uniform(found.lower_corner, found.upper_corner, (500, 2))).all()
 
 
 def test_annotations_can_be_added_to_a_robot_with_loops(robot: LoopRobot) -> None:

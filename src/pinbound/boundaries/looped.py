@@ -6,7 +6,7 @@ What is not answered through such a loop is refused with its name: nothing here 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, NoReturn, cast
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +22,7 @@ from pinbound.model.coupling import as_configurations
 from pinbound.path.relative import Kind
 from pinbound.typing import Array
 
-__all__ = ["LoopBoundary", "LoopBoundarySet"]
+__all__ = ["LoopBoundary", "LoopBoundarySet", "over_z"]
 
 
 def _chained(gradients: Array, J: Array) -> Array:
@@ -248,12 +248,11 @@ class LoopBoundarySet(BoundarySet):
         chained = chained if array.ndim > 1 else chained[0]
         if out is None:
             return chained
-        given = cast(Any, out)
-        if not isinstance(given, np.ndarray) or given.shape != chained.shape or given.dtype != chained.dtype:
+        if getattr(out, "shape", None) != chained.shape or getattr(out, "dtype", None) != chained.dtype:
             said = f"out does not fit; give a writeable {chained.dtype} array of shape {chained.shape}"
             raise DimensionError(said)
-        given[...] = chained
-        return given
+        out[...] = chained
+        return out
 
     def smallest(
         self, Q: ArrayLike, out: Any = None, *, threads: int = 1, backend: Any = "auto", dtype: Any = np.float64
@@ -295,3 +294,8 @@ class LoopBoundarySet(BoundarySet):
     def __reduce__(self) -> tuple[Any, ...]:
         """Return how to make it again."""
         return LoopBoundarySet, (self.opened, self.lift)
+
+
+def over_z(boundary: Boundary) -> Boundary:
+    """Return a boundary that has a path: itself, or through loops that are no parallelograms the one over z."""
+    return boundary.opened if isinstance(boundary, LoopBoundary) else boundary

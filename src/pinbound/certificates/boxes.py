@@ -347,6 +347,11 @@ def certified_box(
 def _moving(robot: Robot, chosen: Sequence[Boundary], limits: bool) -> Array:
     """Return 1 for coordinates that something depends on, else 0."""
     used = {name for boundary in chosen for name in boundary.coordinates}
+    if isinstance(robot, LoopRobot):
+        over = _moving(robot.opened, [robot.opened.boundaries[one.name] for one in chosen], limits)
+        used |= {robot.coordinates[index] for index in robot.lift.inputs}
+        own = zip(robot.coordinates, over.tolist(), strict=False)
+        return np.array([float(moves > 0.0 or name in used) for name, moves in own])
     bound = np.zeros(len(robot.coordinates), dtype=np.bool_)
     if limits:
         for limit in robot.linear_limits:

@@ -16,8 +16,8 @@ from pinbound.bounds.rounding import rounding_bound, walks
 from pinbound.certificates.enclosures import Enclosure, Family
 from pinbound.certificates.polynomials import Trajectory
 from pinbound.certificates.records import Certificate, Contact, Findings
+from pinbound.loops.jets import Jet
 from pinbound.loops.lift import Lift
-from pinbound.loops.linkages import Jet
 from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import UNIT_ROUNDOFF

@@ -15,6 +15,7 @@ from pinbound.crosscheck.points import PointLevel, check_points
 from pinbound.crosscheck.regions_level import RegionLevel, check_region
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.region import Region
+from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import REGION_ACCURACY
 from pinbound.values import Value
@@ -147,6 +148,10 @@ def cross_check(
         "bodies": lambda: check_bodies(robot, samples, streams[2]),
         "region": lambda: check_region(robot, step, coordinates, window, accuracy),
     }
+    if isinstance(robot, LoopRobot):
+        names = ", ".join(repr(one.name) for one in robot.lift.linkages)
+        for level in ("boundaries", "region"):
+            questions[level] = lambda: f"limits and regions are not derived through loop {names}, no parallelogram"
     answers = {level: questions[level]() if level in levels else None for level in LEVELS}
     reasons = {level: answer for level, answer in answers.items() if isinstance(answer, str)}
     checked = {level: None if level in reasons else answer for level, answer in answers.items()}

@@ -12,6 +12,7 @@ import numpy as np
 from pinbound.annotations import Mark, Measure
 from pinbound.annotations import Shape as MarkShape
 from pinbound.boundaries.boundary import Boundary
+from pinbound.boundaries.looped import over_z
 from pinbound.coverage.bodies import Body
 from pinbound.exceptions import UnsupportedError
 from pinbound.robot.robot import Robot
@@ -221,7 +222,7 @@ def _shapes_of(boundary: Boundary) -> tuple[Shape, Shape]:
 
 def size_of(boundary: Boundary) -> float:
     """Return the length of a boundary's path [m], 1 at least, with which roundings and tolerances grow."""
-    return max(1.0, boundary.path.minimal.scale)
+    return max(1.0, over_z(boundary).path.minimal.scale)
 
 
 def is_iterated(boundary: Boundary) -> bool:

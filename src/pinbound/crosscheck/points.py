@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from pinbound.boundaries.looped import over_z
 from pinbound.crosscheck.engine import blocks, is_iterated, point_engine, sample, tolerances_of
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import CLOSURE, CROSSCHECK_POINT, CROSSCHECK_SOLID
@@ -63,7 +64,7 @@ def check_points(robot: Robot, samples: int, rng: np.random.Generator) -> PointL
     Q, engine = sample(robot, samples, rng), point_engine(robot)
     worst = np.zeros(len(robot.boundaries))
     where = np.tile(robot.home, (len(robot.boundaries), 1))
-    floor = np.array([-np.inf if one.path.is_signed else -one.threshold for one in robot.boundaries])
+    floor = np.array([-np.inf if over_z(one).path.is_signed else -one.threshold for one in robot.boundaries])
     for block in blocks(len(Q)):
         coal = np.maximum(engine.distances(Q[block]), floor)
         difference = np.abs(robot.boundaries.clearances(Q[block]) - coal)

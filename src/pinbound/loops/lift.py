@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinbound.bounds.intervals import Interval
-from pinbound.loops.linkages import Jet, Linkage
+from pinbound.loops.jets import Jet
+from pinbound.loops.linkages import Linkage
 from pinbound.model.coupling import as_configurations
 from pinbound.tolerances import UNIT_ROUNDOFF
 from pinbound.typing import Array
@@ -94,12 +95,12 @@ class Lift(Value):
         found = np.empty((len(rows), len(self.names)))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             for start in range(0, len(rows), _BLOCK):
-                part = rows[start : start + _BLOCK]
-                found[start : start + _BLOCK, :n] = part
-                zero = np.zeros(len(part))
-                jets = self.jets([Jet(part[:, k], zero, zero) for k in range(n)])
-                for index in range(n, len(self.names)):
-                    found[start : start + _BLOCK, index] = jets[index].value
+                part = found[start : start + _BLOCK]
+                part[:, :n] = rows[start : start + _BLOCK]
+                z = [part[:, k].copy() for k in range(n)] + [part[:, 0]] * (len(self.names) - n)
+                for one, columns in zip(self.linkages, self.columns, strict=True):
+                    for index, value in zip(columns, one.values(z), strict=True):
+                        part[:, index] = z[index] = value
         return found if array.ndim > 1 else found[0]
 
     def jets(self, given: Sequence[Jet], errors: Sequence[float] | None = None) -> list[Jet]:
@@ -151,7 +152,8 @@ class Lift(Value):
 
     def over(self, lower: Array, upper: Array, errors: Sequence[float] | None = None) -> Interval:
         """Return what holds z, (N, n + k), while q is in boxes (N, n); `errors` as in `jets`."""
-        (count, n), size = lower.shape, len(self.names)
+        count, n = lower.shape
+        size = len(self.names)
         rate = np.zeros((count, size, n))
         zero, one = Interval.at(np.zeros(count)), Interval.at(np.ones(count))
         box = [Interval(lower[:, k], upper[:, k]) for k in range(n)]

@@ -14,23 +14,20 @@ Beyond it, the formulas go on with w held at its end, so that they are defined e
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from pinbound.bounds import intervals
 from pinbound.bounds.intervals import Interval
+from pinbound.loops.jets import Jet, arctan2, cos, sin, sqrt, squared
 from pinbound.tolerances import TOGGLE
-from pinbound.typing import Array, Flags
+from pinbound.typing import Array
 from pinbound.values import Value
 
-__all__ = ["Form", "Jet", "Linkage", "Solution"]
-
-T = TypeVar("T", Array, Interval)
-
-_NO_BOUND = 1e30  # of a second derivative at a kink; times any length it is more than any path
+__all__ = ["Form", "Linkage", "Solution"]
 
 
 class Form(Enum):
@@ -39,72 +36,6 @@ class Form(Enum):
     ARMS = "two arms"
     SLIDE = "an arm and a slide"
     TELESCOPE = "an arm with a slide in it"
-
-
-@dataclass(frozen=True, eq=False)
-class Jet:
-    """A value and its first two derivatives by one parameter: arrays, or intervals."""
-
-    value: Any
-    first: Any
-    second: Any
-
-    def __add__(self, other: Jet) -> Jet:
-        """Return the sum."""
-        return Jet(self.value + other.value, self.first + other.first, self.second + other.second)
-
-    def __mul__(self, other: Jet) -> Jet:
-        """Return the product."""
-        a, b = self, other
-        return Jet(
-            a.value * b.value,
-            a.first * b.value + a.value * b.first,
-            a.second * b.value + 2.0 * (a.first * b.first) + a.value * b.second,
-        )
-
-    def __sub__(self, other: Jet) -> Jet:
-        """Return the difference."""
-        return self + other.times(-1.0)
-
-    def times(self, factor: float) -> Jet:
-        """Return the jet times a constant."""
-        if factor == 1.0:
-            return self
-        return Jet(self.value * factor, self.first * factor, self.second * factor)
-
-    def plus(self, constant: float) -> Jet:
-        """Return the jet plus a constant."""
-        return Jet(self.value + constant, self.first, self.second) if constant else self
-
-    def squared(self) -> Jet:
-        """Return the square."""
-        slope = 2.0 * self.value
-        return Jet(_squared(self.value), slope * self.first, 2.0 * _squared(self.first) + slope * self.second)
-
-    def turned(self) -> tuple[Jet, Jet]:
-        """Return cosine and sine."""
-        c, s, rate = _cos(self.value), _sin(self.value), _squared(self.first)
-        return (
-            Jet(c, -(s * self.first), -(c * rate + s * self.second)),
-            Jet(s, c * self.first, c * self.second - s * rate),
-        )
-
-    def clipped(self, low: float, high: float) -> Jet:
-        """Return the value held within [low, high]: beyond an end it does not move."""
-        value = self.value
-        if isinstance(value, Interval):
-            outside = (value.upper <= low) | (value.lower >= high)
-            across = ~outside & ((value.lower < low) | (value.upper > high))
-            first = _where(outside, Interval.at(np.zeros(len(outside))), self.first)
-            second = _where(outside, Interval.at(np.zeros(len(outside))), self.second)
-            wide = np.full(len(outside), _NO_BOUND)
-            return Jet(
-                value.clipped(low, high),
-                _where(across, intervals.hull(first, 0.0), first),
-                _where(across, Interval(-wide, wide), second),
-            )
-        held = (value < low) | (value > high)
-        return Jet(np.clip(value, low, high), np.where(held, 0.0, self.first), np.where(held, 0.0, self.second))
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,6 +138,67 @@ class Linkage(Value):
         ask = {Form.ARMS: self._arms, Form.SLIDE: self._slide, Form.TELESCOPE: self._telescope}[self.form]
         return ask(x, y, z)
 
+    def values(self, z: Sequence[Array]) -> tuple[Array, ...]:
+        """Return what `solve` gives, values alone: both passive joints (N,), the transmission and, if it has one, turn.
+
+        Args:
+            z: Columns (N,) of the coordinates; those that it does not use do not matter.
+        """
+        x, y = self._moved_values(z)
+        Y, Z = self.lengths
+        most = 0.5 * TOGGLE
+        flat = math.sqrt((1.0 - most) * (1.0 + most))
+        turn: Array | None = None
+        if self.form is Form.SLIDE:
+            held = np.clip(y, -Y * flat, Y * flat)
+            root = np.sqrt((Y - held) * (Y + held))
+            one = self.sign * np.arctan2(-held, root) + (0.0 if self.sign > 0.0 else math.pi)
+            other, w = -x - self.sign * root, y / Y
+        else:
+            turn, square = self._turn_values(x, y, z), x * x + y * y
+            if self.form is Form.ARMS:
+                held = np.clip(square, Y * Y + Z * Z - 2.0 * Y * Z * flat, Y * Y + Z * Z + 2.0 * Y * Z * flat)
+                area = self.sign * np.sqrt(((Y + Z) ** 2 - held) * (held - (Y - Z) ** 2))
+                one = turn + math.pi - np.arctan2(area, held - (Z * Z - Y * Y))
+                other = one + np.arctan2(area, held - (Y * Y + Z * Z))
+                w = (square - (Y * Y + Z * Z)) * (1.0 / (2.0 * Y * Z))
+            else:
+                low, _ = self.transmission_range
+                held = np.maximum(square, Y * Y + 0.25 * (low - Y * Y))
+                other, w = self.sign * np.sqrt(held - Y * Y), square
+                one = turn + math.pi - np.arctan2(Y + 0.0, other)
+        found: list[Array] = []
+        for mix, row, offset in zip(self.mix.tolist(), self.rows, self.offset.tolist(), strict=True):
+            total: Array | float = offset
+            for factor, part in zip((*mix, *row.tolist()), (one, other, *z), strict=False):
+                if factor:
+                    total = total + (part if factor == 1.0 else factor * part)
+            found.append(np.asarray(total))
+        if self.ahead >= 0 or turn is None:
+            return (*found, w)
+        return (*found, w, turn - self.reference)
+
+    def _moved_values(self, z: Sequence[Array]) -> tuple[Array, Array]:
+        x: Array | float = 0.0
+        y: Array | float = 0.0
+        for row, vector, slides in zip(self.angles, self.vectors.tolist(), self.slides, strict=True):
+            u, v = (start + _combined(slide, z) for start, slide in zip(vector, slides, strict=True))
+            if np.any(row):
+                angle = _combined(row, z)
+                c, s = np.cos(angle), np.sin(angle)
+                u, v = u * c - v * s, u * s + v * c
+            x, y = x + u, y + v
+        return np.asarray(x), np.asarray(y)
+
+    def _turn_values(self, x: Array, y: Array, z: Sequence[Array]) -> Array:
+        if self.ahead < 0:
+            return _turned_back(x, y, self.reference, None) + self.reference
+        start = math.atan2(*self.vectors[self.ahead][::-1].tolist())
+        lead = _combined(self.angles[self.ahead], z)
+        if not np.any(self.angles[self.ahead]):
+            return _turned_back(x, y, start, None) + start
+        return _turned_back(x, y, start, lead) + start + lead
+
     def widened(self, found: Solution, error: float) -> Solution:
         """Return an interval solution with room for a gap of `error` [m], which rounded numbers of the loop leave.
 
@@ -250,7 +242,7 @@ class Linkage(Value):
         area = _area(held, Y, Z)
         turn = self._angle(x, y, square, held, z)
         beyond = _ratio(held.times(-self.sign), area)  # d phi = -s d(D^2) / S
-        phi = Jet(_arctan2(self.sign * area.value, held.value - (Y * Y + Z * Z)), beyond.first, beyond.second)
+        phi = Jet(arctan2(self.sign * area.value, held.value - (Y * Y + Z * Z)), beyond.first, beyond.second)
         aside = _aside(held, area, Y, Z, self.sign)
         alpha = turn.plus(math.pi) - aside
         return self._solution(alpha, alpha + phi, square.plus(-(Y * Y + Z * Z)).times(1.0 / (2.0 * Y * Z)), turn, z)
@@ -263,7 +255,7 @@ class Linkage(Value):
         root = _root_below(Y, held)  # sqrt(Y^2 - y^2), its derivative -y y' / root
         s = x.times(-1.0) - root.times(self.sign)
         rate = _ratio(held.times(-self.sign), root)
-        beta = Jet(self.sign * _arctan2(-1.0 * held.value, root.value), rate.first, rate.second)
+        beta = Jet(self.sign * arctan2(-1.0 * held.value, root.value), rate.first, rate.second)
         beta = beta.plus(0.0 if self.sign > 0.0 else math.pi)
         return self._solution(beta, s, y.times(1.0 / Y), None, z)
 
@@ -277,7 +269,7 @@ class Linkage(Value):
         turn = self._angle(x, y, square, held, z)
         # the angle of (s, b): its derivative is -b s' / (s^2 + b^2)
         rate = _quotient_rate(s.times(-b), held)
-        within = Jet(_arctan2(_like(b + 0.0, s.value), s.value), rate[0], rate[1])
+        within = Jet(arctan2(_like(b + 0.0, s.value), s.value), rate[0], rate[1])
         return self._solution(turn.plus(math.pi) - within, s, square, turn, z)
 
     def _solution(self, one: Jet, other: Jet, w: Jet, turn: Jet | None, z: list[Jet]) -> Solution:
@@ -305,6 +297,14 @@ class Linkage(Value):
         return Jet(value if lead is None else value + lead.value, first, second)
 
 
+def _combined(row: Array, z: Sequence[Array]) -> Any:
+    total: Any = 0.0
+    for index in np.flatnonzero(row).tolist():
+        c = float(row[index])
+        total = total + (z[index] if c == 1.0 else c * z[index])
+    return total
+
+
 def _linear(row: Array, z: list[Jet]) -> Jet | None:
     total: Jet | None = None
     for index in np.flatnonzero(row).tolist():
@@ -325,12 +325,12 @@ def _area(square: Jet, Y: float, Z: float) -> Jet:
     """Return `S = sqrt(4 Y^2 Z^2 - (D^2 - Y^2 - Z^2)^2)`, four times the triangle's area, from D^2."""
     outer, inner = (Y + Z) ** 2, (Y - Z) ** 2
     if isinstance(square.value, Interval):  # each occurs once: no wider than it must be
-        value = _sqrt((2.0 * Y * Z) * Interval.at(np.array(2.0 * Y * Z)) - (square.value - (Y * Y + Z * Z)).squared())
+        value = sqrt((2.0 * Y * Z) * Interval.at(np.array(2.0 * Y * Z)) - (square.value - (Y * Y + Z * Z)).squared())
     else:
-        value = _sqrt((outer - square.value) * (square.value - inner))
+        value = sqrt((outer - square.value) * (square.value - inner))
     lead = square.plus(-(Y * Y + Z * Z))
     first = -(lead.value * square.first) / value
-    second = -(_squared(square.first) + lead.value * square.second + _squared(first)) / value
+    second = -(squared(square.first) + lead.value * square.second + squared(first)) / value
     return Jet(value, first, second)
 
 
@@ -343,21 +343,21 @@ def _aside(square: Jet, area: Jet, Y: float, Z: float, sign: float) -> Jet:
     below = 2.0 * (square.value * area.value)
     g = (square.value + c) / below
     slope = (square.first - g * (2.0 * (square.first * area.value + square.value * area.first))) / below
-    value = _arctan2(sign * area.value, square.value - c)
+    value = arctan2(sign * area.value, square.value - c)
     first = (g * square.first) * (-sign)
     return Jet(value, first, (slope * square.first + g * square.second) * (-sign))
 
 
 def _root_below(Y: float, y: Jet) -> Jet:
-    value = _sqrt((Y - y.value) * (Y + y.value))
+    value = sqrt((Y - y.value) * (Y + y.value))
     first = -(y.value * y.first) / value
-    return Jet(value, first, -(_squared(y.first) + y.value * y.second + _squared(first)) / value)
+    return Jet(value, first, -(squared(y.first) + y.value * y.second + squared(first)) / value)
 
 
 def _root(x: Jet) -> Jet:
-    value = _sqrt(x.value)
+    value = sqrt(x.value)
     first = 0.5 * x.first / value
-    return Jet(value, first, (0.5 * x.second - _squared(first)) / value)
+    return Jet(value, first, (0.5 * x.second - squared(first)) / value)
 
 
 def _ratio(x: Jet, y: Jet) -> Jet:
@@ -377,37 +377,11 @@ def _turned_back(x: Any, y: Any, start: float, lead: Any) -> Any:
         c, s = math.cos(start), math.sin(start)
         return np.arctan2(y * c - x * s, x * c + y * s)
     angle = (lead if lead is not None else x * 0.0) + start
-    c, s = _cos(angle), _sin(angle)
-    return _arctan2(y * c - x * s, x * c + y * s)
+    c, s = cos(angle), sin(angle)
+    return arctan2(y * c - x * s, x * c + y * s)
 
 
 def _like(value: float, other: Any) -> Any:
     if isinstance(other, Interval):
         return Interval.at(np.full(len(other.lower), value))
     return np.full(len(other), value)
-
-
-def _where(condition: Flags, x: Interval, y: Interval) -> Interval:
-    return Interval(np.where(condition, x.lower, y.lower), np.where(condition, x.upper, y.upper))
-
-
-def _squared(x: T) -> T:
-    return x.squared() if isinstance(x, Interval) else x * x
-
-
-def _sqrt(x: T) -> T:
-    if isinstance(x, Interval):
-        return intervals.sqrt(Interval(np.maximum(x.lower, 0.0), np.maximum(x.upper, 0.0)))
-    return np.sqrt(x)
-
-
-def _cos(x: T) -> T:
-    return intervals.cos(x) if isinstance(x, Interval) else np.cos(x)
-
-
-def _sin(x: T) -> T:
-    return intervals.sin(x) if isinstance(x, Interval) else np.sin(x)
-
-
-def _arctan2(y: T, x: T) -> T:
-    return intervals.arctan2(y, x) if isinstance(x, Interval) and isinstance(y, Interval) else np.arctan2(y, x)

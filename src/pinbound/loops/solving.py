@@ -10,12 +10,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.loops.closures import Closure
-from pinbound.loops.linkages import Form, Jet, Linkage
+from pinbound.loops.jets import Jet
+from pinbound.loops.linkages import Form, Linkage
 from pinbound.loops.planar_loops import Refusal, apart_along
 from pinbound.model.coupling import linear_text
 from pinbound.path.chain import Chain
@@ -120,9 +122,10 @@ def said(found: Linkage, names: Sequence[str]) -> str:
 
 def _terms(chain: Chain) -> _Terms:
     axis = chain.axes[0]
-    one: Array = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    one = one / np.linalg.norm(one)
-    other: Array = np.cross(axis, one)
+    beside: Any = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    one: Array = beside / np.linalg.norm(beside)
+    across: Any = np.cross(axis, one)
+    other: Array = across
     signs = np.sign(chain.axes @ axis)
     start = np.zeros((1, chain.coefficients.shape[1]))
     angles = np.vstack((start, np.cumsum(signs[:, None] * chain.coefficients, axis=0)))
@@ -273,7 +276,7 @@ def _assembled(closure: Closure, closed: _Closed, names: Sequence[str], guess: A
         lengths=closed.lengths,
         sign=math.copysign(1.0, lead),
         passive=closed.passive,
-        mix=np.round(inverse),
+        mix=np.round(inverse).astype(np.float64),
         rows=-inverse @ closed.rows + 0.0,
         offset=-inverse @ closed.angles + 0.0,
         ahead=far if is_ahead else -1,

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from pinbound.boundaries.boundary_set import BoundarySet
 from pinbound.exceptions import DimensionError, name_hint
+from pinbound.loops.loop_coupling import LoopCoupling, refuse_linear
 from pinbound.model.coupling import Coupling, as_configurations, real_array
 from pinbound.model.pinocchio_model import placements
 from pinbound.model.tree import Tree
@@ -217,7 +218,13 @@ class ModelView(Value):
 
     @classmethod
     def of(cls, boundaries: BoundarySet, coupling: Coupling, joints: ModelJoints, near: Array) -> ModelView:
-        """Return the view of a model whose joints are known."""
+        """Return the view of a model whose joints are known.
+
+        Raises:
+            UnsupportedError: If loops that are no parallelograms make joints nonlinear functions of q.
+        """
+        if isinstance(coupling, LoopCoupling):
+            refuse_linear("gradients over the v of a model are not derived", coupling.lift)
         E = np.zeros((len(coupling.coordinates), joints.nv))
         for row, name in enumerate(coupling.coordinates):
             if name in joints.places:
