@@ -152,10 +152,10 @@ class Lift(Value):
 
     def over(self, lower: Array, upper: Array, errors: Sequence[float] | None = None) -> Interval:
         """Return what holds z, (N, n + k), while q is in boxes (N, n); `errors` as in `jets`."""
-        count, n = lower.shape
-        size = len(self.names)
+        count, n, size = len(lower), len(self.coordinates), len(self.names)
         rate = np.zeros((count, size, n))
-        zero, one = Interval.at(np.zeros(count)), Interval.at(np.ones(count))
+        nothing, unit = np.zeros(count), np.ones(count)
+        zero, one = Interval(nothing, nothing), Interval(unit, unit)
         box = [Interval(lower[:, k], upper[:, k]) for k in range(n)]
         low, high = np.empty((count, size)), np.empty((count, size))
         low[:, :n], high[:, :n] = lower, upper
