@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinbound.boundaries.boundary import Boundary, one_configuration
+from pinbound.boundaries.looped import over_z
 from pinbound.bounds.group_boxes import is_worth, search_box
 from pinbound.certificates.box_records import BoxCertificate, OpenBoxes
 from pinbound.certificates.constraints import families, needs_limits, unplaced
@@ -139,6 +140,11 @@ def certify_box(
     )
 
 
+def _over_z(robot: Robot, chosen: Sequence[Boundary]) -> tuple[Robot, Sequence[Boundary]]:
+    """Return a robot and its boundaries; of one with loops that are no parallelograms those over z."""
+    return (robot.opened, [over_z(one) for one in chosen]) if isinstance(robot, LoopRobot) else (robot, chosen)
+
+
 def _families(robot: Robot, chosen: Sequence[Boundary], low: Array, high: Array, limits: bool) -> Sequence[Any]:
     """Return all constraints over boxes of q; through loops that are no parallelograms, too."""
     if not isinstance(robot, LoopRobot):
@@ -146,8 +152,7 @@ def _families(robot: Robot, chosen: Sequence[Boundary], low: Array, high: Array,
     errors = loop_errors(robot, low, high, 1)
     box = robot.lift.over(low[None], high[None], errors.tolist())
     opened = robot.opened if limits else closed_only(robot)
-    over_z = [robot.opened.boundaries[one.name] for one in chosen]
-    found = families(opened, over_z, box.lower[0], box.upper[0])
+    found = families(opened, _over_z(robot, chosen)[1], box.lower[0], box.upper[0])
     return [LiftedFamily(one, robot.lift, errors) for one in found]
 
 
@@ -348,7 +353,7 @@ def _moving(robot: Robot, chosen: Sequence[Boundary], limits: bool) -> Array:
     """Return 1 for coordinates that something depends on, else 0."""
     used = {name for boundary in chosen for name in boundary.coordinates}
     if isinstance(robot, LoopRobot):
-        over = _moving(robot.opened, [robot.opened.boundaries[one.name] for one in chosen], limits)
+        over = _moving(*_over_z(robot, chosen), limits)
         used |= {robot.coordinates[index] for index in robot.lift.inputs}
         own = zip(robot.coordinates, over.tolist(), strict=False)
         return np.array([float(moves > 0.0 or name in used) for name, moves in own])
