@@ -33,7 +33,7 @@ class FreePolytope(Value):
         coverage: What the boundaries watch of the robot, and what they do not.
         coordinates: Names of q's entries.
         q: (n,) the configuration that was asked about.
-        faces: Its faces, named; in the order of the rows of A.
+        faces: Its faces, named; in the order of the rows of A. Unless the verdict is CERTIFIED they are not proven.
         is_exact: Whether all faces are limits, rules, or contact angles in closed form. Otherwise some were placed by a
             search.
         violated: What q violates; None unless the verdict is VIOLATED.
@@ -71,17 +71,22 @@ class FreePolytope(Value):
 
     @cached_property
     def A(self) -> Array:
-        """(m, n) outward normals of the faces."""
-        found = np.array([face.normal for face in self.faces]).reshape(-1, len(self.coordinates))
-        found.flags.writeable = False
-        return found
+        """(m, n) outward normals of the faces; one row of zeros, which no q keeps, unless the verdict is CERTIFIED."""
+        return self._normals if self.verdict is Verdict.CERTIFIED else read_only(np.zeros((1, len(self.coordinates))))
 
     @cached_property
     def b(self) -> Array:
-        """(m,) proven bounds [rad or m]: every q with A q <= b is free; less than the closed form by `Face.slack`."""
-        found = np.array([face.proven for face in self.faces], dtype=np.float64)
-        found.flags.writeable = False
-        return found
+        """(m,) proven bounds [rad or m]: every q with A q <= b is free; less than the closed form by `Face.slack`.
+
+        Unless the verdict is CERTIFIED it is -1, so that `A q <= b` holds of no q.
+        """
+        if self.verdict is not Verdict.CERTIFIED:
+            return read_only(np.full(1, -1.0))
+        return read_only(np.array([face.proven for face in self.faces], dtype=np.float64))
+
+    @cached_property
+    def _normals(self) -> Array:
+        return read_only(np.array([face.normal for face in self.faces]).reshape(-1, len(self.coordinates)))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -118,7 +123,7 @@ class FreePolytope(Value):
         """The polytopes of which it is the product, from the closed forms of the faces (`Face.bound`)."""
         if not self.faces:
             return ()
-        return factors(self.A, np.array([face.bound for face in self.faces]))
+        return factors(self._normals, np.array([face.bound for face in self.faces]))
 
     @cached_property
     def vertices(self) -> Array:
