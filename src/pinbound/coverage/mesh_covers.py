@@ -141,10 +141,12 @@ class _Work:
             away_from(mark.shape, triangles.reshape(-1, 3)).reshape(-1, 3).max(axis=1) for mark in self.marks
         ]
         nearest = np.argmin(away, axis=0)
-        for place in np.unique(nearest).tolist():
-            more: Array = triangles[nearest == place]
-            self.groups[place] = np.concatenate((self.groups[place], more))
-            mark = FITS[self.fit](self.name, self.link, _points(self.groups[place]), 0.0)
+        for place in range(len(self.marks)):
+            if not np.any(nearest == place):
+                continue
+            group: Array = np.concatenate((self.groups[place], triangles[nearest == place]))
+            mark = FITS[self.fit](self.name, self.link, _points(group), 0.0)
+            self.groups[place] = group
             self.marks[place], self.surfaces[place] = mark, surface_of(*outline(mark))
 
 
