@@ -96,16 +96,17 @@ def _crossing(a: Array, b: Array, p: Array, q: Array) -> Array:
 
 def _lids(segments: Array, axis: Array) -> Array:
     """Return triangles over each connected piece of a section (n, 2, 3): the hull of its points."""
-    import scipy.sparse.csgraph
+    from scipy.sparse import coo_matrix, csgraph
     from scipy.spatial import ConvexHull, QhullError
 
     if not len(segments):
         return np.zeros((0, 3, 3))
     keys, index = np.unique(np.round(segments.reshape(-1, 3) / SAME_BODY), axis=0, return_inverse=True)
     ends = index.reshape(-1, 2)
-    library: Any = scipy.sparse
-    graph = library.coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(keys), len(keys)))
-    label: NDArray[Any] = library.csgraph.connected_components(graph, directed=False)[1][ends[:, 0]]
+    matrix: Any = coo_matrix
+    library: Any = csgraph
+    graph = matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(keys), len(keys)))
+    label: NDArray[Any] = library.connected_components(graph, directed=False)[1][ends[:, 0]]
     least = np.eye(3)[int(np.argmin(np.abs(axis)))]
     u: Any = np.cross(axis, least)
     u /= np.linalg.norm(u)
