@@ -9,6 +9,7 @@ from typer.testing import CliRunner, Result
 
 import pinbound as pb
 from pinbound.cli import app
+from pinbound.cli.shared import print_table
 
 CLEAR = "time,q1,q2,q3\n0,0,0,0\n2,90,30,40\n"
 BLOCKED = "time,q1,q2,q3\n0,0,0,0\n1,90,0,60\n"
@@ -96,3 +97,13 @@ def test_absent_file_and_unknown_boundary_and_figure(tmp_path: Path) -> None:
     assert unknown.exit_code == 2
     assert "beta_99" in unknown.stderr
     assert check(tmp_path, CLEAR, "--deg", "--plot", str(tmp_path / "x.docx")).exit_code == 2
+
+
+def test_a_long_table_is_cut_and_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    print_table("T", ("name", "rows []"), [(f"r{place}", place) for place in range(30)], "Note.", most=12)
+    said = capsys.readouterr().out
+    assert "r11" in said
+    assert "r12" not in said
+    assert "The first 12 of 30 are shown: --json lists all. Note." in " ".join(said.split())
+    print_table("T", ("name",), [("r0",)] * 12, most=12)
+    assert "shown" not in capsys.readouterr().out

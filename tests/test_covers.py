@@ -1,5 +1,6 @@
 """Covers of meshes: every triangle is in a mark, no outer surface is further away than said, whoever looks again."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -253,3 +254,21 @@ def test_parts_are_shared_by_the_meshes_of_a_link(tmp_path: Path) -> None:
     assert calls == [(0, 1, "base"), (1, 1, "")]
     with pytest.raises(pb.DimensionError):
         covers(bodies, 1e-3, "hulls", robot.meshes, 0)
+
+
+def test_a_cover_that_is_wider_than_asked_for_is_told_with_what_to_type(tmp_path: Path) -> None:
+    (tmp_path / "angle.obj").write_text(L_SHAPE)
+    (tmp_path / "arm.urdf").write_text(ARM)
+    robot, path = pb.load(tmp_path / "arm.urdf"), str(tmp_path / "arm.urdf")
+    proposal = pb.propose_marks(robot, accuracy=0.02, most=1)
+    (told,) = (note for note in proposal.notes if "asked for" in note)
+    widest = 1e3 * max(one.excess for one in proposal.covers if one.link == "base")
+    assert f"more than the 20 mm that were asked for (base by {widest:.2f} mm" in told
+    assert "--most 2, most=2" in told
+    assert not any("asked for" in note for note in pb.propose_marks(robot, accuracy=0.2, most=1).notes)
+    said = CliRunner().invoke(app, ["mark", path, "--accuracy", "20", "--most", "1"]).stdout
+    assert "--most 2" in said
+    assert "2 meshes: 40 of 40 triangles are proven to lie in the marks." in said
+    assert "20 of 20" in said
+    found = json.loads(CliRunner().invoke(app, ["mark", path, "--json"]).stdout)["covers"]
+    assert [(one["triangles"], one["triangles_held"]) for one in found] == [(20, 20), (20, 20)]

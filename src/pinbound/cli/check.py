@@ -38,6 +38,7 @@ from pinbound.robot.robot import Robot
 __all__ = ["check"]
 
 _DEFAULT = Budget()
+_MOST_ROWS = 12
 
 MotionFile = Annotated[Path, typer.Argument(help="Columns by joint name, optional time: .csv, .npz or .parquet.")]
 Degrees = Annotated[bool, typer.Option("--deg", help="Angles in the file are in degrees (else radians).")]
@@ -127,7 +128,7 @@ def _report(robot: Robot, motion: Motion, found: Certificate) -> None:
         title = "Boundaries, the tightest first"
         columns = ("boundary", "verdict", "smallest clearance [mm]", "proven at least [mm]", f"at {unit}", "q")
         ordered = sorted(found.boundaries, key=lambda finding: finding.upper)
-        print_table(title, columns, [_row(robot, finding) for finding in ordered])
+        print_table(title, columns, [_row(robot, finding) for finding in ordered], most=_MOST_ROWS)
     if found.violations:
         columns = ("violated", f"not before {unit}", f"but at {unit}", "q there")
         rows = [
@@ -135,7 +136,7 @@ def _report(robot: Robot, motion: Motion, found: Certificate) -> None:
             for f in found.violations
             if f.contact
         ]
-        print_table("First contacts", columns, rows)
+        print_table("First contacts", columns, rows, most=_MOST_ROWS)
     if found.open_parts:
         columns = ("undecided", f"from {unit}", f"to {unit}", "why")
         rows = [(p.name, f"{p.start:.9g}", f"{p.end:.9g}", p.reason.value) for p in found.open_parts[:20]]

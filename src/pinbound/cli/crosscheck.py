@@ -39,6 +39,8 @@ from pinbound.tolerances import REGION_ACCURACY
 
 __all__ = ["crosscheck"]
 
+_MOST_ROWS = 20
+
 
 def crosscheck(
     robot: RobotName,
@@ -106,11 +108,12 @@ def _print(robot: Robot, found: CrossCheck) -> None:
 
 
 def _print_points(level: PointLevel) -> None:
-    rows = [(name, f"{1e3 * value:.1e}") for name, value in level.differences.items()]
-    rows += [(f"pin of closure {name}", f"{1e3 * gap:.1e}") for name, gap in level.pins.items()]
-    title = f"Points: clearances against coal's shapes, {level.samples} configurations"
+    rows = [(f"pin of closure {name}", f"{1e3 * gap:.1e}") for name, gap in level.pins.items()]
+    worst = sorted(level.differences.items(), key=lambda one: one[1], reverse=True)
+    rows += [(name, f"{1e3 * value:.1e}") for name, value in worst]
+    title = f"Points: clearances against coal's shapes, {level.samples} configurations, the worst first"
     allowed = f"Allowed: {1e3 * level.tolerance:.0e} mm a metre of path." + _solid(level)
-    print_table(title, ("boundary", "worst difference [mm]"), rows, allowed)
+    print_table(title, ("boundary", "worst difference [mm]"), rows, allowed, _MOST_ROWS)
 
 
 def _solid(level: PointLevel | BoundaryLevel) -> str:
@@ -120,13 +123,13 @@ def _solid(level: PointLevel | BoundaryLevel) -> str:
 def _print_boundaries(level: BoundaryLevel) -> None:
     rows = [
         (name, one.method, one.rays, one.free, one.grazing, f"{np.degrees(one.angle):.1e}", f"{1e3 * one.metres:.1e}")
-        for name, one in level.boundaries.items()
+        for name, one in sorted(level.boundaries.items(), key=lambda one: one[1].metres, reverse=True)
     ]
     columns = ("boundary", "compared with", "rays []", "free []", "grazing []", "worst [deg]", "worst [mm]")
-    title = f"Contacts: closed form against bisection on coal's distance, {level.rays} rays"
+    title = f"Contacts: closed form against bisection on coal's distance, {level.rays} rays, the worst first"
     allowed = f"Allowed: {np.degrees(level.tolerance):.1e} deg, {1e3 * level.metres_tolerance:.0e} mm a metre of path."
     allowed += _solid(level)
-    print_table(title, columns, rows, allowed)
+    print_table(title, columns, rows, allowed, _MOST_ROWS)
 
 
 def _print_bodies(robot: Robot, level: BodyLevel) -> None:
@@ -144,13 +147,13 @@ def _print_bodies(robot: Robot, level: BodyLevel) -> None:
             millimetres(pair.miss),
             millimetres(pair.refusal),
         )
-        for pair in level.pairs
+        for pair in sorted(level.pairs, key=lambda one: (one.misses, one.refusal), reverse=True)
     ]
     columns = ("links", "boundaries []", "both clear []", "both contact []", "missed []", "refused []")
     columns += ("unreachable []", "ways []", "near []", "worst miss [mm]", "needless refusal [mm]")
-    title = f"Bodies: verdicts against coal on the collision bodies, {level.samples} configurations"
+    title = f"Bodies: verdicts against coal on the collision bodies, {level.samples} configurations, the worst first"
     allowed = f"Allowed: misses {millimetres(level.tolerance)} mm; refusals, for boundaries of zero threshold,"
-    print_table(title, columns, rows, f"{allowed} {millimetres(level.stop_tolerance)} mm.")
+    print_table(title, columns, rows, f"{allowed} {millimetres(level.stop_tolerance)} mm.", _MOST_ROWS)
     said = console()
     for pair in level.pairs:
         if not level.pair_holds(pair):

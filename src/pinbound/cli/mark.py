@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
@@ -68,11 +69,15 @@ def mark(
         raise InputError([Problem("exists already", "Remove it, or give another name", str(out))])
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     chosen = tuple(word.strip() for word in shapes.split(",") if word.strip())
+    start = perf_counter()
     with Progress(console=console(stderr=True), transient=True) as progress:
         task = progress.add_task("covers of meshes", total=None, visible=False)
 
         def step(done: int, total: int, link: str) -> None:
-            progress.update(task, completed=done, total=total, description=f"meshes of {link}", visible=True)
+            if done < total:
+                progress.update(task, completed=done, total=total, description=f"meshes of {link}", visible=True)
+            else:
+                progress.update(task, completed=0, total=None, description="pairs of marks, and home", visible=True)
 
         proposal = propose_marks(loaded, accuracy / 1e3, chosen, cast(By, by), neighbours, most, skip_missing, step)
     disabled, files = _disabled(loaded, proposal, srdf)
@@ -81,7 +86,7 @@ def mark(
     if as_json:
         emit_json(_record(proposal) | {"disabled": [_disabled_record(one) for one in disabled]})
     else:
-        _print(loaded, proposal, out)
+        _print(loaded, proposal, out, perf_counter() - start)
         _print_disabled(loaded, disabled, files)
     if proposal.uncovered:
         raise typer.Exit(1)
@@ -156,12 +161,21 @@ def _disabled_record(one: DisabledPair) -> dict[str, object]:
     }
 
 
-def _print(robot: Robot, proposal: Proposal, out: Path | None) -> None:
+def _print(robot: Robot, proposal: Proposal, out: Path | None, seconds: float) -> None:
     rows = [
-        (one.link, ", ".join(body.shape for body in one.bodies), _said(one), millimetres(one.excess, 2))
+        (
+            one.link,
+            ", ".join(body.shape for body in one.bodies),
+            _triangles(one),
+            _said(one),
+            millimetres(one.excess, 2),
+        )
         for one in proposal.covers
     ]
-    print_table("Bodies and the marks that hold them", ("link", "bodies", "marks", "excess [mm]"), rows)
+    columns = ("link", "bodies", "triangles held []", "marks", "excess [mm]")
+    if not any(one.proof for one in proposal.covers):
+        columns, rows = columns[:2] + columns[3:], [row[:2] + row[3:] for row in rows]
+    print_table("Bodies and the marks that hold them", columns, rows)
     reasons = [
         (a, b, reason, count, _BASES[proposal.evidence[a, b, reason].basis], proposal.evidence[a, b, reason].text)
         for (a, b, reason), count in sorted(proposal.left_out.items())
@@ -188,7 +202,12 @@ def _print(robot: Robot, proposal: Proposal, out: Path | None) -> None:
     if proposal.annotations.home:
         home = [_value(robot, name, value) for name, value in proposal.annotations.home.items()]
         say(f"home: {', '.join(home)}")
-    say(f"{len(proposal.annotations.marks)} marks, {len(proposal.annotations.boundaries)} boundaries.")
+    proofs = [one.proof for one in proposal.covers if one.proof is not None]
+    if proofs:
+        held, count = sum(one.held for one in proofs), sum(len(one.part_of) for one in proofs)
+        say(f"{len(proofs)} meshes: {held} of {count} triangles are proven to lie in the marks.")
+    counts = f"{len(proposal.annotations.marks)} marks, {len(proposal.annotations.boundaries)} boundaries"
+    say(f"{counts}; found in {seconds:.1f} s.")
     if out is not None:
         say(f"Wrote {out}.")
     missing: dict[str, Counter[str]] = {}
@@ -210,6 +229,10 @@ def _value(robot: Robot, joint: str, value: float) -> str:
     return f"{joint} = {degrees(value)} deg" if robot.turns(joint) else f"{joint} = {millimetres(value)} mm"
 
 
+def _triangles(cover: Cover) -> str:
+    return "" if cover.proof is None else f"{cover.proof.held} of {len(cover.proof.part_of)}"
+
+
 def _said(cover: Cover) -> str:
     counts = Counter(kind_of(mark) for mark in cover.marks)
     return ", ".join(f"{count} {kind}{'s' if count > 1 else ''}" for kind, count in counts.items())
@@ -226,6 +249,8 @@ def _record(proposal: Proposal) -> dict[str, object]:
                 "shapes": [body.shape for body in c.bodies],
                 "marks": [kind_of(mark) for mark in c.marks],
                 "excess": c.excess,
+                "triangles": None if c.proof is None else len(c.proof.part_of),
+                "triangles_held": None if c.proof is None else c.proof.held,
             }
             for c in proposal.covers
         ],

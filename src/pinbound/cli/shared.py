@@ -191,14 +191,20 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]], note: str = "") -> None:
+def print_table(
+    title: str, columns: Sequence[str], rows: Iterable[Sequence[object]], note: str = "", most: int | None = None
+) -> None:
     """Print a table for people; columns whose heading ends in ``]`` hold numbers and are right-aligned.
 
     A number without a unit is headed ``"rows []"``, and the brackets are not printed. A table without rows is left out.
+    If there are more than `most` rows, those after them are not printed, and the note says how many.
     """
     rows = list(rows)
     if not rows:
         return
+    if most is not None and len(rows) > most:
+        note = f"The first {most} of {len(rows)} are shown: --json lists all. {note}".rstrip()
+        rows = rows[:most]
     table = Table(title=title, title_justify="left", title_style="bold", caption=note, caption_justify="left")
     for column in columns:
         is_number = column.endswith("]")

@@ -147,7 +147,25 @@ def propose_marks(
         again = covers([body for body in chosen if body.link in touching], finest)
         rest = covers([body for body in chosen if body.link not in touching], accuracy)
         proposal, _ = _proposal(judge, together(*rest, *again), read)
-    return proposal
+    said = _not_reached(proposal.covers, accuracy, most)
+    return replace(proposal, notes=(*proposal.notes, said)) if said else proposal
+
+
+def _not_reached(found: Sequence[Cover], accuracy: float, most: int) -> str:
+    """Return which links' meshes are covered less closely than was asked for, and what to do; empty if none is."""
+    wide: dict[str, float] = {}
+    parts: Counter[str] = Counter()
+    for one in found:
+        if one.proof is not None:
+            parts[one.link] += len(one.marks)
+            if one.excess > accuracy:
+                wide[one.link] = max(one.excess, wide.get(one.link, 0.0))
+    if not wide:
+        return ""
+    listed = ", ".join(f"{link} by {1e3 * excess:.2f} mm" for link, excess in wide.items())
+    capped = any(parts[link] >= most for link in wide)
+    remedy = f"allow more than {most} marks a link: --most {2 * most}, most={2 * most}" if capped else "no cut helps"
+    return f"marks stick out of meshes by more than the {1e3 * accuracy:g} mm that were asked for ({listed}); {remedy}"
 
 
 def _readable(robot: Robot, bodies: Sequence[Body], skip_missing: bool) -> tuple[list[Body], list[str]]:

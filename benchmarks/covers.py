@@ -1,0 +1,114 @@
+"""Covers of public robots' meshes: triangles, marks, vertices, excess, time; and every triangle proven to be held.
+
+    python benchmarks/covers.py --accuracy 0.002 --most 8 --seconds 300
+
+Each robot's meshes are covered as `pinbound mark` covers them, and the proof is then made anew from the marks alone, by
+`robot.coverage`'s own code. A robot that starts after the seconds are spent is left out, and named. Exit code 1 if a
+triangle is not proven to lie in the marks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from dataclasses import dataclass
+from importlib.metadata import distribution
+from pathlib import Path
+
+import pinbound as pb
+from pinbound.coverage.bodies import read_bodies
+from pinbound.coverage.covers import BY, MOST_PARTS, By, covers
+from pinbound.coverage.mesh_proof import prove
+from pinbound.exceptions import Problems
+
+SHARE = Path(str(distribution("example-robot-data").locate_file("cmeel.prefix/share")))
+ROBOTS = SHARE / "example-robot-data" / "robots"
+NAMES = {
+    "panda": "panda_description/urdf/panda.urdf",
+    "ur5": "ur_description/urdf/ur5_robot.urdf",
+    "allegro": "allegro_hand_description/urdf/allegro_right_hand.urdf",
+    "z1": "z1_description/urdf/z1.urdf",
+    "kinova": "kinova_description/robots/kinova.urdf",
+    "anymal": "anymal_b_simple_description/robots/anymal.urdf",
+    "talos": "talos_data/robots/talos_full_v2.urdf",
+}
+HEADS = ("robot", "links with meshes", "triangles", "proven", "marks", "vertices of marks", "largest excess [mm]")
+HEADS += ("links above the accuracy", "CPU [s]", "wall [s]")
+
+
+@dataclass
+class Row:
+    """What was found of one robot."""
+
+    name: str
+    links: int
+    triangles: int
+    held: int
+    marks: int
+    vertices: int
+    excess: float
+    wide: int
+    cpu: float
+    wall: float
+
+
+def measured(name: str, accuracy: float, by: By, most: int) -> Row:
+    """Cover one robot's meshes, and prove it again."""
+    robot = pb.load(ROBOTS / NAMES[name], package_dirs=[SHARE])
+    bodies = [body for body in read_bodies(robot.document, Problems("")).bodies if body.shape == "mesh"]
+    missing = [body.name for body in bodies if robot.meshes.fault(body)]
+    if missing:
+        print(f"{name}: not read: {', '.join(missing)}", flush=True)
+    bodies = [body for body in bodies if not robot.meshes.fault(body)]
+    cpu, wall = time.process_time(), time.perf_counter()
+    found = covers(bodies, accuracy, by, robot.meshes, most)
+    cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
+    meshes = [robot.meshes.of(one.bodies[0]) for one in found]
+    return Row(
+        name,
+        len({one.link for one in found}),
+        sum(len(mesh.triangles) for mesh in meshes),
+        sum(prove(mesh, one.marks).held for mesh, one in zip(meshes, found, strict=True)),
+        sum(len(one.marks) for one in found),
+        sum(len(mark.shape.vertices) for one in found for mark in one.marks),
+        max((one.excess for one in found), default=0.0),
+        len({one.link for one in found if one.excess > accuracy}),
+        cpu,
+        wall,
+    )
+
+
+def table(rows: list[Row]) -> str:
+    """Return the rows as Markdown."""
+    lines = ["| " + " | ".join(HEADS) + " |", "| --- |" + " ---: |" * (len(HEADS) - 1)]
+    for row in rows:
+        cells = (row.name, row.links, f"{row.triangles:,}", f"{row.held:,}", row.marks, f"{row.vertices:,}")
+        cells += (f"{1e3 * row.excess:.2f}", row.wide, f"{row.cpu:.1f}", f"{row.wall:.1f}")
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> int:
+    """Run and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--accuracy", type=float, default=0.002, help="[m]")
+    parser.add_argument("--by", choices=BY[:-1], default="hulls")
+    parser.add_argument("--most", type=int, default=MOST_PARTS, help="marks of a link")
+    parser.add_argument("--seconds", type=float, default=300.0, help="after these no robot is started")
+    parser.add_argument("--only", default="", help="robots, separated by commas")
+    options = parser.parse_args()
+    rows: list[Row] = []
+    start = time.perf_counter()
+    for name in [one for one in options.only.split(",") if one] or list(NAMES):
+        if time.perf_counter() - start > options.seconds:
+            print(f"{name}: left out, for the time is spent", flush=True)
+            continue
+        rows.append(measured(name, options.accuracy, options.by, options.most))
+        print(table(rows[-1:]), flush=True)
+    print(table(rows))
+    return int(any(row.held < row.triangles for row in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
