@@ -1094,7 +1094,7 @@ def regions() -> Iterator[Entry]:
     yield one(
         "derive the region again",
         lambda _: sent().components,
-        lambda _: pb.feasible_region(sent().plane.robot).components,
+        lambda _: pb.feasible_region(sent().slice.robot).components,
     )
     from pinbound.region.membership import axis_membership, classify, projections
 
@@ -1230,10 +1230,11 @@ def others() -> Iterator[Entry]:
         answers: list[object] = [robot.boundaries.norms(Q), robot.boundaries.gradients(Q), robot.boundaries.hessians(Q)]
         answers += [robot.boundaries.signed_clearances(Q), robot.boundaries.free(Q), robot.coupling.expand(Q)]
         answers += [pb.certify(robot, Q), pb.certify_box(robot, *box), robot.to_pinocchio(robot.model, Q)]
+        answers += [pb.certified_box(robot, robot.home, budget=pb.Budget(200)), pb.cross_check(robot, samples=10)]
         return answers
 
     through = "Supported through it are: values, gradients, Hessians, signed clearances, free, certify, certify_box, "
-    through += "coupling.expand, to_pinocchio"
+    through += "certified_box, cross_check of points and bodies, coupling.expand, to_pinocchio"
     yield one(through, lambda _: linkage().coupling.S, supported)
     slopes = lambda *shape: lambda _: linkage().boundaries.gradients(linkage().home[None], out=np.zeros(shape))
     yield one("give a writeable {} array of shape {}", slopes(2, 1, 1), slopes(1, 1, 1))
@@ -1467,6 +1468,7 @@ NOT_FOLLOWED: dict[str, str] = {
     "report this as a bug of pinbound": "no file is known that Pinocchio orders otherwise",
     "give a smaller accuracy, or start elsewhere": "no start is known that the finer accuracies leave in doubt",
     "take a smaller region": "no map is known whose folds cannot be traced but which folds",
+    "give the mesh in metres": "no mesh is known that `read_mesh` takes and whose numbers are too large to prove",
     "give a smaller chord": "no section of one region is known that falls apart",
 }
 """Remedies that no entry follows, and why."""

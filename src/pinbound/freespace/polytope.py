@@ -82,8 +82,8 @@ def certified_polytope(
         >>> polytope = pb.certified_polytope(robot, robot.home)
         >>> polytope.verdict.value, polytope.is_exact, len(polytope.vertices), len(polytope.edges)
         ('certified', True, 12, 18)
-        >>> polytope.names
-        ('q1 upper', 'q1 lower', 'beta_3', 'beta_4', 'beta_7', 'beta_8', 'beta_9', 'beta_10')
+        >>> sorted(polytope.names)
+        ['beta_10', 'beta_3', 'beta_4', 'beta_7', 'beta_8', 'beta_9', 'q1 lower', 'q1 upper']
     """
     start = one_configuration(q, robot.coordinates).copy()
     chosen = scope(robot, boundaries, True, limits_only)

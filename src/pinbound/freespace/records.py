@@ -153,7 +153,7 @@ class FreePolytope(Value):
             >>> robot = pb.load("minervabot_v3")
             >>> polytope = pb.certified_polytope(robot, robot.home)
             >>> width = robot.upper[0] - robot.lower[0]
-            >>> abs(polytope.volume - width * pb.feasible_region(robot).area) < 1e-10
+            >>> bool(abs(polytope.volume - width * pb.feasible_region(robot).area) < 1e-10)
             True
         """
         return volume_of(self.factors)[0] if self.faces else 0.0

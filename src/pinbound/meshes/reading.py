@@ -40,8 +40,8 @@ def read_mesh(path: str | Path, scale: Sequence[float] = (1.0, 1.0, 1.0)) -> Mes
         >>> import tempfile, pathlib
         >>> file = pathlib.Path(tempfile.mkdtemp()) / "corner.obj"
         >>> _ = file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-        >>> read_mesh(file, scale=(1.0, -2.0, 1.0)).vertices.tolist()
-        [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -2.0, 0.0]]
+        >>> read_mesh(file, scale=(1.0, -2.0, 1.0)).vertices[2].tolist()
+        [0.0, -2.0, 0.0]
     """
     file = Path(path)
     source, suffix = str(path), file.suffix.lower()
