@@ -167,6 +167,8 @@ def _print_bodies(robot: Robot, level: BodyLevel) -> None:
     if meshed:
         text = f"{len(meshed)} pairs have meshes: coal says yes or no on their triangles, no way is swept, refusals are"
         said.print(f"{text} measured {sum(pair.measured for pair in meshed)} times.", markup=False)
+        text = "A mesh is a surface: a body wholly inside it touches nothing, and counts as refused by its distance."
+        said.print(text, markup=False)
     part = [" - ".join(pair.links) for pair in level.pairs if pair.coverage not in ("watched", "")]
     if part:
         said.print(f"Not watched as a whole, so that misses are possible: {', '.join(part)}.", markup=False)
