@@ -27,10 +27,8 @@ ROBOTS = SHARE / "example-robot-data" / "robots"
 NAMES = {
     "panda": "panda_description/urdf/panda.urdf",
     "ur5": "ur_description/urdf/ur5_robot.urdf",
-    "allegro": "allegro_hand_description/urdf/allegro_right_hand.urdf",
     "z1": "z1_description/urdf/z1.urdf",
     "kinova": "kinova_description/robots/kinova.urdf",
-    "anymal": "anymal_b_simple_description/robots/anymal.urdf",
     "talos": "talos_data/robots/talos_full_v2.urdf",
 }
 HEADS = ("robot", "links with meshes", "triangles", "proven", "marks", "vertices of marks", "largest excess [mm]")
