@@ -759,7 +759,9 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     grid = "batch CRANE --out HERE/o --grid lift=0:1:"
     yield commands("Write NAME=FROM:TO:COUNT, COUNT from 1 to 10^15", grid + "few", grid + "3")
     yield commands(
-        "Remove it, or give another name", "mark CRANE --out HERE/crane.urdf", "mark CRANE --out HERE/n.yaml"
+        "Remove it, or give another name",
+        "mark CRANE --out HERE/crane.urdf",
+        "mark CRANE --skip-missing --out HERE/n.yaml",
     )
     yield commands("Write NAME=NUMBER, NAME one of: {}", "limits CRANE --at lft=1", "limits CRANE --at lift=0")
     window = "Write NAME=LOWER..UPPER, e.g. q1=-1..1, NAME one of: {}"

@@ -70,7 +70,8 @@ def mark(
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     chosen = tuple(word.strip() for word in shapes.split(",") if word.strip())
     start = perf_counter()
-    with Progress(console=console(stderr=True), transient=True) as progress:
+    bar = console(stderr=True)
+    with Progress(console=bar, transient=True, disable=not bar.is_terminal) as progress:  # piped, it leaves a line
         task = progress.add_task("covers of meshes", total=None, visible=False)
 
         def step(done: int, total: int, link: str) -> None:

@@ -164,8 +164,8 @@ def _not_reached(found: Sequence[Cover], accuracy: float, most: int) -> str:
         return ""
     listed = ", ".join(f"{link} by {1e3 * excess:.2f} mm" for link, excess in wide.items())
     capped = any(parts[link] >= most for link in wide)
-    remedy = f"allow more than {most} marks a link: --most {2 * most}, most={2 * most}" if capped else "no cut helps"
-    return f"marks stick out of meshes by more than the {1e3 * accuracy:g} mm that were asked for ({listed}); {remedy}"
+    hint = f"allow more than {most} marks a link: --most {2 * most}, most={2 * most}" if capped else "no cut helps"
+    return f"marks stick out of meshes by more than the {1e3 * accuracy:g} mm that were asked for ({listed}); {hint}"
 
 
 def _readable(robot: Robot, bodies: Sequence[Body], skip_missing: bool) -> tuple[list[Body], list[str]]:
