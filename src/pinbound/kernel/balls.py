@@ -255,13 +255,7 @@ class _Builder:
 
     def ball(self, chain: Chain) -> tuple[int, Array]:
         """Return the node that a chain's end is fixed to, and its place there; parts along an axis move behind it."""
-        offsets, slides = chain.offsets.copy(), chain.slides.copy()
-        for index, axis in enumerate(chain.axes):
-            along = np.outer(axis, axis)
-            offsets[index + 1] += along @ offsets[index]
-            slides[index + 1] += along @ slides[index]
-            offsets[index] -= along @ offsets[index]
-            slides[index] -= along @ slides[index]
+        offsets, slides = chain.pushed_behind()
         offsets = np.round(offsets / self.quantum) * self.quantum
         slides = np.where(np.abs(slides) > REDUCTION, slides, 0.0)
         node = 0

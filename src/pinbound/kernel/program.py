@@ -409,13 +409,7 @@ def _less(g: Graph, a: Vector, b: Vector) -> Vector:
 def _position(angles: _Angles, chain: Chain, scale: float) -> Vector:
     """Return `b_0 + W_1 b_1 + ...` of a point, its offsets pushed to the tail so that the heads are shared."""
     g = angles.graph
-    offsets, slides = chain.offsets.copy(), chain.slides.copy()
-    for index, axis in enumerate(chain.axes):
-        along = np.outer(axis, axis)
-        offsets[index + 1] += along @ offsets[index]
-        slides[index + 1] += along @ slides[index]
-        offsets[index] -= along @ offsets[index]
-        slides[index] -= along @ slides[index]
+    offsets, slides = chain.pushed_behind()
     quantum = KERNEL_CONSTANT * 2.0 ** np.ceil(np.log2(scale)) if scale else 1.0
     offsets = np.round(offsets / quantum) * quantum
     one, zero = g.constant(1.0), g.constant(0.0)

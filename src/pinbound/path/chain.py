@@ -73,6 +73,17 @@ class Chain(Value):
             self.offsets[after:], self.slides[after:], self.axes[after:], self.coefficients[after:], self.scale
         )
 
+    def pushed_behind(self) -> tuple[Array, Array]:
+        """Return offsets and slides, the part of each along the next axis, which that does not turn, put behind it."""
+        offsets, slides = self.offsets.copy(), self.slides.copy()
+        for index, axis in enumerate(self.axes):
+            along = np.outer(axis, axis)
+            offsets[index + 1] += along @ offsets[index]
+            slides[index + 1] += along @ slides[index]
+            offsets[index] -= along @ offsets[index]
+            slides[index] -= along @ slides[index]
+        return offsets, slides
+
     @property
     def is_planar(self) -> bool:
         """Whether all rotations are about one direction."""
