@@ -1,13 +1,17 @@
 """Exit codes: 0 holds, 1 a check found a violation, 2 bad input, 3 the machine or the cluster failed."""
 
 import re
+import subprocess
+import sys
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
+import pinbound
 from pinbound.cli import app
 from pinbound.robot import presets
 
@@ -146,3 +150,26 @@ def test_the_page_lists_every_command_and_code() -> None:
     tested = {(command, code) for command, code, _ in CASES} | set(ELSEWHERE) | {(name, 3) for name in COMMANDS}
     assert told == tested
     assert not told & NEVER
+
+
+@pytest.mark.parametrize(("q3", "code"), [("0.1", 0), ("1.5", 1)])
+def test_a_reader_that_stops_reading_changes_no_exit_code(q3: str, code: int, tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_text(f"q1,q2,q3\n0,0,0\n0,0,{q3}\n")
+    words = ("from pinbound.cli import main; main()", "check", "minervabot_v3", str(tmp_path / "m.csv"))
+    process = subprocess.Popen(
+        (sys.executable, "-c", *words), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    said = process.stderr.read()
+    process.stderr.close()
+    assert (process.wait(timeout=60), said) == (code, "")
+
+
+def test_version_and_short_help() -> None:
+    found = CliRunner().invoke(app, ["--version"])
+    assert (found.exit_code, found.stdout.split()) == (0, ["pinbound", pinbound.__version__])
+    assert version("pinbound") == pinbound.__version__
+    for words in (["-h"], ["check", "-h"]):
+        assert CliRunner().invoke(app, words).exit_code == 0

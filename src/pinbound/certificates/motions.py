@@ -183,5 +183,5 @@ def _degrees(robot: Robot, trajectory: Trajectory, limits: Findings) -> tuple[st
     if not limits.any(Verdict.VIOLATED):
         return ()
     pieces = np.arange(len(trajectory.starts))
-    Q = np.concatenate([trajectory.at(pieces, np.full(len(pieces), u)) for u in (0.0, 0.5, 1.0)])
+    Q = np.concatenate([trajectory.at(pieces, np.full(len(pieces), u)) for u in (0.0, 1.0)])
     return look_like_degrees(robot, Q)

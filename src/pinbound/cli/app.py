@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from typing import Annotated, TextIO, cast
 
 import typer
 
 from pinbound.cli import batch, check, crosscheck, export, inspect, mark, report, reproduce, robots
+from pinbound.cli.pipes import Unread
 from pinbound.cli.shared import guarded
 
 __all__ = ["app", "main"]
@@ -17,7 +20,24 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from pinbound import __version__
+
+        typer.echo(f"pinbound {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", "-V", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None: ...
 
 
 def _register(command: Callable[..., None]) -> None:
@@ -41,4 +61,5 @@ _register(robots.new)
 
 def main() -> None:
     """Run the program; the entry point of `pinbound`."""
+    sys.stdout = cast(TextIO, Unread(sys.stdout))
     app()

@@ -91,8 +91,6 @@ def guarded(command: Callable[P, R]) -> Callable[..., R]:
             raise typer.Exit(3) from error
         except PinboundError as error:
             typer.echo(f"pinbound: {error}", err=True)
-        except BrokenPipeError:
-            raise  # the reader of our output has had enough: no fault, see `main`
         except OSError as error:
             place = error.filename if error.filename is not None else command.__name__
             typer.echo(f"pinbound: {place}: {error.strerror or error}", err=True)
