@@ -141,7 +141,7 @@ def _is_closed(boundary: pb.Boundary, index: int) -> bool:
     """Say whether a coordinate's limits have a closed form: it turns one rotation, or slides only."""
     chain = boundary.path.minimal
     turned, slides = np.count_nonzero(chain.coefficients[:, index]), bool(np.any(chain.slides[:, :, index]))
-    return turned + slides <= 1 and not boundary.path.swept.directions
+    return turned + slides <= 1 and not boundary.path.difference.directions
 
 
 def check(robot: pb.Robot, Q: np.ndarray, rng: np.random.Generator) -> tuple[Counter[str], Counter[str]]:

@@ -448,9 +448,9 @@ def test_a_wrong_box_is_still_caught(load_text: Load) -> None:
     lengths = {"l": "0.5", "a": "0.1", "b": "0.05", "c": "0.1", "t": "2e-5"}
     robot = load_text(BOXES.format(**lengths))
     boundary = robot.boundaries["fist_floor"]
-    chain = boundary.path.swept.chain
+    chain = boundary.path.difference.chain
     moved = replace(chain, offsets=chain.offsets + 1e-7)
-    path = replace(boundary.path, swept=replace(boundary.path.swept, chain=moved))
+    path = replace(boundary.path, difference=replace(boundary.path.difference, chain=moved))
     wrong = replace(boundary, path=path)
     others = [wrong if one is boundary else one for one in robot.boundaries]
     made = replace(robot, boundaries=BoundarySet(others, robot.coordinates, robot.linear_limits, robot.home))

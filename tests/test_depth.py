@@ -38,7 +38,7 @@ def sums(boundary: pb.Boundary, q: np.ndarray) -> np.ndarray:
     """All x_a - x_b of vertices, in the ancestor's frame."""
     from pinbound.evaluate import depth
 
-    placed, corners = depth._placed(boundary.path, q[None]), boundary.path.swept.corners
+    placed, corners = depth._placed(boundary.path, q[None]), boundary.path.difference.corners
     split = corners[0].shape[1]
     a, b = placed.w[0] + corners[0] @ placed.edges[:split, 0], corners[1] @ placed.edges[split:, 0]
     return (a[:, None] + b[None]).reshape(-1, 3)
@@ -117,7 +117,7 @@ def test_moving_out_by_the_depth_makes_them_touch(name: str, tmp_path: Path) -> 
 
     def apart(moved: np.ndarray) -> np.ndarray:
         w = placed.w + moved
-        t = nearest_of_hulls(w, placed.edges, path.swept.corners)
+        t = nearest_of_hulls(w, placed.edges, path.difference.corners)
         return np.linalg.norm(w + np.einsum("nk,kni->ni", t, placed.edges), axis=1) - radii
 
     rows = found.depth > 1e-6

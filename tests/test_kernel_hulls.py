@@ -10,7 +10,7 @@ import pytest
 
 import pinbound as pb
 from pinbound.kernel import Pair, hulls
-from pinbound.path.chain import Chain, Swept
+from pinbound.path.chain import Chain, HullChain
 
 ROBOT = """<robot name="arm" xmlns:pinbound="https://pinbound.dev/1">
   <link name="base"/><link name="upper"/><link name="fore"/><link name="slide"/><link name="other"/>
@@ -161,7 +161,7 @@ def two_bodies(w: np.ndarray, A: np.ndarray, B: np.ndarray) -> Pair:
     scale = float(np.linalg.norm(w) + np.abs(A).max() + np.abs(B).max())
     chain = Chain(w[None].copy(), np.zeros((1, 3, 1)), np.zeros((0, 3)), np.zeros((0, 1)), scale)
     directions = tuple(np.array([sign * axis]) for sign in (1.0, -1.0) for axis in np.eye(3))
-    path = SimpleNamespace(minimal=chain, swept=Swept(chain, directions, (A, B)), across=None, is_signed=False)
+    path = SimpleNamespace(minimal=chain, difference=HullChain(chain, directions, (A, B)), across=None, is_signed=False)
     return Pair(cast(Any, path), 0.0, ("A", "B"))
 
 
@@ -209,8 +209,8 @@ def test_placements_are_shared_between_pairs(robot: pb.Robot) -> None:
 def test_a_body_that_is_not_rigid_in_one_block_is_left_to_the_reference(robot: pb.Robot) -> None:
     pair = robot.boundaries.kernel.pairs[0]
     chain = pair.path.minimal
-    block, edges = hulls._one_block(chain, pair.path.swept.directions[:3])
+    block, edges = hulls._one_block(chain, pair.path.difference.directions[:3])
     assert block in (0, chain.rotations)
     np.testing.assert_allclose(edges.T @ edges, np.eye(3), atol=1e-14)
-    spread = [np.ones_like(way) for way in pair.path.swept.directions[:3]]
+    spread = [np.ones_like(way) for way in pair.path.difference.directions[:3]]
     assert hulls._one_block(chain, spread)[0] == -1

@@ -21,7 +21,7 @@ from pinbound.certificates.constraints import families
 from pinbound.certificates.trajectory import as_trajectory
 from pinbound.evaluate.closest import nearest
 from pinbound.evaluate.minimum_norm import nearest_corners
-from pinbound.limits.swept_isolation import arcs as searched_arcs
+from pinbound.limits.piecewise_isolation import arcs as searched_arcs
 from pinbound.path.relative import RelativePath
 from robots import random_q
 from segments import ROBOTS, exact_clearance, oracle_clearances, place
@@ -72,7 +72,7 @@ def test_the_nearest_points_are_on_the_marks_and_that_far_apart(robot: pb.Robot)
                 assert all(0.0 <= weight <= 1.0 for weight in weights)
                 ends.append(first + sum(w * (end - first) for w, end in zip(weights, others, strict=False)))
             r = ends[0] - ends[1]
-            if boundary.path.upright is not None:
+            if boundary.path.normal is not None:
                 flat = next(m for m in (boundary.point_a, boundary.point_b) if isinstance(m, (pb.Line, pb.Plane)))
                 first, further = place(robot, theta, flat, data)
                 unit = further - first
@@ -201,7 +201,7 @@ def test_limits_are_contacts_with_the_promised_sides_and_none_is_missed(robot: p
 def test_the_closed_form_above_a_plane_equals_the_search_and_its_symbols(robot: pb.Robot) -> None:
     Q, checked = random_q(robot, 5, seed=9), 0
     for boundary in robot.boundaries:
-        if not boundary.path.is_signed or boundary.path.swept.directions:
+        if not boundary.path.is_signed or boundary.path.difference.directions:
             continue
         for j, name in enumerate(robot.coordinates):
             if np.count_nonzero(boundary.path.minimal.coefficients[:, j]) != 1:
@@ -223,7 +223,7 @@ def test_the_closed_form_above_a_plane_equals_the_search_and_its_symbols(robot: 
                 apart = lower - closed[0, 0]
                 assert abs(apart - turn * round(apart / turn)) < 1e-9
                 checked += 1
-    if any(b.path.is_signed and not b.path.swept.directions for b in robot.boundaries):
+    if any(b.path.is_signed and not b.path.difference.directions for b in robot.boundaries):
         assert checked > 0
 
 

@@ -185,7 +185,7 @@ def test_questions_for_a_class_are_seen() -> None:
     assert not asked_classes(ast.parse(head + "Point('p', 'link', (0, 0, 0)); x.shape.is_point"))
 
 
-CASE = {"is_plain", "is_signed", "is_solid", "across", "form", "measure", "upright"}
+CASE = {"is_plain", "is_signed", "is_solid", "form", "measure", "normal", "projection"}
 ASKED = {
     "batch/evaluation.py": 2,
     "boundaries/boundary.py": 1,
@@ -207,8 +207,8 @@ ASKED = {
     "kernel/program.py": 5,
     "limits/isolated.py": 2,
     "limits/outwards.py": 1,
-    "limits/swept_isolation.py": 2,
-    "limits/swept_sliding.py": 1,
+    "limits/piecewise_isolation.py": 2,
+    "limits/prismatic.py": 1,
     "limits/univariate.py": 8,
     "loops/closures.py": 1,
     "region/margins.py": 2,

@@ -12,7 +12,7 @@ import pinbound as pb
 from pinbound.evaluate import numeric
 from pinbound.limits.isolation import common_period
 from pinbound.limits.univariate import AllowedArcs, allowed_arcs_table
-from pinbound.path.chain import Chain, Swept
+from pinbound.path.chain import Chain, HullChain
 from pinbound.path.relative import Kind, RelativePath
 
 ROBOTS = Path(str(importlib.metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share")))
@@ -30,8 +30,8 @@ STEP = 1e-7  # rad, to either side of it
 
 def path_of(chain: Chain) -> RelativePath:
     """Return a path between two points that is only known by its reduced chain."""
-    swept = Swept(chain)
-    return RelativePath(Kind.BRANCHED, "base", swept, swept, swept, 0)
+    whole = HullChain(chain)
+    return RelativePath(Kind.BRANCHED, "base", whole, whole, whole, 0)
 
 
 def allowed_arcs(chain: Chain, index: int, name: str, q: Any, *rest: Any, **more: Any) -> AllowedArcs:

@@ -222,10 +222,12 @@ class StepBounds:
             which = np.flatnonzero(np.isin(group.places, near))
             if not len(which):
                 continue
-            swept, count = group.swept, group.swept.rows
-            terms = box_terms(swept.chains, swept.arms, all_rows(swept, which), *_repeated(q, half, len(which) * count))
+            bundle, count = group.bundle, group.bundle.rows
+            terms = box_terms(
+                bundle.chains, bundle.arms, all_rows(bundle, which), *_repeated(q, half, len(which) * count)
+            )
             r = terms.r.T.reshape(-1, count, 3)
-            _, n, _, _ = separated(swept, which, r)
+            _, n, _, _ = separated(bundle, which, r)
             along = np.einsum("mci,mi->mc", r, n)
             rates = np.einsum("jimc,mi->mcj", np.array(terms.rates).reshape(len(q), 3, len(which), count), n) / half
             bend = 0.5 * np.asarray(terms.second).reshape(-1, count) * INFLATION
@@ -268,28 +270,28 @@ class StepBounds:
         if box is None:
             self._known, self._there = np.full(m, np.nan), np.full((m, n), np.nan)
         self._moved, self._slack, groups = np.zeros((m, n)), np.zeros(m), list[_Group]()
-        for ways in sorted({len(one.path.swept.directions) for one in self._areas}):
+        for edges in sorted({len(one.path.difference.directions) for one in self._areas}):
             places = np.array(
-                [k for k, one in enumerate(self._areas) if len(one.path.swept.directions) == ways], np.intp
+                [k for k, one in enumerate(self._areas) if len(one.path.difference.directions) == edges], np.intp
             )
             chosen = [self._areas[k] for k in map(int, places)]
-            swept = swept_bundle([one.path for one in chosen], lower, upper)
+            bundle = swept_bundle([one.path for one in chosen], lower, upper)
             links = [(one.ancestor, one.point_a.link, one.point_b.link) for one in chosen]
-            error = rounding_bound(swept, walks(self.robot.tree, self.robot.coupling, links), lower, upper)
-            moved = np.einsum("mk,mkn->mn", swept.arms, np.abs(swept.chains.coefficients))
-            if swept.chains.slides is not None:
-                moved = moved + np.linalg.norm(swept.chains.slides, axis=2).sum(axis=1)
-            self._moved[places], self._slack[places] = moved[:: swept.rows], 8.0 * error
-            groups.append(_Group(places, swept, error))
+            error = rounding_bound(bundle, walks(self.robot.tree, self.robot.coupling, links), lower, upper)
+            moved = np.einsum("mk,mkn->mn", bundle.arms, np.abs(bundle.chains.coefficients))
+            if bundle.chains.slides is not None:
+                moved = moved + np.linalg.norm(bundle.chains.slides, axis=2).sum(axis=1)
+            self._moved[places], self._slack[places] = moved[:: bundle.rows], 8.0 * error
+            groups.append(_Group(places, bundle, error))
         self._groups = groups
 
 
 @dataclass(frozen=True)
 class _Group:
-    """Boundaries of one number of ways: their places, paths side by side, and rounding bounds [m]."""
+    """Boundaries of one number of edge vectors: their places, paths side by side, and rounding bounds [m]."""
 
     places: Indices
-    swept: SweptBundle
+    bundle: SweptBundle
     error: Array
 
 
@@ -304,7 +306,7 @@ def _corner_rows(
 
     A separation along a direction is the least over the vertices of either body, so that each side is looked at alone.
     """
-    first, second = boundary.path.swept.corners
+    first, second = boundary.path.difference.corners
     if len(first) * len(second) <= _FEW:
         found: list[_Row] = []
         for pair in product(first, second):
@@ -313,11 +315,11 @@ def _corner_rows(
         return found
     split = 1 + first.shape[1]
     taken, loss = [np.ones(1)], 0.0
-    for corners, ways in ((first, slice(1, split)), (second, slice(split, None))):
-        heights = corners @ value[ways]
+    for corners, edges in ((first, slice(1, split)), (second, slice(split, None))):
+        heights = corners @ value[edges]
         least = int(np.argmin(heights))
         away = corners - corners[least]
-        swing = np.abs(away @ rates[ways]) @ half + np.abs(away) @ bend[ways] - (heights - heights[least])
+        swing = np.abs(away @ rates[edges]) @ half + np.abs(away) @ bend[edges] - (heights - heights[least])
         loss += float(np.maximum(swing, 0.0).max())
         taken.append(corners[least])
     chosen = np.concatenate(taken)

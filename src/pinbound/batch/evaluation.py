@@ -116,10 +116,10 @@ class Evaluation:
         known = hashlib.sha256()
         known.update(json.dumps([self.robot, self.coordinates, self.boundaries]).encode())
         for pair in self.kernel.pairs:
-            chain, across = pair.minimal, pair.path.across
-            arrays = [chain.offsets, chain.slides, chain.axes, chain.coefficients, *pair.path.swept.directions]
-            arrays += [] if pair.path.swept.is_zonotope else list(pair.path.swept.corners)
-            for array in arrays if across is None else [*arrays, across]:
+            chain, projection = pair.minimal, pair.path.projection
+            arrays = [chain.offsets, chain.slides, chain.axes, chain.coefficients, *pair.path.difference.directions]
+            arrays += [] if pair.path.difference.is_zonotope else list(pair.path.difference.corners)
+            for array in arrays if projection is None else [*arrays, projection]:
                 known.update(np.ascontiguousarray(array + 0.0).tobytes())
             known.update(np.float64(pair.threshold).tobytes())
         for rule in self.kernel.rules:

@@ -186,7 +186,7 @@ class Boundary(Value):
         Raises:
             UnsupportedError: If a mark is a hull or cylinder, which has no such t: `nearest_points` has the points.
         """
-        if not self.path.swept.is_zonotope:
+        if not self.path.difference.is_zonotope:
             raise UnsupportedError(
                 f"{self.name!r} has a hull or cylinder, whose nearest point is no t in [0, 1]; ask nearest_points(q)"
             )

@@ -244,9 +244,9 @@ def derive(
                     f"  {label}_{axis} [mm] = {line}" if line != "0" else f"  {label}_{axis} = 0",
                     markup=False,
                 )
-        if boundary.path.swept.directions:
+        if boundary.path.difference.directions:
             said = "each t in [0, 1], along the ways of the first mark, then of the second"
-            if not boundary.path.swept.is_zonotope:
+            if not boundary.path.difference.is_zonotope:
                 said = "of a hull or cylinder all t in the hull of its vertices [m, from its middle], else in [0, 1]"
             out.print(f"  {said}", markup=False)
         out.print(f"  {_contact_text(boundary)}", markup=False)

@@ -31,7 +31,7 @@ from pinbound.evaluate import separation
 from pinbound.limits import univariate
 from pinbound.limits.univariate import AllowedArcsTable, Strip
 from pinbound.model.coupling import combination
-from pinbound.path.chain import Swept
+from pinbound.path.chain import HullChain
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import REDUCTION, STOP_MISS
 from pinbound.typing import Array
@@ -181,7 +181,7 @@ class ContactRule(Value):
         axis = chain.axes[0]
         across = np.array([offset - axis * (axis @ offset) for offset in chain.offsets])
         across *= 0.5 * self.stop.amplitude / np.linalg.norm(across, axis=1)[:, None] if self.stop else 1.0
-        return replace(self.path, swept=Swept(replace(chain, offsets=across)))
+        return replace(self.path, difference=HullChain(replace(chain, offsets=across)))
 
     @property
     def is_stop(self) -> bool:

@@ -19,7 +19,7 @@ from pinbound.annotations import Mark, Sweep
 from pinbound.limits import univariate
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
-from pinbound.path.chain import Swept
+from pinbound.path.chain import HullChain
 from pinbound.path.relative import RelativePath, minimal_chain
 from pinbound.tolerances import NEVER_MEETS
 from pinbound.typing import Array, Flags
@@ -40,17 +40,17 @@ def least_separation(path: RelativePath) -> float:
     if single is not None:
         return single
     # Of lines and planes a part of r counts only, so that its length bounds nothing.
-    return -np.inf if path.across is not None else _triangle(path.swept)
+    return -np.inf if path.projection is not None else _triangle(path.difference)
 
 
-def _triangle(swept: Swept) -> float:
+def _triangle(difference: HullChain) -> float:
     """Return the longest offset less all others, for the worst of all t [m]; 0 if the chain slides."""
-    chain = swept.chain
+    chain = difference.chain
     if np.any(chain.slides):
         return 0.0
-    ways, split = np.array(swept.directions).reshape(-1, *chain.offsets.shape), swept.corners[0].shape[1]
+    edges, split = np.array(difference.directions).reshape(-1, *chain.offsets.shape), difference.corners[0].shape[1]
     centre, around = chain.offsets, 0.0
-    for corners, own in zip(swept.corners, (ways[:split], ways[split:]), strict=True):
+    for corners, own in zip(difference.corners, (edges[:split], edges[split:]), strict=True):
         middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
         centre = centre + np.tensordot(middle, own, axes=1)
         around += np.sum(np.linalg.norm(np.tensordot(corners - middle, own, axes=1), axis=2).max(axis=0))
@@ -69,12 +69,12 @@ class Reach:
         self._tree, self._coupling, self._links = tree, coupling, (link_a, link_b)
 
     @cached_property
-    def _chain(self) -> Swept | None:
+    def _chain(self) -> HullChain | None:
         """The chain with both ends at their links' origins, its directions being how they move; None if links slide."""
         x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
         ends = [Sweep("", link, (0.0, 0.0, 0.0), (x, y, z)) for link in self._links]
-        swept = minimal_chain(self._tree, self._coupling, ends[0], ends[1])
-        return None if np.any(swept.chain.slides) else swept
+        difference = minimal_chain(self._tree, self._coupling, ends[0], ends[1])
+        return None if np.any(difference.chain.slides) else difference
 
     def never_meet(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> bool:
         """Return whether every pair of marks is proven to stay apart over all q; lines and planes never are."""
@@ -114,11 +114,11 @@ class Reach:
     def _stays_apart(self, a: Mark, b: Mark) -> bool:
         """Return whether two marks are proven to stay apart by their own chain, which may be shorter."""
         threshold = a.shape.radius + b.shape.radius + NEVER_MEETS
-        swept = minimal_chain(self._tree, self._coupling, a, b)
-        if _triangle(swept) > threshold:
+        difference = minimal_chain(self._tree, self._coupling, a, b)
+        if _triangle(difference) > threshold:
             return True
-        chain = swept.chain
-        if chain.rotations != 1 or swept.directions or np.any(chain.slides):
+        chain = difference.chain
+        if chain.rotations != 1 or difference.directions or np.any(chain.slides):
             return False
         return float(_over_a_turn(chain.axes[0], chain.offsets[0], chain.offsets[1])) > threshold
 
@@ -135,12 +135,12 @@ def _balls(mark: Mark) -> tuple[Array, Array]:
     shape = mark.shape
     if not len(shape.directions) or not shape.is_zonotope:
         return shape.middle[None], np.array([shape.radius + shape.around])
-    ways = shape.directions
-    counts, lengths = np.ones(len(ways), dtype=int), np.linalg.norm(ways, axis=1)
+    edges = shape.directions
+    counts, lengths = np.ones(len(edges), dtype=int), np.linalg.norm(edges, axis=1)
     while np.prod(counts) * 2 <= _MOST_BALLS:
         counts[int(np.argmax(lengths / counts))] *= 2
-    cells = np.indices(tuple(counts.tolist())).reshape(len(ways), -1).T
-    centres = shape.origin + ((cells + 0.5) / counts) @ ways
+    cells = np.indices(tuple(counts.tolist())).reshape(len(edges), -1).T
+    centres = shape.origin + ((cells + 0.5) / counts) @ edges
     around = 0.5 * float(np.sum(lengths / counts))  # the half edges of a cell, end to end
     return centres, np.full(len(centres), shape.radius + around)
 

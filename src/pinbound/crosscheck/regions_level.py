@@ -234,7 +234,7 @@ def _compare(robot: Robot, region: Region, shapes: str, ignored: _Pairs, flood: 
 def _angle_tolerance(robot: Robot, shapes: str) -> float:
     """Return what coal, the bodies or the links may be off, as an angle on the shortest lever arm of a marked point."""
     paths = [boundary.path for boundary in robot.boundaries]
-    middles = [path.minimal.offsets[-1] + 0.5 * sum(way[-1] for way in path.swept.directions) for path in paths]
+    middles = [path.minimal.offsets[-1] + 0.5 * sum(edge[-1] for edge in path.difference.directions) for path in paths]
     arms = [arm for arm in np.linalg.norm(middles, axis=1).tolist() if arm > 0.0]
     margin = max((boundary.place_error for boundary in robot.boundaries), default=0.0)
     return ((CROSSCHECK_BODY if shapes == "spheres" else CROSSCHECK_STOP) + margin) / min(arms, default=1.0)

@@ -1,6 +1,6 @@
 """Where two swept points are nearest: the t in [0, 1] that make `|w + t_1 e_1 + t_2 e_2 + ...|` least.
 
-More than two ways are for `minimum_norm`. Of two, a convex function of t is least on the square's rim, or at a
+More than two edge vectors are for `minimum_norm`. Of two, a convex function of t is least on the square's rim, or at a
 stationary point inside. Each side of the rim is one segment, `t = -w . e / |e|^2` cut to [0, 1]. Inside, with
 `n = e_1 x e_2`,
 
@@ -23,56 +23,56 @@ from pinbound.typing import Array
 
 __all__ = ["lowest", "nearest", "nearest_of_hulls", "overlap", "overlap_in_plane"]
 
-_PARALLEL = 1e-8  # sine, below which rounding makes the normal of two ways
+_PARALLEL = 1e-8  # sine, below which rounding makes the normal of two edge vectors
 _FACE = 64  # unit roundoffs, relative to the furthest corner over the least sine: a unit normal and its products
 
 
-def nearest(w: Array, ways: Array) -> Array:
+def nearest(w: Array, edges: Array) -> Array:
     """Return the t (N, k) in [0, 1] at which `|w + sum_i t_i e_i|` is least.
 
     Args:
         w: (N, d), d being 3, or 2 across a line.
-        ways: (k, N, d), the e_i; they may be zero.
+        edges: (k, N, d), the e_i; they may be zero.
 
     Example:
-        >>> w, ways = np.array([[-0.25, 1.0, 0.0]]), np.array([[[1.0, 0.0, 0.0]], [[0.0, -2.0, 0.0]]])
-        >>> nearest(w, ways[:1]).tolist(), nearest(w, ways).tolist()
+        >>> w, edges = np.array([[-0.25, 1.0, 0.0]]), np.array([[[1.0, 0.0, 0.0]], [[0.0, -2.0, 0.0]]])
+        >>> nearest(w, edges[:1]).tolist(), nearest(w, edges).tolist()
         ([[0.25]], [[0.25, 0.5]])
     """
-    if not len(ways):
+    if not len(edges):
         return np.empty((len(w), 0))
-    if len(ways) == 1:
+    if len(edges) == 1:
         with np.errstate(invalid="ignore"):
-            return _foot(w, ways[0])[:, None]
-    if len(ways) > 2:
+            return _foot(w, edges[0])[:, None]
+    if len(edges) > 2:
         if w.shape[1] == 2:
-            w, ways = np.pad(w, ((0, 0), (0, 1))), np.pad(ways, ((0, 0), (0, 0), (0, 1)))
-        return nearest_corners(w, ways)[0]
+            w, edges = np.pad(w, ((0, 0), (0, 1))), np.pad(edges, ((0, 0), (0, 0), (0, 1)))
+        return nearest_corners(w, edges)[0]
     with np.errstate(invalid="ignore"):
-        return _on_square(w, ways[0], ways[1])
+        return _on_square(w, edges[0], edges[1])
 
 
-def nearest_of_hulls(w: Array, ways: Array, corners: tuple[Array, Array]) -> Array:
+def nearest_of_hulls(w: Array, edges: Array, corners: tuple[Array, Array]) -> Array:
     """Return the t (N, k) at which `|w + sum_i t_i e_i|` is least, t over the product of two hulls of corners.
 
     Args:
         w: (N, d), d being 3, or 2 across a line.
-        ways: (k, N, d), the e_i.
+        edges: (k, N, d), the e_i.
         corners: (k_a, m_a) and (k_b, m_b), m_a + m_b = k.
     """
     if w.shape[1] == 2:
-        w, ways = np.pad(w, ((0, 0), (0, 1))), np.pad(ways, ((0, 0), (0, 0), (0, 1)))
-    return nearest_hulls(w, ways, corners)
+        w, edges = np.pad(w, ((0, 0), (0, 1))), np.pad(edges, ((0, 0), (0, 0), (0, 1)))
+    return nearest_hulls(w, edges, corners)
 
 
-def lowest(ways: Array, corners: tuple[Array, Array]) -> Array:
+def lowest(edges: Array, corners: tuple[Array, Array]) -> Array:
     """Return the t (N, k) at which `sum_i t_i e_i` is least, the e_i being (k, N, 1) heights: those of a corner.
 
     Example:
         >>> lowest(np.array([[[1.0]], [[-2.0]]]), (np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.zeros((1, 0))))
         array([[0., 1.]])
     """
-    heights, split = ways[:, :, 0].T, corners[0].shape[1]
+    heights, split = edges[:, :, 0].T, corners[0].shape[1]
     sides = zip((heights[:, :split], heights[:, split:]), corners, strict=True)
     return np.hstack([c[np.argmin(part @ c.T, axis=1)] for part, c in sides])
 
@@ -93,33 +93,33 @@ def _on_square(w: Array, first: Array, second: Array) -> Array:
     return np.stack((s[best, rows], t[best, rows]), axis=1)
 
 
-def overlap(w: Array, ways: Array) -> Array:
+def overlap(w: Array, edges: Array) -> Array:
     """Return a ball's radius (N,) within which the origin may move without leaving `w + sum_i t_i e_i`, d = 3.
 
     It is the least distance of the origin from a face, less what rounding can have made of it: each face is spanned by
-    two ways, and all pairs of them are looked at. Zero where the origin is outside, or where the ways span no body.
+    two edge vectors, and all pairs of them are looked at. Zero where the origin is outside, or where they span no body.
 
-    Two ways that are nearly parallel span a face whose normal rounding has made. They are left out: laying the shorter
+    Two that are nearly parallel span a face whose normal rounding has made. They are left out: laying the shorter
     one along the other would move the body by less than `sine |e|`, which is taken off for all of them.
 
     Example:
         >>> overlap(np.array([[-0.5, -0.5, -0.3]]), np.eye(3)[:, None]).round(9).tolist()
         [0.3]
     """
-    count, k = len(w), len(ways)
+    count, k = len(w), len(edges)
     if k <= 2:
         return np.zeros(count)
     first, second = np.triu_indices(k, 1)
-    lengths = np.linalg.norm(ways, axis=2)
+    lengths = np.linalg.norm(edges, axis=2)
     size = np.linalg.norm(w, axis=1) + lengths.sum(axis=0)
-    normals = cross(ways[first], ways[second])
+    normals = cross(edges[first], edges[second])
     areas = np.linalg.norm(normals, axis=2)
     spans = lengths[first] * lengths[second]
     sines = np.divide(areas, spans, out=np.zeros_like(areas), where=spans > 0.0)
     faces = sines > _PARALLEL
     units = np.divide(normals, areas[:, :, None], out=np.zeros_like(normals), where=faces[:, :, None])
     middle = np.einsum("ni,fni->fn", w, units)
-    products = np.einsum("kni,fni->kfn", ways, units)
+    products = np.einsum("kni,fni->kfn", edges, units)
     least = np.minimum(middle + np.maximum(products, 0.0).sum(axis=0), -middle - np.minimum(products, 0.0).sum(axis=0))
     depth = np.where(faces, least, np.inf).min(axis=0)
     left_out = 2.0 * k * np.where(faces, 0.0, sines).max(axis=0) * lengths.sum(axis=0)
@@ -127,16 +127,16 @@ def overlap(w: Array, ways: Array) -> Array:
     return np.maximum(np.where(np.isfinite(depth), depth, 0.0) - left_out - rounding, 0.0)
 
 
-def overlap_in_plane(w: Array, ways: Array, normal: Array) -> Array:
+def overlap_in_plane(w: Array, edges: Array, normal: Array) -> Array:
     """Return the same for what stays in a plane: how far the origin's foot in it may move (N,), zero if outside.
 
-    The sides of a polygon `w + sum_i t_i e_i` are along its ways, two a way.
+    The sides of a polygon `w + sum_i t_i e_i` are along its edge vectors, two each.
     """
     depth = np.full(len(w), np.inf)
-    for way in ways:
-        length = np.linalg.norm(way, axis=1)
-        across = np.divide(np.cross(normal, way), length[:, None], out=np.zeros_like(w), where=length[:, None] > 0.0)
-        middle, products = np.einsum("ni,ni->n", w, across), np.einsum("kni,ni->kn", ways, across)
+    for edge in edges:
+        length = np.linalg.norm(edge, axis=1)
+        across = np.divide(np.cross(normal, edge), length[:, None], out=np.zeros_like(w), where=length[:, None] > 0.0)
+        middle, products = np.einsum("ni,ni->n", w, across), np.einsum("kni,ni->kn", edges, across)
         for side in (middle + np.maximum(products, 0.0).sum(axis=0), -middle - np.minimum(products, 0.0).sum(axis=0)):
             depth = np.minimum(depth, np.where(length > 0.0, side, np.inf))
     return np.maximum(np.where(np.isfinite(depth), depth, 0.0), 0.0)
@@ -155,8 +155,8 @@ def _inside(w: Array, first: Array, second: Array) -> tuple[Array, Array]:
     return s, _foot(w + s[:, None] * first, second)
 
 
-def _foot(w: Array, way: Array) -> Array:
-    return _cut(-np.einsum("ni,ni->n", w, way), np.einsum("ni,ni->n", way, way))
+def _foot(w: Array, edge: Array) -> Array:
+    return _cut(-np.einsum("ni,ni->n", w, edge), np.einsum("ni,ni->n", edge, edge))
 
 
 def _cut(above: Array, below: Array) -> Array:

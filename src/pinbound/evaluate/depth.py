@@ -81,8 +81,8 @@ def penetrations(path: RelativePath, radius: float, Q: Array, is_plane_first: bo
     apart = separation.separations(path, Q)
     inside = _overlapping(path, apart)
     direction, is_unique = numeric.unit(separation.vectors(path, Q)), np.isfinite(apart)
-    if path.is_signed and path.upright is not None:
-        direction = (-1.0 if is_plane_first else 1.0) * numeric.positions(path.upright, Q)
+    if path.is_signed and path.normal is not None:
+        direction = (-1.0 if is_plane_first else 1.0) * numeric.positions(path.normal, Q)
     for row, deepest in _deepest_of(path, Q, inside):
         apart[row], direction[row], is_unique[row] = -deepest.depth, -deepest.normal, deepest.is_unique
     return Penetration(np.maximum(radius - apart, 0.0), direction, is_unique)
@@ -107,22 +107,22 @@ def _overlapping(path: RelativePath, apart: Array) -> Indices:
 
 def _placed(path: RelativePath, Q: Array) -> _Placed:
     w = numeric.positions(path.branch_a.chain, Q) - numeric.positions(path.branch_b.chain, Q)
-    sides = ((path.branch_a.ways, 1.0), (path.branch_b.ways, -1.0))
-    own = (path.swept.corners[0].shape[1], path.swept.corners[1].shape[1])
-    ways = [
-        sign * numeric.positions(way, Q)
+    sides = ((path.branch_a.edges, 1.0), (path.branch_b.edges, -1.0))
+    own = (path.difference.corners[0].shape[1], path.difference.corners[1].shape[1])
+    edges = [
+        sign * numeric.positions(edge, Q)
         for (chains, sign), (start, stop) in zip(sides, ((0, own[0]), (own[0], sum(own))), strict=True)
-        for way in chains[start:stop]
+        for edge in chains[start:stop]
     ]
-    unit = None if path.upright is None else numeric.positions(path.upright, Q)
-    return _Placed(w, np.array(ways).reshape(len(ways), *w.shape), unit)
+    unit = None if path.normal is None else numeric.positions(path.normal, Q)
+    return _Placed(w, np.array(edges).reshape(len(edges), *w.shape), unit)
 
 
 def _deepest_of(path: RelativePath, Q: Array, rows: Indices) -> list[tuple[int, _Deepest]]:
     if not len(rows):
         return []
     placed = _placed(path, Q[rows])
-    corners = path.swept.corners
+    corners = path.difference.corners
     split = corners[0].shape[1]
     found: list[tuple[int, _Deepest]] = []
     for place, row in enumerate(rows.tolist()):
@@ -217,7 +217,7 @@ def _faces(points: Array) -> tuple[Array, Array]:
 
 def _slope(path: RelativePath, q: Array, m: Array, depth: float) -> Array:
     """Return the gradient (n,) of the signed distance of bodies that overlap, m being their only way out."""
-    placed, corners = _placed(path, q), path.swept.corners
+    placed, corners = _placed(path, q), path.difference.corners
     split = corners[0].shape[1]
     w, edges = placed.w, placed.edges
     size = float(np.linalg.norm(w) + np.linalg.norm(edges, axis=2).sum())
@@ -231,7 +231,7 @@ def _slope(path: RelativePath, q: Array, m: Array, depth: float) -> Array:
     r = placed.w[0] + t @ placed.edges[:, 0]
     for branch, sign, columns in ((path.branch_a, 1.0, range(split)), (path.branch_b, -1.0, range(split, len(t)))):
         for column in columns:
-            slope = slope + sign * t[column] * (m @ numeric.derivative(branch.ways[column], q)[0])
-    if path.upright is not None and placed.unit is not None:  # m turns with the line
-        slope = slope - (placed.unit[0] @ r) * (m @ numeric.derivative(path.upright, q)[0])
+            slope = slope + sign * t[column] * (m @ numeric.derivative(branch.edges[column], q)[0])
+    if path.normal is not None and placed.unit is not None:  # m turns with the line
+        slope = slope - (placed.unit[0] @ r) * (m @ numeric.derivative(path.normal, q)[0])
     return slope

@@ -31,7 +31,7 @@ _FACE = 64  # unit roundoffs of the path's length: vertices this near to the low
 _SPANNED = 1e-9  # relative: directions in which a face leads less far do not count as its own
 _FLAT_FACE = 1e-10  # relative: a curvature this small is none (two directions at 1e-5 rad)
 _STILL = 1e-8  # relative: so little does q lead along a direction that it does not follow
-_SINGULAR = 1e-14  # a determinant of unit rows: two ways at 1e-7 rad
+_SINGULAR = 1e-14  # a determinant of unit rows: two edge vectors at 1e-7 rad
 
 
 def separations(path: RelativePath, Q: Array) -> Array:
@@ -39,8 +39,8 @@ def separations(path: RelativePath, Q: Array) -> Array:
     if path.is_plain:
         found = numeric.norm(numeric.positions(path.minimal, Q))
     else:
-        w, ways = measured(path, Q)
-        r = _settled(path, w + np.einsum("nk,kni->ni", _parameters(path, w, ways), ways))
+        w, edges = measured(path, Q)
+        r = _settled(path, w + np.einsum("nk,kni->ni", _parameters(path, w, edges), edges))
         found = r[:, 0] if path.is_signed else numeric.norm(r)
     return np.where(np.isfinite(found), found, np.nan)  # a slide at infinity is no clearance
 
@@ -57,11 +57,11 @@ def vectors(path: RelativePath, Q: Array) -> Array:
         return r
     t = parameters(path, Q)
     for branch, sign in ((path.branch_a, 1.0), (path.branch_b, -1.0)):
-        for column, way in enumerate(branch.ways):
-            r = r + sign * t[:, column, None] * numeric.positions(way, Q)
-    if path.upright is None:
+        for column, edge in enumerate(branch.edges):
+            r = r + sign * t[:, column, None] * numeric.positions(edge, Q)
+    if path.normal is None:
         return r
-    unit = numeric.positions(path.upright, Q)
+    unit = numeric.positions(path.normal, Q)
     along = np.einsum("ni,ni->n", r, unit)[:, None] * unit
     return path.left_of(r, along)
 
@@ -75,11 +75,11 @@ def nearest_points(path: RelativePath, Q: Array) -> Array:
     points: list[Array] = []
     for branch in (path.branch_a, path.branch_b):
         x = numeric.positions(branch.chain, Q)
-        for column, way in enumerate(branch.ways):
-            x = x + t[:, column, None] * numeric.positions(way, Q)
+        for column, edge in enumerate(branch.edges):
+            x = x + t[:, column, None] * numeric.positions(edge, Q)
         points.append(x)
-    if path.upright is not None:
-        unit = numeric.positions(path.upright, Q)
+    if path.normal is not None:
+        unit = numeric.positions(path.normal, Q)
         r = points[0] - points[1]
         along = np.einsum("ni,ni->n", r, unit)[:, None] * unit
         r = path.left_of(r, along)
@@ -110,7 +110,7 @@ def hessians(path: RelativePath, Q: Array) -> Array:
     full = numeric.norm_hessian(r, J, H)
     free = (t > 0.0) & (t < 1.0)
     found = full[:, :n, :n].copy()
-    if not path.swept.is_zonotope:
+    if not path.difference.is_zonotope:
         return found - _follows(full, _faces(path, r, J[:, :, n:]), n)
     patterns: Any = np.unique(free, axis=0)
     for pattern in patterns:
@@ -122,15 +122,15 @@ def hessians(path: RelativePath, Q: Array) -> Array:
     return found
 
 
-def _faces(path: RelativePath, r: Array, ways: Array) -> Array:
+def _faces(path: RelativePath, r: Array, edges: Array) -> Array:
     """Return the projectors (N, k, k) on the t that stay in the nearest face of either body."""
-    towards, k = numeric.unit(r), ways.shape[2]
-    heights, split = np.einsum("ni,nik->nk", towards, ways), path.swept.corners[0].shape[1]
+    towards, k = numeric.unit(r), edges.shape[2]
+    heights, split = np.einsum("ni,nik->nk", towards, edges), path.difference.corners[0].shape[1]
     size = np.linalg.norm(r, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):  # a unit vector is known to the rounding of r
         tolerance = _FACE * UNIT_ROUNDOFF * path.minimal.scale * (1.0 + path.minimal.scale / size)
     projectors, first = np.zeros((len(r), k, k)), 0
-    for corners, along in zip(path.swept.corners, (heights[:, :split], heights[:, split:]), strict=True):
+    for corners, along in zip(path.difference.corners, (heights[:, :split], heights[:, split:]), strict=True):
         above = along @ corners.T
         with np.errstate(invalid="ignore"):
             lowest = above <= above.min(axis=1, keepdims=True) + tolerance[:, None]
@@ -162,7 +162,7 @@ def _follows(full: Array, faces: Array, n: int) -> Array:
 
 
 def _solve(inner: Array, mixed: Array) -> Array:
-    """Solve for the free t; singular systems (parallel ways: the nearest points are many) give no number."""
+    """Solve for the free t; singular systems (parallel edge vectors: the nearest points are many) give no number."""
     size = np.sqrt(np.einsum("nii->ni", inner))
     with np.errstate(invalid="ignore", divide="ignore"):
         scaled = inner / (size[:, :, None] * size[:, None, :])
@@ -176,15 +176,17 @@ def _solve(inner: Array, mixed: Array) -> Array:
 def measured(path: RelativePath, Q: Array) -> tuple[Array, Array]:
     """Return w (N, d) and the e (k, N, d) of what counts: d = 3, 2 across a line, 1 above a plane."""
     w = numeric.positions(path.minimal, Q)
-    ways = np.array([numeric.positions(way, Q) for way in path.swept.ways]).reshape(len(path.swept.ways), *w.shape)
+    edges = np.array([numeric.positions(edge, Q) for edge in path.difference.edges]).reshape(
+        len(path.difference.edges), *w.shape
+    )
     with np.errstate(invalid="ignore"):
-        return path.counted(w), path.counted(ways)
+        return path.counted(w), path.counted(edges)
 
 
-def _parameters(path: RelativePath, w: Array, ways: Array) -> Array:
+def _parameters(path: RelativePath, w: Array, edges: Array) -> Array:
     if path.is_signed:
-        return lowest(ways, path.swept.corners)
-    return nearest(w, ways) if path.swept.is_zonotope else nearest_of_hulls(w, ways, path.swept.corners)
+        return lowest(edges, path.difference.corners)
+    return nearest(w, edges) if path.difference.is_zonotope else nearest_of_hulls(w, edges, path.difference.corners)
 
 
 def _settled(path: RelativePath, r: Array) -> Array:
@@ -196,13 +198,13 @@ def _settled(path: RelativePath, r: Array) -> Array:
 
 def _around(path: RelativePath, Q: Array, order: int) -> tuple[Array, Array, Array, Array]:
     """Return r (N, d), its derivatives by (q, t), (N, d, n + k) and (N, d, n + k, n + k), and t, at the nearest t."""
-    parts = [numeric.derivatives(chain, Q, order) for chain in (path.minimal, *path.swept.ways)]
-    if path.across is not None:
-        parts = [tuple(np.einsum("di,ni...->nd...", path.across, part) for part in one) for one in parts]
+    parts = [numeric.derivatives(chain, Q, order) for chain in (path.minimal, *path.difference.edges)]
+    if path.projection is not None:
+        parts = [tuple(np.einsum("di,ni...->nd...", path.projection, part) for part in one) for one in parts]
     (w, J, H), others = parts[0], parts[1:]
     n, k = Q.shape[1], len(others)
-    ways = np.array([one[0] for one in others]).reshape(k, *w.shape)
-    t = _parameters(path, w, ways)
+    edges = np.array([one[0] for one in others]).reshape(k, *w.shape)
+    t = _parameters(path, w, edges)
     r, slope = w.copy(), np.concatenate((J, np.zeros((*w.shape, k))), axis=2)
     bend = np.pad(H, ((0, 0), (0, 0), (0, k), (0, k))) if order > 1 else H
     for i, (e, e_slope, e_bend) in enumerate(others):

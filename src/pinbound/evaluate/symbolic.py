@@ -17,7 +17,7 @@ import numpy as np
 import sympy
 
 from pinbound.exceptions import UnsupportedError
-from pinbound.path.chain import Chain, Swept, are_parallel
+from pinbound.path.chain import Chain, HullChain, are_parallel
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import SYMBOLIC_DIGITS
 from pinbound.typing import Array
@@ -55,28 +55,28 @@ def minimal_vector(path: RelativePath, coordinates: Sequence[str]) -> Any:
 
     Of segments, between the points t_1, t_2; of a line or plane, the part of r that counts.
     """
-    r = _swept_vector(path.swept, path.frame, coordinates)
-    if path.across is None:
+    r = _sum_vector(path.difference, path.frame, coordinates)
+    if path.projection is None:
         return r
-    rows = _constants(path.across.T @ path.across, 1.0)
+    rows = _constants(path.projection.T @ path.projection, 1.0)
     return sp.expand(rows * r)
 
 
 def ancestor_vector(path: RelativePath, coordinates: Sequence[str]) -> Any:
     """Return `r = x_a - x_b` (3, 1) in the ancestor's frame: the paper's form."""
-    r = _swept_vector(path.branch_a, 0, coordinates) - _swept_vector(path.branch_b, 0, coordinates)
-    if path.upright is None:
+    r = _sum_vector(path.branch_a, 0, coordinates) - _sum_vector(path.branch_b, 0, coordinates)
+    if path.normal is None:
         return r
-    unit = _vector(path.upright, 0, symbols(coordinates))
+    unit = _vector(path.normal, 0, symbols(coordinates))
     along = unit * unit.dot(r)
     return path.left_of(r, along)
 
 
-def _swept_vector(swept: Swept, position: int, coordinates: Sequence[str]) -> Any:
+def _sum_vector(points: HullChain, position: int, coordinates: Sequence[str]) -> Any:
     q = symbols(coordinates)
-    total = _vector(swept.chain, position, q)
-    for t, way in zip(parameters(len(swept.turned), coordinates), swept.turned, strict=True):
-        total += t * _vector(way, position, q)
+    total = _vector(points.chain, position, q)
+    for t, edge in zip(parameters(len(points.turned), coordinates), points.turned, strict=True):
+        total += t * _vector(edge, position, q)
     return total
 
 
@@ -194,7 +194,7 @@ def limit_expressions(path: RelativePath, index: int, coordinates: Sequence[str]
             segments or across a line.
     """
     chain = path.minimal
-    if path.swept.directions or (path.across is not None and not path.is_signed):
+    if path.difference.directions or (path.projection is not None and not path.is_signed):
         raise UnsupportedError("segments and lines have no closed form; limits(...) gives their values, all of them")
     turned = np.flatnonzero(chain.coefficients[:, index])
     name = coordinates[index]
@@ -211,12 +211,12 @@ def limit_expressions(path: RelativePath, index: int, coordinates: Sequence[str]
     c = [sp.Rational(f"{value:.{SYMBOLIC_DIGITS}g}") for value in chain.coefficients[place]]
     rest = sum((c[i] * q[i] for i in range(len(q)) if i != index), sp.S.Zero)
     t = sp.Rational(f"{threshold:.{SYMBOLIC_DIGITS}g}")
-    if path.across is not None:
+    if path.projection is not None:
         upright = np.zeros_like(before.offsets)
-        upright[0] = path.across[0]
+        upright[0] = path.projection[0]
         n = _vector(replace(before, offsets=upright, slides=np.zeros_like(before.slides)), place, q)
-        s_across = s - axis * axis.dot(s)
-        A, B, C = n.dot(p) + n.dot(axis) * axis.dot(s), n.dot(s_across), n.dot(axis.cross(s))
+        s_perpendicular = s - axis * axis.dot(s)
+        A, B, C = n.dot(p) + n.dot(axis) * axis.dot(s), n.dot(s_perpendicular), n.dot(axis.cross(s))
         phi = sp.atan2(sp.expand(-C), sp.expand(-B))
         width = sp.acos((sp.expand(A) - t) / sp.sqrt(sp.expand(B**2 + C**2)))
         return LimitExpressions(name, (phi - rest) / c[index], width / abs(c[index]), 2 * sp.pi / abs(c[index]))

@@ -57,26 +57,26 @@ def nearest_features(path: RelativePath, Q: Array) -> list[tuple[Feature, Featur
     Raises:
         UnsupportedError: If one of the marks is a line or plane, which has no vertices.
     """
-    if path.upright is not None:
+    if path.normal is not None:
         raise UnsupportedError("a line or plane has no vertices to name. Ask for a boundary between two bodies")
     r = separation.vectors(path, Q)
     size = np.linalg.norm(r, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         unit = r / size[:, None]
         slack = _ROUNDINGS * UNIT_ROUNDOFF * path.minimal.scale * (1.0 + path.minimal.scale / size)
-    split = path.swept.corners[0].shape[1]  # directions of a come first
-    a = _lowest(path.branch_a.ways[:split], path.swept.corners[0], Q, unit, slack)
-    b = _lowest(path.branch_b.ways[split:], path.swept.corners[1], Q, -unit, slack)
+    split = path.difference.corners[0].shape[1]  # directions of a come first
+    a = _lowest(path.branch_a.edges[:split], path.difference.corners[0], Q, unit, slack)
+    b = _lowest(path.branch_b.edges[split:], path.difference.corners[1], Q, -unit, slack)
     return [
         (_feature(first), _feature(second)) if length > OVERLAP * path.minimal.scale else None
         for first, second, length in zip(a, b, size.tolist(), strict=True)
     ]
 
 
-def _lowest(ways: Sequence[Chain], corners: Array, Q: Array, direction: Array, slack: Array) -> Flags:
+def _lowest(edges: Sequence[Chain], corners: Array, Q: Array, direction: Array, slack: Array) -> Flags:
     """Return which vertices (N, k) are the lowest along a direction (N, 3), within some slack (N,) [m]."""
-    along = np.array([np.einsum("ni,ni->n", numeric.positions(way, Q), direction) for way in ways])
-    heights = along.reshape(len(ways), len(Q)).T @ corners.T
+    along = np.array([np.einsum("ni,ni->n", numeric.positions(edge, Q), direction) for edge in edges])
+    heights = along.reshape(len(edges), len(Q)).T @ corners.T
     with np.errstate(invalid="ignore"):
         found: Flags = heights <= heights.min(axis=1, keepdims=True) + slack[:, None]
     return found

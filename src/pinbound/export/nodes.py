@@ -37,8 +37,8 @@ class SignedNodes:
 
 def is_closed(rule: ContactRule) -> bool:
     """Return whether the nearest points have a closed form: those of boxes, prisms and hulls are searched for."""
-    swept = rule.path.swept
-    return rule.is_stop or (swept.is_zonotope and (rule.path.is_signed or len(swept.directions) <= MOST_WAYS))
+    difference = rule.path.difference
+    return rule.is_stop or (difference.is_zonotope and (rule.path.is_signed or len(difference.directions) <= MOST_WAYS))
 
 
 def signed_nodes(

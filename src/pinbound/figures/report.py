@@ -188,7 +188,7 @@ def _said_of(robot: Robot, link: str, bodies: Sequence[Body], marks: Sequence[Ma
 
 def _with_formulas(robot: Robot) -> list[Boundary]:
     """Return the boundaries whose formulas are printed: of points and segments, the first of them if there are many."""
-    plain = [one for one in robot.boundaries if one.path.swept.is_zonotope]
+    plain = [one for one in robot.boundaries if one.path.difference.is_zonotope]
     return plain[:_MOST_FORMULAS]
 
 

@@ -32,12 +32,12 @@ def nearest_exactly(w: Array, directions: Array, corners: tuple[Array, Array]) -
     """
     split = corners[0].shape[1]
     offset, places = _whole(w)
-    ways, more = _whole(directions)
+    edges, more = _whole(directions)
     sides = [_whole(one) for one in corners]
     depth = max(0, *(power for _, power in sides))
     shift = max(places, more + depth)
     base = [x << (shift - places) for x in offset.tolist()]
-    own = (ways[:split], ways[split:])
+    own = (edges[:split], edges[split:])
     steps = [
         (c @ part if part.size else np.zeros((len(c), 3), dtype=object)) * (1 << (shift - more - power))
         for (c, power), part in zip(sides, own, strict=True)

@@ -55,11 +55,11 @@ def nearest_vertices(w: Array, directions: Array, corners: tuple[Array, Array]) 
     split = a.shape[1]
 
     def support(v: Array, rows: Indices) -> tuple[Array, Array, Array]:
-        base, ways = w[rows], directions[:, rows]
-        along = np.einsum("kni,ni->nk", ways, v)
+        base, edges = w[rows], directions[:, rows]
+        along = np.einsum("kni,ni->nk", edges, v)
         first, second = along[:, :split] @ a.T, along[:, split:] @ b.T
         corner = np.hstack((a[np.argmin(first, axis=1)], b[np.argmin(second, axis=1)]))
-        x = base + np.einsum("nk,kni->ni", corner, ways)
+        x = base + np.einsum("nk,kni->ni", corner, edges)
         return x, np.einsum("ni,ni->n", x, v), corner
 
     middle = np.concatenate((a.mean(axis=0), b.mean(axis=0)))
@@ -87,20 +87,20 @@ def reach(w: Array, directions: Array, corners: tuple[Array, Array]) -> Array:
     return np.linalg.norm(w, axis=1) + sum((np.abs(c) @ part).max(axis=0) for part, c in sides)
 
 
-def search(w: Array, ways: Array, support: Support, start: Array, scale: Array) -> tuple[Array, Array]:
+def search(w: Array, edges: Array, support: Support, start: Array, scale: Array) -> tuple[Array, Array]:
     """Return the least t (N, k), and a proven lower bound of the distance (N,), zero or less if the origin is inside.
 
     Args:
         w: (N, 3).
-        ways: (k, N, 3).
+        edges: (k, N, 3).
         support: Takes v (n, 3) of some rows, and which rows they are (n,), and returns the corner furthest against v
             (n, 3), its product with v (n,), and its t (n, k).
         start: (N, 3) the first direction to look against.
         scale: (N,) what rounding is relative to.
     """
-    count, k = len(w), len(ways)
+    count, k = len(w), len(edges)
     t, bound = np.zeros((count, k)), np.full(count, np.nan)
-    rows = np.flatnonzero(np.all(np.isfinite(w), axis=1) & np.all(np.isfinite(ways), axis=(0, 2)))
+    rows = np.flatnonzero(np.all(np.isfinite(w), axis=1) & np.all(np.isfinite(edges), axis=(0, 2)))
     points, corners = np.zeros((count, 4, 3)), np.zeros((count, 4, k))
     used = np.zeros((count, 4), dtype=np.bool_)
     v, shortest = start.copy(), np.full(count, np.inf)

@@ -134,15 +134,15 @@ class _Writer:
         for index in range(chain.rotations):
             step = offsets[index] if index else np.zeros(3)
             path_nodes.append(self._node(path_nodes[-1], step, chain, index))
-        counts = [corners.shape[1] for corners in path.swept.corners]
+        counts = [corners.shape[1] for corners in path.difference.corners]
         first, last = offsets[0].copy(), offsets[-1].copy() if chain.rotations else np.zeros(3)
         sides: list[float] = []
         tables: list[float] = []
         true_counts: list[float] = []
         reach = 0.0
-        for side, given in enumerate(path.swept.corners):
-            ways = [path.swept.directions[i] for i in range(sum(counts[:side]), sum(counts[: side + 1]))]
-            block, matrix = _one_block(chain, ways)
+        for side, given in enumerate(path.difference.corners):
+            edges = [path.difference.directions[i] for i in range(sum(counts[:side]), sum(counts[: side + 1]))]
+            block, matrix = _one_block(chain, edges)
             if block < 0:
                 return False
             corners = given
@@ -160,9 +160,9 @@ class _Writer:
             true_counts.append(float(len(around)))
             reach += float(np.linalg.norm(around @ matrix.T, axis=1).max())
         measured, rows = 0.0, np.zeros(9)
-        if path.across is not None:
+        if path.projection is not None:
             measured = 2.0 if path.is_signed else 1.0
-            rows = path.across[0] if path.is_signed else (path.across.T @ path.across).ravel()
+            rows = path.projection[0] if path.is_signed else (path.projection.T @ path.projection).ravel()
         where = [i for i in range(chain.rotations + 1) if np.any(np.abs(chain.slides[i]) > REDUCTION)]
         self.slides.append(
             [
@@ -264,15 +264,15 @@ def _pushed(chain: Chain) -> Array:
     return offsets
 
 
-def _one_block(chain: Chain, ways: Sequence[Array]) -> tuple[int, Array]:
+def _one_block(chain: Chain, edges: Sequence[Array]) -> tuple[int, Array]:
     """Return the block that holds all edge vectors, and these (3, 3), zero where there are fewer; -1 if there is none.
 
     The reduction has moved what lies along an axis in front of its rotation; here it is moved back.
     """
-    matrix = np.zeros((3, max(len(ways), 3)))
-    if not ways:
+    matrix = np.zeros((3, max(len(edges), 3)))
+    if not edges:
         return 0, matrix
-    blocks = np.stack(ways, axis=2)  # (k + 1, 3, ways)
+    blocks = np.stack(edges, axis=2)  # (k + 1, 3, edges)
     for index in range(chain.rotations):
         here, axis = blocks[index], chain.axes[index]
         size = np.abs(blocks).max()
@@ -287,5 +287,5 @@ def _one_block(chain: Chain, ways: Sequence[Array]) -> tuple[int, Array]:
     if len(filled) > 1:
         return -1, matrix
     block = filled[0] if filled else 0
-    matrix[:, : len(ways)] = blocks[block]
+    matrix[:, : len(edges)] = blocks[block]
     return block, matrix

@@ -68,7 +68,7 @@ def _straight(
 
 def _is_straight(pair: Pair) -> bool:
     """Return whether the separation is an expression: closed forms over t in [0, 1] alone."""
-    return pair.path.form is not Form.SEARCHED and pair.path.swept.is_zonotope
+    return pair.path.form is not Form.SEARCHED and pair.path.difference.is_zonotope
 
 
 class MixedKernel:

@@ -13,21 +13,21 @@ from pinbound.kernel.scalars import Graph, Vector
 __all__ = ["cross", "lowest", "nearest"]
 
 
-def nearest(g: Graph, w: Vector, ways: Sequence[Vector], squares: Sequence[int] | None = None) -> Vector:
+def nearest(g: Graph, w: Vector, edges: Sequence[Vector], squares: Sequence[int] | None = None) -> Vector:
     """Return `w + sum_i t_i e_i` at the t in [0, 1] at which it is shortest.
 
     Args:
         g: The graph.
         w: The vector where all t are zero.
-        ways: None, one or two e_i.
+        edges: None, one or two e_i.
         squares: Nodes of `|e_i|^2` where they are known beforehand, as the lengths of segments are.
     """
-    if not ways:
+    if not edges:
         return w
-    sizes = [g.dot(e, e) for e in ways] if squares is None else squares
-    if len(ways) == 1:
-        return _along(g, w, g.hold(_foot(g, w, ways[0], sizes[0])), ways[0])
-    (first, second), zero, one = ways, g.constant(0.0), g.constant(1.0)
+    sizes = [g.dot(e, e) for e in edges] if squares is None else squares
+    if len(edges) == 1:
+        return _along(g, w, g.hold(_foot(g, w, edges[0], sizes[0])), edges[0])
+    (first, second), zero, one = edges, g.constant(0.0), g.constant(1.0)
     far_first, far_second = _sum(g, w, first), _sum(g, w, second)
     candidates = [
         (zero, _foot(g, w, second, sizes[1])),
@@ -46,10 +46,10 @@ def nearest(g: Graph, w: Vector, ways: Sequence[Vector], squares: Sequence[int] 
     return _along(g, _along(g, w, g.hold(s), first), g.hold(t), second)
 
 
-def lowest(g: Graph, height: int, ways: Sequence[int]) -> int:
+def lowest(g: Graph, height: int, edges: Sequence[int]) -> int:
     """Return `height + sum_i t_i e_i` at the t in [0, 1] at which it is least: 0 or 1."""
     zero = g.constant(0.0)
-    return g.total([height, *(g.pick(e, zero, e, zero) for e in ways)])
+    return g.total([height, *(g.pick(e, zero, e, zero) for e in edges)])
 
 
 def cross(g: Graph, a: Vector, b: Vector) -> Vector:
@@ -58,8 +58,8 @@ def cross(g: Graph, a: Vector, b: Vector) -> Vector:
     return x, y, z
 
 
-def _inside(g: Graph, w: Vector, ways: tuple[Vector, Vector], sizes: Sequence[int]) -> tuple[int, int]:
-    first, second = ways
+def _inside(g: Graph, w: Vector, edges: tuple[Vector, Vector], sizes: Sequence[int]) -> tuple[int, int]:
+    first, second = edges
     n = cross(g, first, second)
     s = _cut(g, g.sub(g.constant(0.0), g.dot(cross(g, w, second), n)), g.dot(n, n))
     t = _foot(g, _along(g, w, s, first), second, sizes[1])
@@ -67,8 +67,8 @@ def _inside(g: Graph, w: Vector, ways: tuple[Vector, Vector], sizes: Sequence[in
     return s, _foot(g, _along(g, w, s, first), second, sizes[1])
 
 
-def _foot(g: Graph, w: Vector, way: Vector, size: int) -> int:
-    return _cut(g, g.sub(g.constant(0.0), g.dot(w, way)), size)
+def _foot(g: Graph, w: Vector, edge: Vector, size: int) -> int:
+    return _cut(g, g.sub(g.constant(0.0), g.dot(w, edge)), size)
 
 
 def _cut(g: Graph, above: int, below: int) -> int:
@@ -82,8 +82,8 @@ def _cut(g: Graph, above: int, below: int) -> int:
     return g.pick(quotient, zero, zero, g.pick(one, quotient, one, quotient))
 
 
-def _along(g: Graph, w: Vector, t: int, way: Vector) -> Vector:
-    x, y, z = (g.add(a, g.mul(t, b)) for a, b in zip(w, way, strict=True))
+def _along(g: Graph, w: Vector, t: int, edge: Vector) -> Vector:
+    x, y, z = (g.add(a, g.mul(t, b)) for a, b in zip(w, edge, strict=True))
     return x, y, z
 
 

@@ -63,8 +63,8 @@ class CommonMark:
     """A mark in the common frame.
 
     Attributes:
-        chains: Its point, and the ends of its ways; of a line or plane, its point, and its unit direction or normal as
-            a chain of rotations alone: the difference of two points far away would round it by their distance.
+        chains: Its point, and the ends of its edge vectors; of a line or plane, its point, and its unit direction or
+            normal as a chain of rotations alone: the difference of two points far away would round it by how far.
         flat: Whether it is a line or a plane.
     """
 
@@ -246,25 +246,25 @@ def _planar_angles(chain: Chain, frame: int) -> list[Angle]:
 def _local_vector(angles: _Angles, path: RelativePath) -> Vector:
     """Return r, or what counts of it, in the frame at position f; of a signed path the height, first of three."""
     g, f, chain = angles.graph, path.frame, path.minimal
-    chains = [chain, *path.swept.turned]
+    chains = [chain, *path.difference.turned]
     basis = np.eye(3)
     if chain.is_planar and chain.rotations:
         terms = _planar_angles(chain, f)
         lengths = [float(np.linalg.norm(b)) if any(t) else 0.0 for b, t in zip(chain.offsets, terms, strict=True)]
         basis = _basis(chain.axes[0], chain.offsets[int(np.argmax(lengths))])
-        w, *ways = (_planar(angles, one, f, basis) for one in chains)
+        w, *edges = (_planar(angles, one, f, basis) for one in chains)
     else:
-        w, *ways = (_spatial(angles, one, f) for one in chains)
-    if path.across is None:  # a segment keeps its length, so that q = 0 tells it
-        squares = [g.constant(float(np.sum(np.sum(way, axis=0) ** 2))) for way in path.swept.directions]
-        return nearest(g, w, ways, squares)
+        w, *edges = (_spatial(angles, one, f) for one in chains)
+    if path.projection is None:  # a segment keeps its length, so that q = 0 tells it
+        squares = [g.constant(float(np.sum(np.sum(edge, axis=0) ** 2))) for edge in path.difference.directions]
+        return nearest(g, w, edges, squares)
     rows = np.zeros((3, 3))
-    rows[: len(path.across)] = path.across @ basis
-    w, *ways = (_change(g, vector, rows) for vector in (w, *ways))
+    rows[: len(path.projection)] = path.projection @ basis
+    w, *edges = (_change(g, vector, rows) for vector in (w, *edges))
     if not path.is_signed:
-        return nearest(g, w, ways)
+        return nearest(g, w, edges)
     zero = g.constant(0.0)
-    return lowest(g, w[0], [way[0] for way in ways]), zero, zero
+    return lowest(g, w[0], [edge[0] for edge in edges]), zero, zero
 
 
 def _planar(angles: _Angles, chain: Chain, frame: int, basis: Array) -> Vector:
@@ -281,7 +281,7 @@ def _planar(angles: _Angles, chain: Chain, frame: int, basis: Array) -> Vector:
 
 
 def _basis(axis: Array, along: Array) -> Array:
-    """Return a right-handed orthonormal basis (e1, e2, axis) as columns, e1 towards `along` where that has a way."""
+    """Return a right-handed orthonormal basis (e1, e2, axis) as columns, e1 towards `along` where that has length."""
     across = along - axis * (axis @ along)
     if not np.linalg.norm(across) > 0.0:
         unit = np.eye(3)[int(np.argmin(np.abs(axis)))]
@@ -386,20 +386,20 @@ def _common_vector(
     """Return r, or what counts of it, in the common frame."""
     kinds = [marks[name].flat for name in pair.marks]
     a, b = (placed[name] for name in pair.marks)
-    w, ways, squares = _less(g, a[0], b[0]), list[Vector](), list[int]()
+    w, edges, squares = _less(g, a[0], b[0]), list[Vector](), list[int]()
     for side, (start, *ends) in enumerate((a, b)):
         for end in ends if kinds[side] is None else ():
-            ways.append(_less(g, end, start) if side == 0 else _less(g, start, end))
-            way = pair.path.swept.directions[len(squares)]
-            squares.append(g.constant(float(np.sum(np.sum(way, axis=0) ** 2))))
+            edges.append(_less(g, end, start) if side == 0 else _less(g, start, end))
+            edge = pair.path.difference.directions[len(squares)]
+            squares.append(g.constant(float(np.sum(np.sum(edge, axis=0) ** 2))))
     flat = next((side for side in (0, 1) if kinds[side] is not None), None)
     if flat is None:
-        return nearest(g, w, ways, squares)
+        return nearest(g, w, edges, squares)
     upright, zero = (a, b)[flat][1], g.constant(0.0)
     if kinds[flat] == "line":
-        return nearest(g, cross(g, w, upright), [cross(g, way, upright) for way in ways])
+        return nearest(g, cross(g, w, upright), [cross(g, edge, upright) for edge in edges])
     towards = upright if flat == 1 else _less(g, (zero, zero, zero), upright)
-    return lowest(g, g.dot(w, towards), [g.dot(way, towards) for way in ways]), zero, zero
+    return lowest(g, g.dot(w, towards), [g.dot(edge, towards) for edge in edges]), zero, zero
 
 
 def _less(g: Graph, a: Vector, b: Vector) -> Vector:

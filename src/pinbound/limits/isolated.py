@@ -1,14 +1,14 @@
 """Contacts along one coordinate that have no closed form: one entry, whatever the two marks are.
 
 Two points have `|r|^2 - T^2`, whose derivatives are bounded up to the third: `isolation`. All others have a separation
-that is only piecewise smooth, and bounds over intervals: `swept_isolation`. `docs/hull-proofs.md` says why.
+that is only piecewise smooth, and bounds over intervals: `piecewise_isolation`. `docs/hull-proofs.md` says why.
 """
 
 from __future__ import annotations
 
 import math
 
-from pinbound.limits import isolation, swept_isolation
+from pinbound.limits import isolation, piecewise_isolation
 from pinbound.path.relative import RelativePath
 from pinbound.typing import Array
 
@@ -27,7 +27,7 @@ def arcs(
         rows = [isolation.arcs(path.minimal, index, name, q, threshold, window) for q in Q]
         ends = rows[0][2] if rows else (-math.inf, math.inf)
         return [row[0] for row in rows], [row[1] for row in rows], ends
-    found, period, ends = swept_isolation.arcs(path, index, name, Q, threshold, window)
+    found, period, ends = piecewise_isolation.arcs(path, index, name, Q, threshold, window)
     return found, [period if len(one) and math.isfinite(one[0, 0]) else math.inf for one in found], ends
 
 
@@ -41,4 +41,4 @@ def around(
     """
     if path.is_plain:
         return isolation.around(path.minimal, index, name, q, threshold, domain)
-    return swept_isolation.around(path, index, name, q, threshold, domain)
+    return piecewise_isolation.around(path, index, name, q, threshold, domain)

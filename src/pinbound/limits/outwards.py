@@ -62,14 +62,14 @@ def _farthest_contact(path: RelativePath, index: int, q: Array, distance: float)
     """
     chain = path.minimal
     rates = np.linalg.norm(chain.slides[:, :, index], axis=1)
-    if path.across is not None or np.count_nonzero(rates) != 1:
+    if path.projection is not None or np.count_nonzero(rates) != 1:
         return math.inf
     rest = q.copy()
     rest[index] = 0.0
     held = chain.offsets + chain.slides @ rest
-    moved = np.linalg.norm(np.array(path.swept.directions).reshape(-1, *held.shape), axis=2).sum(axis=1)
-    split = path.swept.corners[0].shape[1]
-    sides = zip((moved[:split], moved[split:]), path.swept.corners, strict=True)
+    moved = np.linalg.norm(np.array(path.difference.directions).reshape(-1, *held.shape), axis=2).sum(axis=1)
+    split = path.difference.corners[0].shape[1]
+    sides = zip((moved[:split], moved[split:]), path.difference.corners, strict=True)
     others = float(np.linalg.norm(held, axis=1).sum() + sum((np.abs(c) @ part).max() for part, c in sides))
     return (others + distance) / float(rates.max()) * (1.0 + 1e-9)
 

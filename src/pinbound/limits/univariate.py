@@ -9,8 +9,8 @@ is smallest at phi*; it is at or below a threshold t on the strip `phi* +- w`, s
 where m is the smallest norm. The form in sin^2 keeps full accuracy near contact. If a coordinate only slides,
 `r = p + d x` and contact is where `|x - x*| <= sqrt(t^2 - m^2) / |d|`. Above a plane the height is
 `m + 2 D sin^2((phi - phi*) / 2)`, a strip again. All are evaluated for many q at once; every other use of a coordinate
-goes to `isolation`, which finds all roots with a proof, and segments and lines to `swept_isolation`, or, where the
-coordinate only slides them, to `swept_sliding`. See `docs/limits.md` and `docs/segments.md`.
+goes to `isolation`, which finds all roots with a proof, and segments and lines to `piecewise_isolation`, or, where the
+coordinate only slides them, to `prismatic`. See `docs/limits.md` and `docs/segments.md`.
 """
 
 from __future__ import annotations
@@ -147,10 +147,12 @@ def strips(p: Array, s: Array, axis: Array, threshold: float, tolerance: float) 
         Angles in (-pi, pi], half widths (NaN: no contact; 0: the arms just align; pi: always) and smallest norms [m].
     """
     height = (p + s) @ axis
-    p_across, s_across = p - np.outer(p @ axis, axis), s - np.outer(s @ axis, axis)
-    length_p, length_s = np.linalg.norm(p_across, axis=1), np.linalg.norm(s_across, axis=1)
+    p_perpendicular, s_perpendicular = p - np.outer(p @ axis, axis), s - np.outer(s @ axis, axis)
+    length_p, length_s = np.linalg.norm(p_perpendicular, axis=1), np.linalg.norm(s_perpendicular, axis=1)
     smallest = np.hypot(height, length_p - length_s)
-    angle = np.arctan2(np.cross(s_across, -p_across) @ axis, -np.einsum("ni,ni->n", s_across, p_across))
+    angle = np.arctan2(
+        np.cross(s_perpendicular, -p_perpendicular) @ axis, -np.einsum("ni,ni->n", s_perpendicular, p_perpendicular)
+    )
     room, reach = (threshold - smallest) * (threshold + smallest), 4.0 * length_p * length_s
     with np.errstate(invalid="ignore", divide="ignore"):
         share = np.sqrt(np.clip(room / reach, 0.0, 1.0))
@@ -222,10 +224,10 @@ def one_angle_strips(path: RelativePath, threshold: float, tolerance: float) -> 
     p, s = path.minimal.offsets
     if path.is_plain:
         return coefficients, (strip(p, s, axis, threshold, tolerance),)
-    if path.is_signed and path.across is not None and not path.swept.directions:
-        angle, half_width, m = (float(x[0]) for x in height_strips(p[None], s[None], axis, path.across, threshold))
+    if path.is_signed and path.projection is not None and not path.difference.directions:
+        angle, half_width, m = (float(x[0]) for x in height_strips(p[None], s[None], axis, path.projection, threshold))
         return coefficients, (Strip(angle, None if math.isnan(half_width) else half_width, m),)
-    from pinbound.limits.swept_isolation import smallest, turn_arcs
+    from pinbound.limits.piecewise_isolation import smallest, turn_arcs
 
     free, (_, m) = turn_arcs(path, threshold), smallest(path)
     if not len(free):
@@ -245,7 +247,7 @@ def one_angle_smallest(path: RelativePath) -> float | None:
     if path.is_plain:
         p, s = path.minimal.offsets
         return strip(p, s, path.minimal.axes[0], 0.0, 0.0).smallest
-    from pinbound.limits.swept_isolation import smallest
+    from pinbound.limits.piecewise_isolation import smallest
 
     return smallest(path)[0]
 
@@ -295,7 +297,7 @@ def allowed_arcs_table(
     if not len(turned) and path.is_plain:
         return _sliding(chain, index, name, Q, threshold, tolerance)
     if not len(turned):
-        from pinbound.limits.swept_sliding import intervals as sliding
+        from pinbound.limits.prismatic import intervals as sliding
 
         found, never = sliding(path, index, Q, threshold), np.full(len(Q), math.inf)
         if window is None:
@@ -320,11 +322,11 @@ def _turning(
     others = chain.coefficients[place].copy()
     others[index] = 0.0
     p, s, axis = *_parts(chain, place, Q), chain.axes[place]
-    if path.across is None:
+    if path.projection is None:
         angle, half_width, _ = strips(p, s, axis, threshold, tolerance)
     else:
         upright = np.zeros_like(chain.offsets)
-        upright[0] = path.across[0]
+        upright[0] = path.projection[0]
         normal = _parts(replace(chain, offsets=upright, slides=np.zeros_like(chain.slides)), place, Q)[0]
         angle, half_width, _ = height_strips(p, s, axis, normal, threshold)
     period = 2.0 * math.pi / abs(c)

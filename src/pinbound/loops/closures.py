@@ -21,7 +21,7 @@ from pinbound.bounds.swept_bounds import swept_bundle
 from pinbound.evaluate import numeric
 from pinbound.model.coupling import Coupling, LinearLimit
 from pinbound.model.tree import Tree
-from pinbound.path.chain import Swept
+from pinbound.path.chain import HullChain
 from pinbound.path.relative import RelativePath, relative_path
 from pinbound.tolerances import CLOSURE_SHARE, EXACT_LOOP, INFLATION, REDUCTION
 from pinbound.typing import Array
@@ -160,7 +160,7 @@ def place_error(
     reach[n:] = [one.bound for one in found]
     if not np.all(np.isfinite(reach)):
         return math.inf
-    either = (path, replace(path, swept=Swept(chain.reversed()))) if path.is_plain else (path,)
+    either = (path, replace(path, difference=HullChain(chain.reversed()))) if path.is_plain else (path,)
     moved = min(float(_moved(one, reach, n) @ reach[n:]) for one in either)  # of two points either may stand still
     apart = sum(c.apart for c in closures if any(found.index(one) in crossed for one in c.deviations))
     return moved * INFLATION + apart

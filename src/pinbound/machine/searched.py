@@ -1,9 +1,9 @@
 """Machine code of the search for nearest corners: of `minimum_norm.nearest_corners`, and of hulls by their vertices.
 
 It does row by row what `gjk.search` does in NumPy, the same steps in the same order; only sums may be rounded
-otherwise. It goes through the compiler and the cache of all other machine code (`compiled`), with the number of ways as
-a constant of its text. The two differ in how the corner is found that is furthest against a direction: by the sign of
-each way, or as the least of a table of vertices.
+otherwise. It goes through the compiler and the cache of all other machine code (`compiled`), with the number of edge
+vectors as a constant of its text. The two differ in how the corner is found that is furthest against a
+direction: by the sign of each edge vector, or as the least of a table of vertices.
 """
 
 from __future__ import annotations
@@ -20,40 +20,40 @@ from pinbound.typing import Array
 __all__ = ["is_ready", "search", "search_vertices"]
 
 
-def search(w: Array, ways: Array, agree: float, rounds: int, inside: float) -> tuple[Array, Array]:
+def search(w: Array, edges: Array, agree: float, rounds: int, inside: float) -> tuple[Array, Array]:
     """Return t (N, k) and the bound (N,) as `nearest_corners` does; a row that is not finite gives NaN.
 
     Args:
         w: (N, 3).
-        ways: (k, N, 3).
+        edges: (k, N, 3).
         agree: Relative to the furthest corner, how far both bounds may differ.
         rounds: The most corners that are looked for.
         inside: Relative to four corners, how near their point must be to the origin for them to hold it.
     """
-    k, count = len(ways), len(w)
+    k, count = len(edges), len(w)
     rows = np.empty((count, 3 * (k + 1)))
     rows[:, :3] = w
-    rows[:, 3:] = np.moveaxis(ways, 0, 1).reshape(count, 3 * k)
+    rows[:, 3:] = np.moveaxis(edges, 0, 1).reshape(count, 3 * k)
     out = np.empty((count, k + 1))
     _code(k, agree, rounds, inside)(rows, out, _NO_INDEX)
     return out[:, :k], out[:, k]
 
 
 def search_vertices(
-    w: Array, ways: Array, start: Array, scale: Array, tables: Array, bodies: Array, limits: tuple[float, int, float]
+    w: Array, edges: Array, start: Array, scale: Array, tables: Array, bodies: Array, limits: tuple[float, int, float]
 ) -> tuple[Array, Array]:
     """Return t (N, 6) and the bound (N,) as `gjk.search` does, for t over the product of two hulls of vertices.
 
     Args:
         w: (N, 3).
-        ways: (N, 6, 3): three of the first body, three of the second; zero where it has fewer.
+        edges: (N, 6, 3): three of the first body, three of the second; zero where it has fewer.
         start: (N, 3), the first direction to look against.
         scale: (N,), what rounding is relative to.
-        tables: (V, 3), the vertices of all bodies as coefficients of their three ways.
+        tables: (V, 3), the vertices of all bodies as coefficients of their three edge vectors.
         bodies: (N, 4), first vertex and number of vertices of either body; the number 0 of a point.
         limits: How far both bounds may differ, the most rounds, and how near to the origin is inside (see `search`).
     """
-    rows = np.hstack((w, ways.reshape(len(w), 18), start, scale[:, None], bodies))
+    rows = np.hstack((w, edges.reshape(len(w), 18), start, scale[:, None], bodies))
     out = np.empty((len(w), 7))
     code = _code(0, *limits)
     scratch = np.empty(code.scratch // 8 + tables.size)
@@ -68,7 +68,7 @@ _NO_INDEX: NDArray[Any] = np.empty(0, dtype=np.int64)
 
 @cache
 def is_ready(k: int, agree: float, rounds: int, inside: float) -> bool:
-    """Return whether the code for k ways need not be compiled first; asked once."""
+    """Return whether the code for k edge vectors need not be compiled first; asked once."""
     return is_kept(_source(k, agree, rounds, inside))
 
 
@@ -78,16 +78,16 @@ def _code(k: int, agree: float, rounds: int, inside: float) -> MachineCode:
 
 
 def _source(k: int, agree: float, rounds: int, inside: float) -> KernelSource:
-    """Return the source for k ways, t in [0, 1]; for none that of hulls, whose vertices stand behind the scratch."""
-    ways, width, start, support = (k, 3 * (k + 1), _FROM_WAYS, _BY_SIGN) if k else (6, 29, _FROM_ROW, _BY_TABLE)
-    scratch = 12 + 4 * ways + ways + 8  # points, their t, the new one's, and weights twice
+    """Return the source for k edge vectors, t in [0, 1]; for none that of hulls: vertices stand behind the scratch."""
+    edges, width, start, support = (k, 3 * (k + 1), _FROM_EDGES, _BY_SIGN) if k else (6, 29, _FROM_ROW, _BY_TABLE)
+    scratch = 12 + 4 * edges + edges + 8  # points, their t, the new one's, and weights twice
     text = _TEXT.format(
-        k=ways, agree=agree, rounds=rounds, inside=inside, width=width, start=start, support=support, tables=scratch
+        k=edges, agree=agree, rounds=rounds, inside=inside, width=width, start=start, support=support, tables=scratch
     )
     return KernelSource(text, 8 * scratch)
 
 
-_FROM_WAYS = """\
+_FROM_EDGES = """\
         vx, vy, vz = wx, wy, wz
         scale = math.sqrt(wx * wx + wy * wy + wz * wz)
         for j in range(K):

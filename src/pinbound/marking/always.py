@@ -19,7 +19,7 @@ from pinbound.annotations import Mark, Shape, Sweep
 from pinbound.coverage.holding import holds_points
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
-from pinbound.path.chain import Swept
+from pinbound.path.chain import HullChain
 from pinbound.path.relative import minimal_chain
 from pinbound.tolerances import HELD, NEVER_MEETS
 from pinbound.typing import Array
@@ -52,27 +52,27 @@ def overlap_everywhere(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> floa
         return None
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     open_ends = [Sweep("", link, (0.0, 0.0, 0.0), (x, y, z)) for link in (a.link, b.link)]
-    swept = minimal_chain(tree, coupling, open_ends[0], open_ends[1])
-    if np.any(swept.chain.slides):
+    difference = minimal_chain(tree, coupling, open_ends[0], open_ends[1])
+    if np.any(difference.chain.slides):
         return None
-    p, s, shifts = _nearest_balls(swept, *shapes)
+    p, s, shifts = _nearest_balls(difference, *shapes)
     rho = [_ball_within(shape, centre) + shape.radius for shape, centre in zip(shapes, (p, s), strict=True)]
-    reach = float(np.linalg.norm(_offsets(swept, p, s, shifts), axis=1).sum())
+    reach = float(np.linalg.norm(_offsets(difference, p, s, shifts), axis=1).sum())
     overlap = rho[0] + rho[1] - reach
     return overlap if overlap > NEVER_MEETS else None
 
 
-def _offsets(swept: Swept, p: Array, s: Array, shifts: Array) -> Array:
+def _offsets(difference: HullChain, p: Array, s: Array, shifts: Array) -> Array:
     """Return the offsets b_i (k, 3) of the chain between two points, parts along axes counted where `shifts` say."""
-    directions = np.array(swept.directions)
-    found = swept.chain.offsets + np.tensordot(p, directions[:3], axes=1) + np.tensordot(s, directions[3:], axes=1)
-    for index, (shift, axis) in enumerate(zip(shifts, swept.chain.axes, strict=True)):
+    directions = np.array(difference.directions)
+    found = difference.chain.offsets + np.tensordot(p, directions[:3], axes=1) + np.tensordot(s, directions[3:], axes=1)
+    for index, (shift, axis) in enumerate(zip(shifts, difference.chain.axes, strict=True)):
         found[index] += shift * axis
         found[index + 1] -= shift * axis
     return found
 
 
-def _nearest_balls(swept: Swept, one: Shape, other: Shape) -> tuple[Array, Array, Array]:
+def _nearest_balls(difference: HullChain, one: Shape, other: Shape) -> tuple[Array, Array, Array]:
     """Return points of two shapes, and shifts along the axes, that make `sum |b_i| - rho_a - rho_b` small.
 
     It is a convex problem; what comes back need not be its minimum, for it is judged by its own numbers.
@@ -80,12 +80,12 @@ def _nearest_balls(swept: Swept, one: Shape, other: Shape) -> tuple[Array, Array
     import scipy.optimize
 
     ends = [_Inside(one), _Inside(other)]
-    turns = len(swept.chain.axes)
+    turns = len(difference.chain.axes)
     cut = np.cumsum([ends[0].count, ends[1].count])
 
     def value(x: Array) -> float:
         p, s = ends[0].point(x[: cut[0]]), ends[1].point(x[cut[0] : cut[1]])
-        offsets = _offsets(swept, p, s, x[cut[1] :])
+        offsets = _offsets(difference, p, s, x[cut[1] :])
         sizes = np.sqrt(np.einsum("ki,ki->k", offsets, offsets) + _SMOOTH**2)
         return float(sizes.sum() - ends[0].ball(x[: cut[0]]) - ends[1].ball(x[cut[0] : cut[1]]))
 

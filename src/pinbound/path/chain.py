@@ -19,7 +19,7 @@ from pinbound.tolerances import REDUCTION
 from pinbound.typing import Array, Flags
 from pinbound.values import Value, read_only
 
-__all__ = ["Chain", "Swept", "are_parallel", "drop_head", "reduce_chain", "split"]
+__all__ = ["Chain", "HullChain", "are_parallel", "drop_head", "reduce_chain", "split"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ _NO_CORNER = read_only(np.zeros((1, 0)))
 
 
 @dataclass(frozen=True, eq=False)
-class Swept(Value):
+class HullChain(Value):
     """A point, or one that slides over two bodies: `chain + sum_i t_i direction_i`, t over the product of two hulls.
 
     Attributes:
@@ -127,8 +127,13 @@ class Swept(Value):
         still = np.zeros_like(self.chain.slides)
         return tuple(replace(self.chain, offsets=offsets, slides=still) for offsets in self.directions)
 
-    @cached_property
+    @property
     def ways(self) -> tuple[Chain, ...]:
+        """Old name of `edges`."""
+        return self.edges
+
+    @cached_property
+    def edges(self) -> tuple[Chain, ...]:
         """The directions as chains, no longer than they need."""
         return tuple(map(_trimmed, self.turned))
 
@@ -137,7 +142,7 @@ class Swept(Value):
         """The chains of all pairs of vertices, b's changing first; for cubes that of zeros first."""
         found: list[Chain] = []
         for corner in (np.concatenate(pair) for pair in product(*self.corners)):
-            moved = sum((t * way for t, way in zip(corner, self.directions, strict=True)), start=self.chain.offsets)
+            moved = sum((t * edge for t, edge in zip(corner, self.directions, strict=True)), start=self.chain.offsets)
             found.append(replace(self.chain, offsets=np.array(moved)))
         return tuple(found)
 
@@ -148,10 +153,10 @@ def are_parallel(u: Array, v: Array) -> bool:
     return max(abs(b * z - c * y), abs(c * x - a * z), abs(a * y - b * x)) <= REDUCTION
 
 
-def split(chain: Chain, n: int, corners: tuple[Array, Array] = (_NO_CORNER, _NO_CORNER)) -> Swept:
+def split(chain: Chain, n: int, corners: tuple[Array, Array] = (_NO_CORNER, _NO_CORNER)) -> HullChain:
     """Return a chain over n coordinates, and the directions of the parameters behind them, which have these corners."""
     own = replace(chain, slides=chain.slides[:, :, :n], coefficients=chain.coefficients[:, :n])
-    return Swept(own, tuple(chain.slides[:, :, column] for column in range(n, chain.slides.shape[2])), corners)
+    return HullChain(own, tuple(chain.slides[:, :, column] for column in range(n, chain.slides.shape[2])), corners)
 
 
 def _trimmed(chain: Chain) -> Chain:
@@ -184,10 +189,10 @@ def _collect_runs(chain: Chain) -> Chain:
             stop += 1
         signs = np.sign(chain.axes[start:stop] @ axis)
         angles = np.cumsum(signs[:, None] * chain.coefficients[start:stop], axis=0)
-        along, across = _split_blocks(blocks[start + 1 : stop + 1], axis)
+        along, perpendicular = _split_blocks(blocks[start + 1 : stop + 1], axis)
         out_blocks[-1] = out_blocks[-1] + along
-        groups = _group(angles, across)
-        last = _Group(angles[-1], np.zeros_like(across[0])) if stop < chain.rotations else None
+        groups = _group(angles, perpendicular)
+        last = _Group(angles[-1], np.zeros_like(perpendicular[0])) if stop < chain.rotations else None
         previous = np.zeros(chain.coefficients.shape[1])
         for group in _ordered(groups, last, chain.scale):
             step = group.angle - previous
@@ -218,7 +223,7 @@ class _Group:
 
 
 def _split_blocks(blocks: list[Array], axis: Array) -> tuple[Array, list[Array]]:
-    """Return the sum of the components along the axis, and the components across it."""
+    """Return the sum of the components along the axis, and the components perpendicular to it."""
     along = [np.outer(axis, axis @ block) for block in blocks]
     return np.sum(along, axis=0), [block - part for block, part in zip(blocks, along, strict=True)]
 
@@ -250,36 +255,36 @@ def _moving(block: Array) -> Flags:
     return np.abs(block[:, 1:]) > REDUCTION
 
 
-def drop_head(chain: Chain, across: Array | None = None) -> Chain:
+def drop_head(chain: Chain, projection: Array | None = None) -> Chain:
     """Reduce a chain and drop leading rotations that turn nothing that counts.
 
     `|b_0 + R x| = |b_0 + x|` if b_0 lies along R's axis. Of what lies across a line, R may turn all if it turns about
     the line; heights above a plane stay if R turns about its normal, whatever b_0.
     """
     chain = reduce_chain(chain)
-    while chain.rotations and _turns_nothing(chain, across):
+    while chain.rotations and _turns_nothing(chain, projection):
         offsets, slides = chain.offsets[1:].copy(), chain.slides[1:].copy()
         offsets[0] += chain.offsets[0]
         slides[0] += chain.slides[0]
         chain = reduce_chain(Chain(offsets, slides, chain.axes[1:], chain.coefficients[1:], chain.scale))
-    return chain if across is None else _only_across(chain, across)
+    return chain if projection is None else _only_projected(chain, projection)
 
 
-def _only_across(chain: Chain, across: Array) -> Chain:
+def _only_projected(chain: Chain, projection: Array) -> Chain:
     """Leave of the first block, which nothing turns, what counts."""
     offsets, slides = chain.offsets.copy(), chain.slides.copy()
-    offsets[0] = across.T @ (across @ offsets[0])
-    slides[0] = across.T @ (across @ slides[0])
+    offsets[0] = projection.T @ (projection @ offsets[0])
+    slides[0] = projection.T @ (projection @ slides[0])
     slides[0][np.abs(slides[0]) <= REDUCTION] = 0.0
     return replace(chain, offsets=offsets, slides=slides)
 
 
-def _turns_nothing(chain: Chain, across: Array | None) -> bool:
-    if across is not None:
-        towards = across[0] if len(across) == 1 else np.cross(across[0], across[1])
+def _turns_nothing(chain: Chain, projection: Array | None) -> bool:
+    if projection is not None:
+        towards = projection[0] if len(projection) == 1 else np.cross(projection[0], projection[1])
         if not are_parallel(chain.axes[0], towards):
             return False
-        if len(across) == 1:
+        if len(projection) == 1:
             return True
     block = np.column_stack((chain.offsets[0], chain.slides[0]))
     rest = _split_blocks([block], chain.axes[0])[1][0]

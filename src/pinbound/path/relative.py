@@ -24,7 +24,7 @@ from pinbound.geometry.rotations import rotation_matrix
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
 from pinbound.model.urdf import MOVING_TYPES, Joint
-from pinbound.path.chain import Chain, Swept, are_parallel, drop_head, reduce_chain, split
+from pinbound.path.chain import Chain, HullChain, are_parallel, drop_head, reduce_chain, split
 from pinbound.tolerances import REDUCTION
 from pinbound.typing import Array, Ints
 from pinbound.values import Value
@@ -67,31 +67,41 @@ class RelativePath(Value):
         ancestor: The lowest common ancestor link, helpers aside.
         branch_a: `x_a(q)`, mark a in the ancestor's frame.
         branch_b: `x_b(q)`, mark b in the ancestor's frame; `r = x_a - x_b` is the paper's vector.
-        swept: Chain and directions of the same norm as r in which the fewest coordinates and rotations are left.
+        difference: Chain and directions of the same norm as r in which the fewest coordinates and rotations are left.
         frame: Position i of `minimal` in whose frame the vector has the fewest rotated terms.
-        across: Rows that take from r, in the frame at position 0, what counts: (2, 3) what lies across a line,
+        projection: Rows that take from r, in the frame at position 0, what counts: (2, 3) what lies across a line,
             (1, 3) the height above a plane. None: all of it.
-        upright: Unit direction of the line, or normal of the plane, in the ancestor's frame; None without one.
+        normal: Unit direction of the line, or normal of the plane, in the ancestor's frame; None without one.
         measure: The distance, the distance across a line, or the height above a plane.
         first_is_b: Whether the line or plane is mark b.
     """
 
     kind: Kind
     ancestor: str
-    branch_a: Swept
-    branch_b: Swept
-    swept: Swept
+    branch_a: HullChain
+    branch_b: HullChain
+    difference: HullChain
     frame: int
-    across: Array | None = None
-    upright: Chain | None = None
+    projection: Array | None = None
+    normal: Chain | None = None
     measure: Measure = Measure.DISTANCE
     first_is_b: bool = False
+
+    @property
+    def swept(self) -> HullChain:
+        """Old name of `difference`."""
+        return self.difference
+
+    @property
+    def across(self) -> Array | None:
+        """Old name of `projection`."""
+        return self.projection
 
     @cached_property
     def form(self) -> Form:
         """Which case it is."""
-        if self.swept.directions:
-            closed = self.is_signed or (len(self.swept.directions) <= _CLOSED and self.swept.is_zonotope)
+        if self.difference.directions:
+            closed = self.is_signed or (len(self.difference.directions) <= _CLOSED and self.difference.is_zonotope)
             return Form.PIECEWISE if closed else Form.SEARCHED
         chain = self.minimal
         if not chain.coordinates:
@@ -102,24 +112,24 @@ class RelativePath(Value):
     @property
     def minimal(self) -> Chain:
         """The chain of the two marks' own points: of two points, all that there is."""
-        return self.swept.chain
+        return self.difference.chain
 
     @property
     def is_plain(self) -> bool:
         """Whether it lies between two points."""
-        return not self.swept.directions and self.across is None
+        return not self.difference.directions and self.projection is None
 
     @property
     def is_harmonic(self) -> bool:
         """Whether `|r|^2`, or the height, is `a + b cos phi + c sin phi` in all angles: points, a point and a plane."""
-        return not self.swept.directions and self.measure is not Measure.ACROSS
+        return not self.difference.directions and self.measure is not Measure.ACROSS
 
     def counted(self, r: Array) -> Array:
         """Return what counts of vectors (..., 3) in the frame at position 0: three numbers, two, or one."""
-        return r if self.across is None else r @ self.across.T
+        return r if self.projection is None else r @ self.projection.T
 
     def left_of(self, r: Any, along: Any) -> Any:
-        """Return what counts of r in the ancestor's frame, given its part along `upright`; arrays or expressions."""
+        """Return what counts of r in the ancestor's frame, given its part along `normal`; arrays or expressions."""
         return along if self.measure is Measure.HEIGHT else r - along
 
     @property
@@ -129,12 +139,12 @@ class RelativePath(Value):
         Across a line a body is seen as an area, which two directions span.
         """
         spanned = 2 if self.measure is Measure.ACROSS else 3
-        return not self.is_signed and len(self.swept.directions) >= spanned
+        return not self.is_signed and len(self.difference.directions) >= spanned
 
     @property
     def is_signed(self) -> bool:
         """Whether it measures a height above a plane, which may be negative, and not a distance."""
-        return self.across is not None and len(self.across) == 1
+        return self.projection is not None and len(self.projection) == 1
 
 
 def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:
@@ -155,35 +165,35 @@ def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativeP
     ancestor = tree.common_ancestor(a.link, b.link)
     down = {mark.link: tree.descent(ancestor, mark.link) for mark in (a, b)}
     first = b if b.shape.is_unbounded else a
-    across = _across(first.shape)
-    minimal = _minimal(tree, coupling, a, b, across)
+    projection = _projection(first.shape)
+    minimal = _minimal(tree, coupling, a, b, projection)
     ends_at_ancestor = not _moves(down[b.link]) and _moves(down[a.link])
     return RelativePath(
         kind=_kind(tree, ancestor, a.link, b.link),
         ancestor=ancestor,
         branch_a=_branch(coupling, down[a.link], _placed(a, a, b), reach=a.shape.reach),
         branch_b=_branch(coupling, down[b.link], _placed(b, a, b), reach=b.shape.reach),
-        swept=split(minimal, len(coupling.coordinates), (a.shape.corners, b.shape.corners)),
-        frame=0 if across is not None else _best_frame(minimal, last_is_ancestor=ends_at_ancestor),
-        across=across,
-        upright=_upright(coupling, down[first.link], first.shape),
+        difference=split(minimal, len(coupling.coordinates), (a.shape.corners, b.shape.corners)),
+        frame=0 if projection is not None else _best_frame(minimal, last_is_ancestor=ends_at_ancestor),
+        projection=projection,
+        normal=_normal(coupling, down[first.link], first.shape),
         measure=first.shape.measure,
         first_is_b=first is b,
     )
 
 
-def minimal_chain(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> Swept:
-    """Return `relative_path(tree, coupling, a, b).swept` alone, in a third of the time.
+def minimal_chain(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> HullChain:
+    """Return `relative_path(tree, coupling, a, b).difference` alone, in a third of the time.
 
     Raises:
         UnsupportedError: If a floating or planar joint lies between the two links.
     """
-    across = _across(b.shape if b.shape.is_unbounded else a.shape)
+    projection = _projection(b.shape if b.shape.is_unbounded else a.shape)
     corners = a.shape.corners, b.shape.corners
-    return split(_minimal(tree, coupling, a, b, across), len(coupling.coordinates), corners)
+    return split(_minimal(tree, coupling, a, b, projection), len(coupling.coordinates), corners)
 
 
-def _minimal(tree: Tree, coupling: Coupling, a: Mark, b: Mark, across: Array | None) -> Chain:
+def _minimal(tree: Tree, coupling: Coupling, a: Mark, b: Mark, projection: Array | None) -> Chain:
     ancestor = tree.common_ancestor(a.link, b.link)
     first, last = (b, a) if b.shape.is_unbounded else (a, b)  # a line or plane is constant where the walk starts
     down_first, down_last = tree.descent(ancestor, first.link), tree.descent(ancestor, last.link)
@@ -194,7 +204,7 @@ def _minimal(tree: Tree, coupling: Coupling, a: Mark, b: Mark, across: Array | N
     for joint in down_last[shared:]:
         between.down(joint)
     head, tail = (_placed(mark, a, b) for mark in (first, last))
-    return drop_head(between.chain(tail, head, (last.shape.reach, first.shape.reach)), across)
+    return drop_head(between.chain(tail, head, (last.shape.reach, first.shape.reach)), projection)
 
 
 def _placed(mark: Mark, *both: Mark) -> Array:
@@ -203,7 +213,7 @@ def _placed(mark: Mark, *both: Mark) -> Array:
     return np.vstack((mark.shape.origin[None], *directions)).T
 
 
-def _across(first: Shape) -> Array | None:
+def _projection(first: Shape) -> Array | None:
     """Return the rows by which a line or plane measures r, which leads from what is measured to it."""
     unit = first.normal
     if unit is None:
@@ -218,7 +228,7 @@ def _across(first: Shape) -> Array | None:
 
 def _branch(
     coupling: Coupling, joints: Sequence[Joint], placed: Array, held: bool = False, reach: float | None = None
-) -> Swept:
+) -> HullChain:
     """Return a point and its directions (3, 1 + k) of the last joint's link, in the ancestor's frame."""
     builder = _Builder(coupling, held)
     for joint in joints:
@@ -227,10 +237,10 @@ def _branch(
     return split(reduce_chain(builder.chain(placed, reaches=reaches)), len(coupling.coordinates))
 
 
-def _upright(coupling: Coupling, joints: Sequence[Joint], shape: Shape) -> Chain | None:
+def _normal(coupling: Coupling, joints: Sequence[Joint], shape: Shape) -> Chain | None:
     if shape.normal is None:
         return None
-    return _branch(coupling, joints, np.column_stack((np.zeros(3), shape.normal))).ways[0]
+    return _branch(coupling, joints, np.column_stack((np.zeros(3), shape.normal))).edges[0]
 
 
 def absolute_chain(tree: Tree, coupling: Coupling, link: str, xyz: Sequence[float], reduced: bool = True) -> Chain:
@@ -258,8 +268,8 @@ def direction_chain(tree: Tree, coupling: Coupling, link: str, unit: Sequence[fl
     Joints of several coordinates are held at their origin, as `absolute_chain` does.
     """
     placed = np.column_stack((np.zeros(3), np.array(unit, dtype=np.float64)))
-    way = _branch(coupling, tree.descent(tree.root, link), placed, held=True).ways[0]
-    return replace(way, scale=1.0)
+    edge = _branch(coupling, tree.descent(tree.root, link), placed, held=True).edges[0]
+    return replace(edge, scale=1.0)
 
 
 def _moves(joints: list[Joint]) -> bool:

@@ -19,10 +19,10 @@ from pinbound.typing import Array
 __all__ = ["hold", "restrict", "restrict_path"]
 
 
-def restrict(chain: Chain, at: Array, keep: Sequence[int], across: Array | None = None) -> Chain:
+def restrict(chain: Chain, at: Array, keep: Sequence[int], projection: Array | None = None) -> Chain:
     """Return a reduced chain over the coordinates `keep` with the same norm, the others held as in `at`.
 
-    Arguments are those of `hold`, and rows `across` that take from the vector what counts; None: all of it.
+    Arguments are those of `hold`, and rows `projection` that take from the vector what counts; None: all of it.
 
     Example:
         >>> axes, slides = np.array([[0.0, 1.0, 0.0]] * 2), np.zeros((3, 3, 2))
@@ -31,7 +31,7 @@ def restrict(chain: Chain, at: Array, keep: Sequence[int], across: Array | None 
         >>> restrict(arm, np.array([0.0, 0.5]), [0]).rotations
         1
     """
-    return drop_head(hold(chain, at, keep), across)
+    return drop_head(hold(chain, at, keep), projection)
 
 
 def hold(chain: Chain, at: Array, keep: Sequence[int]) -> Chain:
@@ -83,11 +83,11 @@ def restrict_path(path: RelativePath, at: Array, keep: Sequence[int]) -> Relativ
 
     Its branches are left as they are: over all coordinates.
     """
-    chain, n, k = path.minimal, len(at), len(path.swept.directions)
-    ways = np.array(path.swept.directions).reshape(k, *chain.offsets.shape)
-    slides = np.concatenate((chain.slides, np.moveaxis(ways, 0, 2)), axis=2)
+    chain, n, k = path.minimal, len(at), len(path.difference.directions)
+    edges = np.array(path.difference.directions).reshape(k, *chain.offsets.shape)
+    slides = np.concatenate((chain.slides, np.moveaxis(edges, 0, 2)), axis=2)
     coefficients = np.pad(chain.coefficients, ((0, 0), (0, k)))
     whole = Chain(chain.offsets, slides, chain.axes, coefficients, chain.scale)
     parameters = range(n, n + k)
-    reduced = restrict(whole, np.append(at, np.zeros(k)), [*keep, *parameters], path.across)
-    return replace(path, swept=split(reduced, len(keep), path.swept.corners), frame=0)
+    reduced = restrict(whole, np.append(at, np.zeros(k)), [*keep, *parameters], path.projection)
+    return replace(path, difference=split(reduced, len(keep), path.difference.corners), frame=0)

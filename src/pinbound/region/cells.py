@@ -158,29 +158,29 @@ class Searched:
         self.functions = tuple(SeparationFunction(one.path, one.threshold, slice_.scales) for one in curves)
         far = grid.places(np.array([[0, 0], np.array(grid.roots) << FINEST])) * slice_.scales
         lower, upper = far
-        counts = np.array([len(curve.path.swept.directions) for curve in curves])
+        counts = np.array([len(curve.path.difference.directions) for curve in curves])
         self._group = np.zeros(len(curves), dtype=np.int64)
         self._place = np.zeros(len(curves), dtype=np.intp)
         self._bundles: list[tuple[SweptBundle, Array, Array]] = []
         for number, count in enumerate(np.unique(counts).tolist()):
             rows = np.flatnonzero(counts == count)
             self._group[rows], self._place[rows] = number, np.arange(len(rows))
-            swept = swept_bundle([curves[int(row)].path for row in rows], lower, upper)
-            error = rounding_bound(swept, None, lower, upper) + CONTOUR_ROUNDING * swept.reach
+            bundle = swept_bundle([curves[int(row)].path for row in rows], lower, upper)
+            error = rounding_bound(bundle, None, lower, upper) + CONTOUR_ROUNDING * bundle.reach
             threshold = np.array([curves[int(row)].threshold for row in rows])
-            self._bundles.append((swept, error, threshold))
+            self._bundles.append((bundle, error, threshold))
 
     def bounds(self, which: Ints, low: Array, high: Array, deadline: Deadline | None = None) -> tuple[Array, Array]:
         """Return proven bounds (P,) of `f - T` of boundaries `which` over boxes with corners (P, 2)."""
         scales = self.slice.scales
         middle, half = 0.5 * (low + high) * scales, 0.5 * (high - low) * scales * (1.0 + 1e-9)
         lower, upper = np.empty(len(which)), np.empty(len(which))
-        for number, (swept, error, threshold) in enumerate(self._bundles):
+        for number, (bundle, error, threshold) in enumerate(self._bundles):
             for rows in _chunks(np.flatnonzero(self._group[which] == number)):
                 if deadline is not None:
                     deadline.check()
                 place = self._place[which[rows]]
-                found = over_box(swept, place, middle[rows], half[rows], error[place])
+                found = over_box(bundle, place, middle[rows], half[rows], error[place])
                 lower[rows], upper[rows] = found.lower - threshold[place], found.upper - threshold[place]
         return lower, upper
 

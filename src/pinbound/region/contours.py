@@ -53,14 +53,14 @@ class ContactFunction:
         threshold: T [m].
         arms: Bounds of r's derivatives over the window.
         arrows: The chain in the complex plane, if all its rotations share one direction.
-        across: (2, 3) rows that take from r what lies across a line, whose length is then meant; None: all of it.
+        projection: (2, 3) rows that take from r what lies across a line, whose length is then meant; None: all of it.
     """
 
     chain: Chain
     threshold: float
     arms: LeverArms
     arrows: Arrows | None
-    across: Array | None = None
+    projection: Array | None = None
 
     @property
     def scale(self) -> float:
@@ -68,17 +68,17 @@ class ContactFunction:
         return self.chain.scale
 
     @classmethod
-    def over(cls, chain: Chain, threshold: float, window: Array, across: Array | None = None) -> ContactFunction:
+    def over(cls, chain: Chain, threshold: float, window: Array, projection: Array | None = None) -> ContactFunction:
         """Bound the derivatives over a window (2, 2), rows lower and upper."""
         arms = lever_arms(chain, np.max(np.abs(window), axis=0))
-        return cls(chain, threshold, arms, None if across is not None else arrows(chain), across)
+        return cls(chain, threshold, arms, None if projection is not None else arrows(chain), projection)
 
     def norm(self, X: Array) -> Array:
         """Return `|r|` (N,) [m]."""
         if self.arrows:
             return self.arrows.norm(X)
         r = numeric.positions(self.chain, X)
-        return numeric.norm(r if self.across is None else r @ self.across.T)
+        return numeric.norm(r if self.projection is None else r @ self.projection.T)
 
     def clearance(self, X: Array) -> Array:
         """Return `|r| - T` (N,) [m]."""
@@ -100,8 +100,8 @@ class ContactFunction:
             length, half, slopes = self.arrows.half_square_gradient(X)
         else:
             r, J = numeric.jacobian(self.chain, X)
-            if self.across is not None:
-                r, J = r @ self.across.T, np.einsum("di,nia->nda", self.across, J)
+            if self.projection is not None:
+                r, J = r @ self.projection.T, np.einsum("di,nia->nda", self.projection, J)
             length, half = numeric.norm(r), np.einsum("nia,ni->na", J, r)
             slopes = np.sqrt(np.einsum("nia,nia->na", J, J))
         return (length - self.threshold) * (length + self.threshold), 2.0 * half, length, slopes
@@ -394,9 +394,9 @@ def _chord_bound(function: Smooth, chords: Array) -> tuple[Array, Flags]:
     norm_M: Array = np.linalg.norm(M, axis=(1, 2))
     with np.errstate(invalid="ignore", divide="ignore"):
         unit = along / length[:, None]
-        across = np.abs(gradient[:, 0] * unit[:, 1] - gradient[:, 1] * unit[:, 0])
+        perpendicular = np.abs(gradient[:, 0] * unit[:, 1] - gradient[:, 1] * unit[:, 0])
         parallel = np.abs(np.einsum("na,na->n", gradient, unit))
-        steep = across - norm_M * length
+        steep = perpendicular - norm_M * length
         slope = (parallel + norm_M * length) / steep
         bend = norm_M * (1.0 + slope * slope) / steep
         bound = length * length * bend / 8.0

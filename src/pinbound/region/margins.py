@@ -233,17 +233,17 @@ class _SweptBounds:
         self.path = path
 
     def over(self, reach: Array) -> None:
-        self.swept = swept_bundle([self.path], -reach, reach)
-        self.error = rounding_bound(self.swept, None, -reach, reach)
-        self.weights = (self.swept.arms[0] @ np.abs(self.swept.chains.coefficients[0])) + 1e-12
-        self.size = float(self.swept.reach[0])
+        self.bundle = swept_bundle([self.path], -reach, reach)
+        self.error = rounding_bound(self.bundle, None, -reach, reach)
+        self.weights = (self.bundle.arms[0] @ np.abs(self.bundle.chains.coefficients[0])) + 1e-12
+        self.size = float(self.bundle.reach[0])
 
     def values(self, X: Array) -> Array:
         return separation.separations(self.path, X)
 
     def lower(self, middle: Array, half: Array, parts: Array) -> Array:
         which = np.zeros(len(middle), dtype=np.intp)
-        return over_box(self.swept, which, middle, np.tile(half, (len(middle), 1)), self.error[which]).lower
+        return over_box(self.bundle, which, middle, np.tile(half, (len(middle), 1)), self.error[which]).lower
 
 
 def _branch_and_bound(

@@ -97,12 +97,12 @@ def is_searched(slice_: Slice, curve: Curve) -> bool:
     So it is of boxes, prisms and skew segments that turn by several angles; they are left to `cells`.
     """
     path = curve.path
-    if not path.swept.directions or only_slides(path):
+    if not path.difference.directions or only_slides(path):
         return False
     if path.is_signed:
-        return math.prod(len(corners) for corners in path.swept.corners) > _FEW
+        return math.prod(len(corners) for corners in path.difference.corners) > _FEW
     segments = _segments(slice_.robot.boundaries[curve.name])
-    known = len(segments) == len(path.swept.directions) and path.across is None
+    known = len(segments) == len(path.difference.directions) and path.projection is None
     return not known or (len(segments) > 1 and not _is_flat(path))
 
 
@@ -120,7 +120,7 @@ def _near_contact(slice_: Slice, curve: Curve, centres: Array, step: Array) -> A
         return centres
     arms = [
         ContactFunction.over(_scaled(slice_, corner), 0.0, np.array([centres.min(axis=0), centres.max(axis=0)])).arms
-        for corner in curve.path.swept.vertex_chains
+        for corner in curve.path.difference.vertex_chains
     ]
     most = np.max([arm.first for arm in arms], axis=0)
     values = separation.separations(curve.path, centres * slice_.scales)
@@ -152,13 +152,13 @@ def _functions(slice_: Slice, curve: Curve, window: Array) -> list[Traced]:
     """Return the smooth functions whose zeros hold all contact curves, and all places where one takes over."""
     path, T = curve.path, curve.threshold
     if path.is_signed:
-        return [_height(path, _scaled(slice_, corner), T, window) for corner in path.swept.vertex_chains]
-    if not path.swept.directions:
-        return [ContactFunction.over(_scaled(slice_, path.minimal), T, window, path.across)]
+        return [_height(path, _scaled(slice_, corner), T, window) for corner in path.difference.vertex_chains]
+    if not path.difference.directions:
+        return [ContactFunction.over(_scaled(slice_, path.minimal), T, window, path.projection)]
     boundary = slice_.robot.boundaries[curve.name]
     segments = _segments(boundary)
     found: list[Traced] = [
-        ContactFunction.over(_scaled(slice_, corner), T, window) for corner in path.swept.vertex_chains
+        ContactFunction.over(_scaled(slice_, corner), T, window) for corner in path.difference.vertex_chains
     ]
     for segment in segments:
         other = boundary.point_b if segment is boundary.point_a else boundary.point_a
@@ -167,7 +167,7 @@ def _functions(slice_: Slice, curve: Curve, window: Array) -> list[Traced]:
         for xyz in other.shape.vertices.tolist():
             end = Point("", other.link, tuple(xyz))
             line = _seen(slice_, LineMark("", segment.link, tuple(first.tolist()), along), end)
-            found.append(ContactFunction.over(_scaled(slice_, line.minimal), T, window, line.across))
+            found.append(ContactFunction.over(_scaled(slice_, line.minimal), T, window, line.projection))
             for foot in (first, last):  # the foot on the line passes an end of the segment
                 upright = _seen(slice_, PlaneMark("", segment.link, tuple(foot.tolist()), along), end)
                 found.append(_height(upright, _scaled(slice_, upright.minimal), 0.0, window))
@@ -182,14 +182,14 @@ def _seen(slice_: Slice, mark: Mark, end: Point) -> RelativePath:
 
 
 def _height(path: RelativePath, chain: Chain, threshold: float, window: Array) -> HeightFunction:
-    assert path.across is not None
-    return HeightFunction.over(chain, path.across[0], threshold, window)
+    assert path.projection is not None
+    return HeightFunction.over(chain, path.projection[0], threshold, window)
 
 
 def _is_flat(path: RelativePath) -> bool:
     """Return whether two segments stay across the one axis of all rotations: their lines are as far apart always."""
     chain = path.minimal
-    across = [float(np.abs(np.sum(way, axis=0) @ chain.axes[0])) for way in path.swept.directions]
+    across = [float(np.abs(np.sum(edge, axis=0) @ chain.axes[0])) for edge in path.difference.directions]
     return chain.is_planar and max(across) <= REDUCTION
 
 

@@ -31,7 +31,7 @@ _AT_RIM = 2e-3  # of the window's side: how near to the rim a curve that leaves 
 
 def only_slides(path: RelativePath) -> bool:
     """Return whether two bodies, one of them more than a point, slide against each other and never turn."""
-    return not path.minimal.rotations and bool(path.swept.directions) and not path.is_signed
+    return not path.minimal.rotations and bool(path.difference.directions) and not path.is_signed
 
 
 class SlidingFunction(SeparationFunction):
@@ -42,13 +42,13 @@ class SlidingFunction(SeparationFunction):
         chain, path = self.path.minimal, self.path
         low, width = window[0] * self.scales, (window[1] - window[0]) * self.scales
         start = chain.offsets[0] + chain.slides[0] @ low
-        ways = [chain.slides[0][:, axis] * width[axis] for axis in (0, 1)]
-        ways += [np.asarray(way[0], dtype=np.float64) for way in path.swept.directions]
-        measured = path.counted(np.array([start, *ways]))
-        if path.swept.is_zonotope:
+        edges = [chain.slides[0][:, axis] * width[axis] for axis in (0, 1)]
+        edges += [np.asarray(edge[0], dtype=np.float64) for edge in path.difference.directions]
+        measured = path.counted(np.array([start, *edges]))
+        if path.difference.is_zonotope:
             t = nearest(measured[:1], measured[1:, None, :])[0]
         else:  # the window is a square, and so a part of the one body
-            mine, others = path.swept.corners
+            mine, others = path.difference.corners
             square = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
             both = np.hstack((np.repeat(square, len(mine), axis=0), np.tile(mine, (4, 1))))
             t = nearest_of_hulls(measured[:1], measured[1:, None, :], (both, others))[0]

@@ -1,4 +1,4 @@
-"""All contacts of a swept path along one coordinate: what is free is proven free, what is left is contact.
+"""All contacts along one coordinate where the separation is smooth in pieces: free is proven, the rest is contact.
 
 Distances of segments are smooth only in pieces, so that roots cannot be isolated by derivatives as in `isolation`.
 Instead the line of the coordinate is halved until each piece is proven free (lower bound above the threshold), proven
@@ -113,11 +113,11 @@ def smallest(path: RelativePath) -> tuple[float, float]:
     two boxes side by side, that the pieces become too many.
     """
     one = _one_coordinate(path)
-    swept, error = _bundle(one, np.full(1, -math.pi), np.full(1, math.pi))
+    bundle, error = _bundle(one, np.full(1, -math.pi), np.full(1, math.pi))
     half, best, proven = math.pi / 64, math.inf, math.inf
     middle: Any = np.linspace(-math.pi, math.pi, 65)[:-1] + half
     for _ in range(_FINEST):
-        found = _bound(swept, np.zeros((len(middle), 1)), 0, middle, half, error)
+        found = _bound(bundle, np.zeros((len(middle), 1)), 0, middle, half, error)
         best = min(best, float(found.value.min()))
         left = (found.lower < best - PRECISION) & (found.upper - found.lower > 4.0 * error)
         proven = min(proven, float(found.lower[~left].min(initial=math.inf)))
@@ -135,20 +135,20 @@ def _one_coordinate(path: RelativePath) -> RelativePath:
     chain, c = path.minimal, path.minimal.coefficients[0]
     sign = np.sign(c[np.flatnonzero(c)[-1]])
     only = replace(chain, slides=np.zeros((2, 3, 1)), axes=sign * chain.axes, coefficients=np.ones((1, 1)))
-    return replace(path, swept=replace(path.swept, chain=only))
+    return replace(path, difference=replace(path.difference, chain=only))
 
 
 def _bundle(path: RelativePath, lower: Array, upper: Array) -> tuple[SweptBundle, float]:
-    swept = swept_bundle([path], lower, upper)
-    return swept, float(rounding_bound(swept, None, lower, upper)[0])  # limits are of the path as it is, as elsewhere
+    bundle = swept_bundle([path], lower, upper)
+    return bundle, float(rounding_bound(bundle, None, lower, upper)[0])  # limits are of the path as it is, as elsewhere
 
 
-def _bound(swept: SweptBundle, Q: Array, index: int, middle: Array, half: float, error: float) -> Bounds:
+def _bound(bundle: SweptBundle, Q: Array, index: int, middle: Array, half: float, error: float) -> Bounds:
     """Bound the separation while coordinate `index` runs over `middle +- half`, the others as in Q."""
     q, slope, zero = Q.copy(), np.zeros_like(Q), np.zeros(Q.shape[1])
     q[:, index], slope[:, index] = middle, 2.0 * half
     piece = Expansion(q, zero, slope, q[:, None], zero, slope[:, None], zero, np.zeros_like(slope[:, None]), zero)
-    return along_motion(swept, np.zeros(len(Q), dtype=np.intp), piece, np.full(len(Q), error))
+    return along_motion(bundle, np.zeros(len(Q), dtype=np.intp), piece, np.full(len(Q), error))
 
 
 def _free(
@@ -161,7 +161,7 @@ def _free(
     """
     ends = Q.min(axis=0), Q.max(axis=0)
     ends[0][index], ends[1][index] = low, high
-    swept, error = _bundle(path, *ends)
+    bundle, error = _bundle(path, *ends)
     step = (high - low) / 2**_FINEST
     size = 1 << (_FINEST - _PIECES)
     row = np.repeat(np.arange(len(Q)), 1 << _PIECES)
@@ -173,7 +173,7 @@ def _free(
     while len(row):
         half = size * step / 2.0
         middle: Any = low + step * start + half
-        found = _bound(swept, Q[row], index, middle, half, error)
+        found = _bound(bundle, Q[row], index, middle, half, error)
         free = found.lower > threshold
         kept.append((row[free], start[free], size))
         stuck = (found.upper - found.lower <= 4.0 * error) | (half <= ROOT * max(1.0, abs(low), abs(high)))

@@ -1,4 +1,4 @@
-"""All contacts along one coordinate that only slides a swept path: at most one interval, since the distance is convex.
+"""All contacts along a prismatic coordinate of bodies, lines or planes: at most one interval; the distance is convex.
 
 With the other coordinates held, `r(x, t) = w + d x + sum_i t_i e_i`. The set of all r is convex in (x, t) together, so
 that the distance `f(x) = min_t |r(x, t)|` is a convex function of x, and contact, `f <= T`, is one interval or nothing.
@@ -47,14 +47,14 @@ def intervals(path: RelativePath, index: int, Q: Array, threshold: float) -> Arr
     """
     rest = Q.copy()
     rest[:, index] = 0.0
-    w, ways = separation.measured(path, rest)
+    w, edges = separation.measured(path, rest)
     d = path.counted(numeric.derivative(path.minimal, rest)[:, :, index])
     speed = np.linalg.norm(d, axis=1)
     moves = speed > REDUCTION
     found = np.full((len(Q), 2, 2), np.nan)
     if path.is_signed:
-        t = closest.lowest(ways, path.swept.corners)
-        height, rate = w[:, 0] + np.einsum("nk,kn->n", t, ways[:, :, 0]), d[:, 0]
+        t = closest.lowest(edges, path.difference.corners)
+        height, rate = w[:, 0] + np.einsum("nk,kn->n", t, edges[:, :, 0]), d[:, 0]
         with np.errstate(divide="ignore", invalid="ignore"):
             end = (threshold - height) / rate
         found[moves & (rate > 0.0), 0] = np.stack((end, np.full_like(end, math.inf)), axis=1)[moves & (rate > 0.0)]
@@ -62,11 +62,11 @@ def intervals(path: RelativePath, index: int, Q: Array, threshold: float) -> Arr
         found[~moves & (height > threshold), 0] = -math.inf, math.inf
         return found
     unit = np.divide(d, speed[:, None], out=np.zeros_like(d), where=moves[:, None])
-    t = _nearest(path, *(x - np.einsum("...i,...i->...", x, unit)[..., None] * unit for x in (w, ways)))
-    foot = w + np.einsum("nk,kni->ni", t, ways)
+    t = _nearest(path, *(x - np.einsum("...i,...i->...", x, unit)[..., None] * unit for x in (w, edges)))
+    foot = w + np.einsum("nk,kni->ni", t, edges)
     along = np.einsum("ni,ni->n", foot, unit)
     smallest = numeric.norm(foot - along[:, None] * unit)
-    size = gjk.reach(w, ways, path.swept.corners)
+    size = gjk.reach(w, edges, path.difference.corners)
     rounding = CONTOUR_ROUNDING * (size + threshold)
     free = smallest > threshold + rounding
     found[free, 0] = -math.inf, math.inf
@@ -81,13 +81,17 @@ def intervals(path: RelativePath, index: int, Q: Array, threshold: float) -> Arr
     found[rows, 0, 0], found[rows, 1, 1] = -math.inf, math.inf
     for side, slot in ((-1.0, (0, 1)), (1.0, (1, 0))):
         found[rows, slot[0], slot[1]] = _end(
-            path, index, Q[rows], (w[rows], ways[:, rows], d[rows]), level, lowest, side * reach
+            path, index, Q[rows], (w[rows], edges[:, rows], d[rows]), level, lowest, side * reach
         )
     return found
 
 
-def _nearest(path: RelativePath, w: Array, ways: Array) -> Array:
-    return nearest(w, ways) if path.swept.is_zonotope else closest.nearest_of_hulls(w, ways, path.swept.corners)
+def _nearest(path: RelativePath, w: Array, edges: Array) -> Array:
+    return (
+        nearest(w, edges)
+        if path.difference.is_zonotope
+        else closest.nearest_of_hulls(w, edges, path.difference.corners)
+    )
 
 
 def _end(
@@ -100,12 +104,12 @@ def _end(
     reach: Array,
 ) -> Array:
     """Return where f first exceeds the level (N,) on the way from its least (N,) to `lowest + reach`, from outside."""
-    w, ways, d = line
+    w, edges, d = line
     x = lowest + reach
     scale = np.abs(lowest) + np.abs(reach)
     for _ in range(_MOST_STEPS):
         r = w + x[:, None] * d
-        r = r + np.einsum("nk,kni->ni", _nearest(path, r, ways), ways)
+        r = r + np.einsum("nk,kni->ni", _nearest(path, r, edges), edges)
         f = numeric.norm(r)
         slope = np.divide(np.einsum("ni,ni->n", r, d), f, out=np.zeros_like(f), where=f > 0.0)
         step = np.divide(f - level, slope, out=np.zeros_like(f), where=(f > level) & (slope * reach > 0.0))
