@@ -829,6 +829,16 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
         return list(table.blocks(("lift", "reach")))
 
     yield Entry("Write it again with numpy.savez", torn, named)
+
+    def covered(name: str) -> Do:
+        def done(folder: Path) -> object:
+            pb.certified_cover(pb.load(name), limits_only=True).save(folder / "c.npz")
+            return pb.load_cover(pb.load("palletizers/dobot_mg400"), folder / "c.npz")
+
+        return done
+
+    again = "Make it again with pb.certified_cover(robot) and .save(path)"
+    yield Entry(again, covered("minervabot_v3"), covered("palletizers/dobot_mg400"))
     large = "Split the file, or evaluate it with `pinbound batch`, which reads in parts"
 
     def few_cells(then: Do) -> Do:

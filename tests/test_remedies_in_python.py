@@ -1253,6 +1253,14 @@ def others() -> Iterator[Entry]:
     paved = lambda *names, **more: lambda _: pb.free_volume(planar(), names, **({"decided": 0.5} | more))
     yield one("give two to four coordinates, each once", paved("q1", "q1"), paved("q1", "q2"))
     yield one("give above 0, at most 1", paved("q1", "q2", decided=0.0), paved("q1", "q2"))
+    covered = lambda **more: lambda _: pb.certified_cover(bare(), **more)
+    yield one("give limits_only=True", covered(), covered(limits_only=True))
+
+    def planned(robot: pb.Robot) -> Do:
+        cover = lambda: pb.certified_cover(robot, limits_only=True)
+        return lambda _: pb.plan(bare(), ZERO, ZERO, cover=cover(), limits_only=True)
+
+    yield one("make one of this robot and these boundaries with certified_cover()", planned(minerva()), planned(bare()))
     asked = lambda what: patched("pinbound.freespace.vertices._EXACT", 1, lambda _: what(polytope(minerva)(_)))
     known = "take .A and .b, or sampled_volume()"
     yield one(known, asked(lambda p: p.vertices), asked(lambda p: (p.A, p.b)), asked(lambda p: p.sampled_volume()))

@@ -58,7 +58,17 @@ if TYPE_CHECKING:
         signed_clearances,
     )
     from pinbound.crosscheck import CrossCheck, cross_check
-    from pinbound.freespace import FreePolytope, FreeVolume, Plan, certified_polytope, free_volume, plan
+    from pinbound.freespace import (
+        FreeCover,
+        FreePolytope,
+        FreeVolume,
+        Plan,
+        certified_cover,
+        certified_polytope,
+        free_volume,
+        load_cover,
+        plan,
+    )
     from pinbound.marking.propose import Proposal, propose_marks
     from pinbound.motion.history import Motion, MotionHistory, history, read_motion
     from pinbound.motion.inverse_kinematics import InverseKinematics, solve_ik
@@ -106,6 +116,7 @@ __all__ = [
     "DimensionError",
     "Edge",
     "FollowerMark",
+    "FreeCover",
     "FreePolytope",
     "FreeVolume",
     "Hull",
@@ -146,6 +157,7 @@ __all__ = [
     "Verdict",
     "Verdicts",
     "certified_box",
+    "certified_cover",
     "certified_polytope",
     "certify",
     "certify_box",
@@ -157,6 +169,7 @@ __all__ = [
     "history",
     "limit_table",
     "load",
+    "load_cover",
     "packaged_robots",
     "plan",
     "propose_marks",
@@ -186,7 +199,10 @@ _LATER = {
     "certify_box": "pinbound.certificates",
     "certify_many": "pinbound.certificates",
     "signed_clearances": "pinbound.certificates",
+    "FreeCover": "pinbound.freespace",
     "FreePolytope": "pinbound.freespace",
+    "certified_cover": "pinbound.freespace",
+    "load_cover": "pinbound.freespace",
     "Plan": "pinbound.freespace",
     "plan": "pinbound.freespace",
     "FreeVolume": "pinbound.freespace",

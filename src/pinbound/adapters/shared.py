@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinbound.adapters.steps import StepBounds, StepRows
-from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
+from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.model.coupling import real_array
 from pinbound.region import Region
 from pinbound.robot.model_view import ModelView
 from pinbound.robot.robot import Robot
+from pinbound.robot.speeds import largest_speeds
 from pinbound.typing import Array
 
 __all__ = ["Polytope", "SafeSteps", "optional"]
@@ -63,7 +64,7 @@ class SafeSteps:
     ) -> None:
         """Prepare the rows; `options` are those of `StepBounds.rows`."""
         self.view, self.options = view, options
-        self.velocity = _speeds(robot, velocity)
+        self.velocity = largest_speeds(robot, velocity)
         self.bounds = StepBounds(robot, boundaries)
         self.last: StepRows | None = None
         moving = np.any(view.E != 0.0, axis=1)
@@ -82,23 +83,6 @@ class SafeSteps:
         side = rows.step[self._moving]
         G = np.vstack((rows.A @ self.view.E, self._box, -self._box))
         return G, np.concatenate((rows.b, side, side))
-
-
-def _speeds(robot: Robot, velocity: ArrayLike | Mapping[str, float]) -> Array:
-    names = robot.coordinates
-    if isinstance(velocity, Mapping):
-        for name in velocity:
-            if name not in names:
-                raise UnknownNameError("coordinate", name, names)
-        missing = [name for name in names if name not in velocity]
-        if missing:
-            raise DimensionError(f"velocity says nothing of {missing[0]!r}; give the largest speed of every coordinate")
-        velocity = [float(velocity[name]) for name in names]
-    given = real_array(velocity, "velocity")
-    if given.shape not in ((), (len(names),)) or not np.all((given > 0.0) & np.isfinite(given)):
-        said = f"velocity is {given.tolist()}; give the largest speed of {', '.join(names)}, each positive and finite"
-        raise DimensionError(said)
-    return np.broadcast_to(given, (len(names),)).astype(np.float64)
 
 
 class Polytope:

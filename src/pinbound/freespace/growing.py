@@ -7,20 +7,17 @@ that cuts off most contact for what it cuts off of all samples, until no sample 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from pinbound.certificates.search import Meter
-from pinbound.freespace.pairs import Pairs
+from pinbound.freespace.draft import SHARE, Draft
 from pinbound.robot.robot import Robot
-from pinbound.typing import Array, Flags, Indices
+from pinbound.typing import Array, Indices
 
-__all__ = ["SHARE", "Grower"]
+__all__ = ["Grower"]
 
-
-SHARE = 0.3
-"""Of the distance from the seed to contact: a face keeps at most this much of it away from contact."""
 
 _CANDIDATES = 256
 _STEPS = 14
@@ -32,46 +29,35 @@ _SCORING = 20_000
 class Grower:
     """A polytope while faces are proposed."""
 
+    draft: Draft
     robot: Robot
-    pairs: Pairs
-    seed: Array
-    low: Array
-    high: Array
-    A: Array
-    b: Array
-    margin: float
     rng: np.random.Generator
-    source: list[int] = field(default_factory=list[int])
 
     def __post_init__(self) -> None:
         """Know the boundaries, and which pair each is."""
-        self.chosen = self.robot.boundaries.select(self.pairs.names)
-        column = {name: index for index, name in enumerate(self.pairs.names)}
+        self.chosen = self.robot.boundaries.select(self.draft.pairs.names)
+        column = {name: index for index, name in enumerate(self.draft.pairs.names)}
         self.order = np.array([column[name] for name in self.chosen.names], dtype=np.intp)
-
-    def inside(self, Q: Array) -> Flags:
-        """Return which of Q (N, n) keep all faces."""
-        return np.all(Q @ self.A.T <= self.b, axis=1)
 
     def begin(self) -> None:
         """Add the tangents of pairs that the seed is close to contact of: they are needed, and spare much."""
-        which = np.arange(len(self.pairs))
-        seeds = np.tile(self.seed, (len(which), 1))
-        value, slope = self.pairs.signed(which, seeds), self.pairs.slopes(which, seeds)
+        which = np.arange(len(self.draft.pairs))
+        seeds = np.tile(self.draft.seed, (len(which), 1))
+        value, slope = self.draft.pairs.signed(which, seeds), self.draft.pairs.slopes(which, seeds)
         square = np.einsum("ni,ni->n", slope, slope)
         with np.errstate(divide="ignore", invalid="ignore"):
             step = -2.0 * (value / square)[:, None] * slope
-        near = np.flatnonzero(np.linalg.norm(step, axis=1) <= 2.0 * self.margin)
-        near = near[self.pairs.signed(near, self.seed + step[near]) < 0.0] if len(near) else near
+        near = np.flatnonzero(np.linalg.norm(step, axis=1) <= 2.0 * self.draft.margin)
+        near = near[self.draft.pairs.signed(near, self.draft.seed + step[near]) < 0.0] if len(near) else near
         for pair in near[np.argsort(np.linalg.norm(step[near], axis=1))].tolist():
-            A, b, _ = self._tangents((self.seed + step[pair])[None], np.array([pair]), self.seed[None])
+            A, b, _ = self._tangents((self.draft.seed + step[pair])[None], np.array([pair]), self.draft.seed[None])
             if len(A):
-                self.add(A[0], float(b[0]), pair)
+                self.draft.add(A[0], float(b[0]), pair)
 
     def sampled(self, count: int) -> Array:
         """Return up to `count` samples of the outer box that keep all faces."""
-        Q = self.rng.uniform(self.low, self.high, (count, len(self.low)))
-        return Q[self.inside(Q)]
+        Q = self.rng.uniform(self.draft.low, self.draft.high, (count, len(self.draft.low)))
+        return Q[self.draft.inside(Q)]
 
     def contacts(self, Q: Array) -> tuple[Indices, Indices]:
         """Return the rows of Q in contact, and of each the pair that is deepest in it."""
@@ -101,20 +87,15 @@ class Grower:
             best = int(np.argmax(gain / (lost + 1.0 + 1e-3 * len(free))))
             if not gain[best]:
                 return
-            self.add(A[best], float(b[best]), int(source[best]))
+            self.draft.add(A[best], float(b[best]), int(source[best]))
             left = ~cut[best]
             X, which = X[left], which[left]
             free = free[free @ A[best] <= b[best]]
 
-    def add(self, normal: Array, bound: float, source: int) -> None:
-        """Add one face, of a pair."""
-        self.A, self.b = np.vstack([self.A, normal]), np.append(self.b, bound)
-        self.source.append(source)
-
     def _candidates(self, X: Array, which: Indices, free: Array) -> tuple[Array, Array, Indices]:
         rows = self.rng.integers(0, len(X), _CANDIDATES)
         x, pair = X[rows], which[rows]
-        start = np.tile(self.seed, (len(rows), 1))
+        start = np.tile(self.draft.seed, (len(rows), 1))
         if len(free):
             half = len(rows) // 2
             start[:half] = free[self.rng.integers(0, len(free), half)]
@@ -126,14 +107,14 @@ class Grower:
         inside, outside = np.zeros(len(rows)), np.ones(len(rows))
         for _ in range(_STEPS):  # where the way there first is in contact, if there is one contact only
             middle = 0.5 * (inside + outside)
-            free_there = self.pairs.signed(pair, start + middle[:, None] * (x - start)) > 0.0
+            free_there = self.draft.pairs.signed(pair, start + middle[:, None] * (x - start)) > 0.0
             inside, outside = np.where(free_there, middle, inside), np.where(free_there, outside, middle)
         y = start + inside[:, None] * (x - start)
-        slope = self.pairs.slopes(pair, y)
+        slope = self.draft.pairs.slopes(pair, y)
         length = np.linalg.norm(slope, axis=1)
         keep = length > 1e-9
         A = -slope[keep] / length[keep, None]
-        away = np.einsum("ni,ni->n", A, y[keep] - self.seed)
-        b = A @ self.seed + away - np.minimum(self.margin, SHARE * away)
+        away = np.einsum("ni,ni->n", A, y[keep] - self.draft.seed)
+        b = A @ self.draft.seed + away - np.minimum(self.draft.margin, SHARE * away)
         held = away > 1e-9
         return A[held], b[held], pair[keep][held]

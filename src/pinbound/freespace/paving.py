@@ -8,7 +8,7 @@ coordinates, all boxes of a round at once. `docs/free-space.md` has the bounds.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,11 +27,14 @@ from pinbound.tolerances import INFLATION, LIMIT, UNIT_ROUNDOFF
 from pinbound.typing import Array, Flags, Indices
 from pinbound.values import Value
 
-__all__ = ["FreeVolume", "free_volume"]
+__all__ = ["MOST", "FreeVolume", "Paving", "axes_of", "corners_of", "free_volume", "volume_of_boxes"]
 
 _BUDGET = Budget(boxes=20_000_000, seconds=10.0)
 _ROWS = 16_384
-_FEWEST, _MOST = 2, 4
+_FEWEST, MOST = 2, 4
+"""How many coordinates can be paved."""
+_BESIDE = 2.0 * LIMIT
+"""How far beyond a box its pairs are bounded: a limit is kept up to LIMIT beyond it, and so are boxes at the edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,20 +121,14 @@ def free_volume(
         (True, True)
     """
     held = np.array(robot.home if at is None else one_configuration(at, robot.coordinates), dtype=np.float64)
-    names = (coordinates,) if isinstance(coordinates, str) else tuple(coordinates)
-    for name in names:
-        if name not in robot.coordinates:
-            raise UnknownNameError("coordinate", name, robot.coordinates)
-    if not _FEWEST <= len(names) <= _MOST or len(set(names)) < len(names):
-        raise UnsupportedError(f"you gave {', '.join(names) or 'none'}; give two to four coordinates, each once")
+    names, axes = axes_of(robot, coordinates)
     if not 0.0 < decided <= 1.0:
         raise DimensionError(f"the share {decided} is not in (0, 1]; give above 0, at most 1")
     chosen = scope(robot, boundaries, True, not len(robot.boundaries) and boundaries is None)
-    axes = np.array([robot.coordinates.index(name) for name in names])
-    paving = _Paving(robot, chosen, axes, held, dict(window or {}), Meter(budget or _BUDGET))
-    reason = paving.run(decided)
+    paving = Paving(robot, chosen, axes, held, dict(window or {}), Meter(budget or _BUDGET))
     total = float(np.prod(paving.high - paving.low))
-    free, contact = _sum(paving.free), _sum(paving.contact)
+    reason = paving.run(lambda free, undecided: undecided <= (1.0 - decided) * total)
+    free, contact = volume_of_boxes(paving.free), volume_of_boxes(paving.contact)
     room = 64.0 * UNIT_ROUNDOFF * total
     return FreeVolume(
         coordinates=names,
@@ -140,24 +137,42 @@ def free_volume(
         box=np.stack([paving.low, paving.high]),
         lower=max(0.0, free - room),
         upper=min(total, total - contact + room),
-        free=_corners(paving.free, len(axes)),
-        open=_corners(paving.left, len(axes)),
+        free=corners_of(paving.free, len(axes)),
+        open=corners_of(paving.left, len(axes)),
         reason=reason,
         boxes=paving.meter.boxes,
         seconds=paving.meter.seconds,
     )
 
 
-def _sum(parts: Sequence[Array]) -> float:
+def axes_of(robot: Robot, coordinates: Sequence[str]) -> tuple[tuple[str, ...], Indices]:
+    """Return the names of two to four coordinates, and which entries of q they are.
+
+    Raises:
+        UnknownNameError: If there is no coordinate of a name.
+        UnsupportedError: If there are not two to four, each once.
+    """
+    names = (coordinates,) if isinstance(coordinates, str) else tuple(coordinates)
+    for name in names:
+        if name not in robot.coordinates:
+            raise UnknownNameError("coordinate", name, robot.coordinates)
+    if not _FEWEST <= len(names) <= MOST or len(set(names)) < len(names):
+        raise UnsupportedError(f"you gave {', '.join(names) or 'none'}; give two to four coordinates, each once")
+    return names, np.array([robot.coordinates.index(name) for name in names])
+
+
+def volume_of_boxes(parts: Sequence[Array]) -> float:
+    """Return the sum of the volumes of boxes (f, 2, k), each part an array of them."""
     sizes = [(one[:, 1] - one[:, 0]).prod(axis=1) for one in parts]
     return math.fsum(float(x) for one in sizes for x in one)
 
 
-def _corners(parts: Sequence[Array], k: int) -> Array:
+def corners_of(parts: Sequence[Array], k: int) -> Array:
+    """Return all boxes (f, 2, k) of some parts."""
     return np.concatenate([np.empty((0, 2, k)), *parts])
 
 
-class _Paving:
+class Paving:
     """Boxes [low, high] over the axes, and rows (box, pair) of what is not yet proven free in them."""
 
     def __init__(
@@ -169,6 +184,7 @@ class _Paving:
         window: Mapping[str, tuple[float, float]],
         meter: Meter,
     ) -> None:
+        """Begin with the box of limits of the axes, the others held at `at` (n,)."""
         rough = limit_faces(robot, window)
         n = len(robot.coordinates)
         others = np.setdiff1d(np.arange(n), axes)
@@ -187,7 +203,7 @@ class _Paving:
         self.axes, self.at, self.meter = axes, at, meter
         self.low, self.high = low[axes], high[axes]
         farthest = np.maximum(np.abs(low), np.abs(high))
-        self.pairs = Pairs(robot, [robot.boundaries[one.name] for one in chosen], low, high)
+        self.pairs = Pairs(robot, [robot.boundaries[one.name] for one in chosen], low - _BESIDE, high + _BESIDE)
         self.rules = [[face] for face in limit_faces(robot, {}, farthest)]
         self.rules += [guarded_choices(one, farthest, robot.coordinates) for one in robot.guarded_limits]
         self.farthest = farthest
@@ -195,18 +211,18 @@ class _Paving:
         self.contact: list[Array] = []
         self.left: list[Array] = []
 
-    def run(self, decided: float) -> Reason | None:
-        """Halve until the undecided share is small enough; return what of the budget ended it, if it did."""
+    def run(self, is_enough: Callable[[float, float], bool]) -> Reason | None:
+        """Halve until free and undecided volume are enough; return what of the budget ended it, if it did."""
         m = len(self.pairs) + len(self.rules)
         boxes = np.stack([self.low, self.high])[None]
         box, item = np.zeros(m, dtype=np.intp), np.arange(m)
-        total = float(np.prod(self.high - self.low))
+        free = 0.0
         while len(boxes):
             undecided = float(np.sum(np.prod(boxes[:, 1] - boxes[:, 0], axis=1)))
             reason = self.meter.spent()
-            if undecided <= (1.0 - decided) * total or reason:
+            if is_enough(free, undecided) or reason:
                 self.left.append(boxes)
-                return reason if undecided > (1.0 - decided) * total else None
+                return None if is_enough(free, undecided) else reason
             open_rows, is_contact = np.ones(len(box), dtype=np.bool_), np.zeros(len(boxes), dtype=np.bool_)
             least, which = np.full(len(boxes), np.inf), np.zeros(len(boxes), dtype=np.intp)
             for start in range(0, len(box), _ROWS):
@@ -227,6 +243,7 @@ class _Paving:
             is_open[box[keep]] = True
             self.contact.append(boxes[is_contact])
             self.free.append(boxes[~is_contact & ~is_open])
+            free += float(np.sum(np.prod(self.free[-1][:, 1] - self.free[-1][:, 0], axis=1)))
             number = np.cumsum(is_open) - 1
             boxes, box, item = self._halved(boxes[is_open], which[is_open]), number[box[keep]], item[keep]
             count = len(boxes) // 2
@@ -243,7 +260,9 @@ class _Paving:
         lower, upper = np.empty(len(item)), np.empty(len(item))
         rows = np.flatnonzero(item < len(self.pairs))
         if len(rows):
-            found = self.pairs.bound(item[rows], centre[rows], half[rows])
+            beside = half[rows]
+            beside[:, self.axes] += _BESIDE
+            found = self.pairs.bound(item[rows], centre[rows], beside)
             lower[rows], upper[rows] = found.lower, found.upper
         for index, choices in enumerate(self.rules):
             rows = np.flatnonzero(item == len(self.pairs) + index)
@@ -260,7 +279,8 @@ class _Paving:
             rounding = 16.0 * UNIT_ROUNDOFF * (float(np.abs(face.normal) @ self.farthest) + abs(face.bound))
             tolerance = 2.0 * LIMIT if index == 0 else -LIMIT
             kept |= middle + wide <= face.proven + (LIMIT if index == 0 else 0.0) - rounding
-            lost &= middle - wide > face.bound + tolerance + rounding
+            beyond = wide + _BESIDE * float(np.abs(face.normal[self.axes]).sum())
+            lost &= middle - beyond > face.bound + tolerance + rounding
         return np.where(kept, 1.0, 0.0), np.where(lost, -1.0, np.inf)
 
     def _halved(self, boxes: Array, which: Indices) -> Array:

@@ -1,14 +1,15 @@
 """plan(): a motion between two configurations that is certified, or a proof that there is none, or neither.
 
-How a path is found is a heuristic, two trees of straight pieces that grow towards each other; what it is worth is not:
-`certify` proves it, over all of its length. That there is no motion is proven where an effective angle, or one
-inequality, has to pass through contact.
+How a path is found is a heuristic: the straight one, the shortest one through polytopes, a chain of the sets of a
+cover, two trees. What it is worth is not: `certify` proves it, over all of its length. That there is no motion is
+proven where an effective angle, or one inequality, has to pass through contact, and where all boxes of a cover that may
+be free do not connect start and goal.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,21 +21,28 @@ from pinbound.certificates import certify, certify_box
 from pinbound.certificates.records import Budget, Certificate, Verdict
 from pinbound.certificates.scope import scope
 from pinbound.certificates.search import Meter
+from pinbound.exceptions import UnsupportedError
+from pinbound.freespace.cover_records import FreeCover
+from pinbound.freespace.digest import robot_digest
 from pinbound.freespace.faces import OneAngleGaps, limit_faces, outer_box
+from pinbound.freespace.pieces import free_union, lifted, path_in_union
+from pinbound.freespace.set_graph import connected
+from pinbound.freespace.smoothing import smooth_motion, straight_times
+from pinbound.freespace.trees import Trees
 from pinbound.robot.robot import Robot
+from pinbound.robot.speeds import largest_speeds
 from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["Plan", "plan"]
 
 _BUDGET = Budget(boxes=20_000_000, seconds=30.0)
-_STEP = 0.05
-"""Radians or metres: how far apart samples of a straight piece are that a tree tries; `certify` looks between them."""
-_REACH = 1.0
-"""Radians or metres: how far a tree grows in one go."""
-_SHORTCUTS = 64
 _ANGLES = 257
 """Angles between start and goal at which contact is looked for, beside the middles of its strips."""
+_PACES = (1.0, 0.5, 0.2, 0.0)
+"""How fast a smooth motion passes its waypoints: the first that is certified is taken. The last one stops at each."""
+_APART = 1e-11
+"""Radians or metres. Boxes no further apart may meet: limits are kept to `tolerances.LIMIT`, beyond the boxes' ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +55,15 @@ class Plan(Value):
             found, which proves nothing. NOTHING_TO_CHECK: there is no boundary.
         waypoints: (k, n); none unless a motion was found.
         certificate: Of the motion; None if none was found.
-        separated_by: The boundary that every motion between the two would touch, or what start or goal violate.
+        separated_by: The boundary that every motion between the two would touch, or what start or goal violate; "cover"
+            if the boxes of a cover prove it.
         notes: What the verdict does not say.
         seconds: Wall time.
+        found_by: How the way was found: "straight", "shortest" (in the polygon), "sets", "trees"; empty if none was.
+        times: (k,) seconds at which the straight motion passes its waypoints, by the velocities; None without them.
+        motion: A smooth motion past the waypoints, a SciPy BPoly over seconds, which keeps the velocities; None without
+            them, or where none was certified.
+        motion_certificate: Of the smooth motion.
     """
 
     verdict: Verdict
@@ -58,6 +72,10 @@ class Plan(Value):
     separated_by: str | None
     notes: tuple[str, ...]
     seconds: float
+    found_by: str = ""
+    times: Array | None = None
+    motion: Any = None
+    motion_certificate: Certificate | None = None
 
     @property
     def length(self) -> float:
@@ -72,14 +90,16 @@ def plan(
     boundaries: Sequence[str] | None = None,
     budget: Budget | None = None,
     *,
+    cover: FreeCover | None = None,
+    velocity: ArrayLike | Mapping[str, float] | None = None,
     limits_only: bool = False,
     seed: int = 0,
 ) -> Plan:
     """Return a certified motion from one configuration to another, straight between waypoints.
 
-    The straight motion is tried first; where all boundaries have one effective angle and no rule has a condition, no
-    other is needed, since what can be reached is convex. Otherwise two trees grow from both ends through free samples,
-    the path is shortened, and certified as a whole. It is not the shortest one.
+    The straight motion is tried first. Where all boundaries have one effective angle, what is free is a union of
+    polytopes, one for each choice that rules with conditions leave: the shortest path through it is next. Then a chain
+    of the sets of a cover, then two trees that grow from both ends through free samples. Every path is certified anew.
 
     Args:
         robot: The robot.
@@ -87,6 +107,9 @@ def plan(
         goal: (n,).
         boundaries: Names of the boundaries; None: all.
         budget: How much work is allowed; None: 30 seconds.
+        cover: Sets of this robot and these boundaries, by `certified_cover` or `load_cover`.
+        velocity: Largest speed of each coordinate [rad/s or m/s]: (n,), one number, or by name. With it come `times`
+            and a smooth `motion`.
         limits_only: Keep limits and rules and nothing else.
         seed: Of the random samples.
 
@@ -94,21 +117,29 @@ def plan(
         The motion with its certificate; or a proof that there is none; or UNDECIDED.
 
     Raises:
-        DimensionError: If start or goal is not one finite configuration, or a coordinate has no limits.
-        UnknownNameError: If the robot has no boundary of that name.
+        DimensionError: If start or goal is not one finite configuration, a coordinate has no limits, or a velocity is
+            not positive.
+        UnknownNameError: If the robot has no boundary, or no coordinate of the velocity, of that name.
+        UnsupportedError: If the cover is of another robot, or of other boundaries.
 
     Example:
         >>> import pinbound as pb
         >>> robot = pb.load("minervabot_v3")
-        >>> found = pb.plan(robot, [-1.5, 0.1, 0.1], [1.5, 0.6, 0.8])
-        >>> found.verdict.value, len(found.waypoints)
-        ('certified', 2)
+        >>> found = pb.plan(robot, [-1.5, 0.1, 0.1], [1.5, 0.6, 0.8], velocity=2.0)
+        >>> found.verdict.value, found.found_by, len(found.waypoints), bool(abs(found.times[-1] - 1.5) < 1e-6)
+        ('certified', 'straight', 2, True)
+        >>> found.motion_certificate.verdict.value, bool(np.allclose(found.motion(0.0), [-1.5, 0.1, 0.1]))
+        ('certified', True)
         >>> beyond = pb.plan(robot, [-1.5, 0.1, 0.1], [0.0, 0.0, 1.4])
         >>> beyond.verdict.value, beyond.separated_by is not None
         ('violated', True)
     """
     first, last = (one_configuration(one, robot.coordinates).copy() for one in (start, goal))
     chosen = scope(robot, boundaries, True, limits_only)
+    speeds = None if velocity is None else largest_speeds(robot, velocity)
+    if cover is not None and cover.digest != robot_digest(robot, chosen):
+        said = f"the cover is of {cover.robot!r} with {len(cover.boundaries)} boundaries, and of other limits or marks"
+        raise UnsupportedError(f"{said} than these; make one of this robot and these boundaries with certified_cover()")
     names, meter = [boundary.name for boundary in chosen], Meter(budget or _BUDGET)
     nothing = Plan(Verdict.UNDECIDED, np.empty((0, len(first))), None, None, (), 0.0)
     for where, q in (("start", first), ("goal", last)):
@@ -123,24 +154,123 @@ def plan(
     if between is not None:
         notes = (f"every motion touches {between!r}: its angle takes all values between those of start and goal",)
         return _said(nothing, meter, verdict=Verdict.VIOLATED, separated_by=between, notes=notes)
-    rng, bad = np.random.default_rng(seed), list[Array]()
-    waypoints: Array | None = np.stack([first, last])
-    while waypoints is not None:
-        left = Budget(max(meter.budget.boxes - meter.boxes, 0), max(meter.budget.seconds - meter.seconds, 0.0))
-        proof = certify(robot, waypoints, boundaries=names, budget=left, limits_only=limits_only)
-        meter.boxes += proof.boxes
+    if cover is not None and _is_apart(cover, first, last):
+        notes = ("no boxes that may be free connect start and goal, whatever the other coordinates do",)
+        return _said(nothing, meter, verdict=Verdict.VIOLATED, separated_by="cover", notes=notes)
+    search = _Search(robot, chosen, (first, last), cover, np.random.default_rng(seed), meter)
+    for how, waypoints in search.ways():
+        proof = _proof(robot, waypoints, names, meter, limits_only)
         if proof.verdict in (Verdict.CERTIFIED, Verdict.NOTHING_TO_CHECK):
-            return _said(nothing, meter, verdict=proof.verdict, waypoints=waypoints, certificate=proof)
+            done = replace(nothing, verdict=proof.verdict, waypoints=waypoints, certificate=proof, found_by=how)
+            return _said(done, meter, **_timed(robot, done, names, speeds, meter, limits_only))
         contact = proof.first_contact
         if contact is not None:
-            bad.append(contact.q)
-        waypoints = _Trees(robot, names, (first, last), bad, rng, meter).path()
-    notes = ("no motion was found within the budget; that proves nothing",)
+            search.bad.append(contact.q)
+    notes = (*search.notes, "no motion was found within the budget; that proves nothing")
     return _said(nothing, meter, notes=notes)
 
 
 def _said(one: Plan, meter: Meter, **changes: Any) -> Plan:
     return replace(one, seconds=meter.seconds, **changes)
+
+
+def _proof(robot: Robot, motion: Any, names: Sequence[str], meter: Meter, limits_only: bool) -> Certificate:
+    left = Budget(max(meter.budget.boxes - meter.boxes, 0), max(meter.budget.seconds - meter.seconds, 0.0))
+    proof = certify(robot, motion, boundaries=names, budget=left, limits_only=limits_only)
+    meter.boxes += proof.boxes
+    return proof
+
+
+def _timed(
+    robot: Robot, found: Plan, names: Sequence[str], speeds: Array | None, meter: Meter, limits_only: bool
+) -> dict[str, Any]:
+    """Return times and the smoothest motion that is certified."""
+    if speeds is None:
+        return {}
+    changes: dict[str, Any] = {"times": straight_times(found.waypoints, speeds)}
+    for pace in _PACES if len(found.waypoints) > 2 else (0.0,):
+        motion = smooth_motion(found.waypoints, speeds, pace)
+        proof = _proof(robot, motion, names, meter, limits_only)
+        if proof.verdict is found.verdict:
+            return changes | {"motion": motion, "motion_certificate": proof}
+    return changes | {"notes": (*found.notes, "no smooth motion was certified within the budget; the straight one is")}
+
+
+class _Search:
+    """Ways that may be free, one after the other: the simplest first."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        chosen: Sequence[Boundary],
+        ends: tuple[Array, Array],
+        cover: FreeCover | None,
+        rng: np.random.Generator,
+        meter: Meter,
+    ) -> None:
+        self.robot, self.chosen, self.ends = robot, chosen, ends
+        self.cover, self.rng, self.meter = cover, rng, meter
+        self.names = [boundary.name for boundary in chosen]
+        self.bad: list[Array] = []
+        """Where a proof has found contact."""
+        self.notes: list[str] = []
+
+    def ways(self) -> Iterator[tuple[str, Array]]:
+        """Yield how, and waypoints, until the budget is spent."""
+        first, last = self.ends
+        yield "straight", np.stack([first, last])
+        union = free_union(self.robot, self.chosen, first)
+        way = None if union is None else path_in_union(union, first, last)
+        if way is not None:
+            yield "shortest", way
+        if self.cover is not None and len(self.cover):
+            for one in self._through(self.cover):
+                yield "sets", self._trees().shortened(one)
+                yield "sets", one
+        while (found := self._trees().path()) is not None:
+            yield "trees", found
+
+    def _trees(self) -> Trees:
+        return Trees(self.robot, self.names, self.ends, self.bad, self.rng, self.meter)
+
+    def _through(self, cover: FreeCover) -> Iterator[Array]:
+        """Yield the shortest way through the sets of a cover, straight to the nearest set where an end is in none."""
+        first, last = self.ends
+        held = np.isfinite(cover.at)
+        if not cover.is_whole and np.any(first[held] != last[held]):
+            self.notes.append("start and goal differ where the cover holds coordinates: its sets were not used")
+            return
+        if not cover.is_whole and np.any(first[held] != cover.at[held]):
+            self.notes.append("the cover holds coordinates at other values than start and goal: its sets were not used")
+            return
+        axes, best = list(cover.axes), list[tuple[float, Array]]()
+        for start in cover.graph.entries(first[axes]):
+            for goal in cover.graph.entries(last[axes]):
+                route = cover.graph.route(start, goal)
+                if route is not None:
+                    way = np.vstack([first[axes], route.points, last[axes]])
+                    keep = np.append(True, np.any(np.diff(way, axis=0) != 0.0, axis=1))
+                    best.append((float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum()), way[keep]))
+                if self.meter.spent():
+                    break
+        best.sort(key=lambda one: one[0])
+        for _, way in best:
+            if len(way) > 1:
+                yield lifted(way, axes, first, last)
+
+
+def _is_apart(cover: FreeCover, first: Array, last: Array) -> bool:
+    """Return whether boxes prove that there is no motion: free and open ones together do not connect the two.
+
+    They hold every free configuration in their coordinates, whatever the others are. A motion is continuous, so that
+    the boxes it passes meet one after the other.
+    """
+    if not cover.is_whole or not len(cover.boxes) + len(cover.open):
+        return False
+    boxes, axes = np.concatenate([cover.boxes, cover.open]), list(cover.axes)
+    low, high = boxes[:, 0] - _APART, boxes[:, 1] + _APART
+    ends = [np.all((low <= q[axes]) & (q[axes] <= high), axis=1) for q in (first, last)]
+    return bool(np.any(ends[0]) and np.any(ends[1])) and not connected(boxes, ends[0], ends[1], _APART)
 
 
 def _separation(robot: Robot, chosen: Sequence[Boundary], first: Array, last: Array) -> str | None:
@@ -159,85 +289,3 @@ def _separation(robot: Robot, chosen: Sequence[Boundary], first: Array, last: Ar
         if np.any(gaps.violated(name, phi)):
             return name
     return None
-
-
-class _Trees:
-    """Two trees of straight free pieces, from the start and from the goal."""
-
-    def __init__(
-        self,
-        robot: Robot,
-        names: Sequence[str],
-        ends: tuple[Array, Array],
-        bad: Sequence[Array],
-        rng: np.random.Generator,
-        meter: Meter,
-    ) -> None:
-        self.robot, self.rng, self.meter = robot, rng, meter
-        self.chosen = robot.boundaries.select(names) if names else None
-        self.low, self.high = outer_box(limit_faces(robot, {}), robot.coordinates)
-        self.ends, self.bad = ends, list(bad)
-
-    def path(self) -> Array | None:
-        """Return waypoints that are free where they are sampled; None if the budget is spent first."""
-        trees = [_Tree([one], [-1]) for one in self.ends]
-        side = 0
-        while self.meter.spent() is None:
-            self.meter.boxes += 1
-            here, there = trees[side], trees[1 - side]
-            target = self.rng.uniform(self.low, self.high)
-            new = self._extend(here, target, _REACH)
-            if new is not None and self._extend(there, here.points[new], np.inf, whole=True) is not None:
-                way = here.way(new)[::-1] + there.way(len(there.points) - 1)[1:]
-                way = way if side == 0 else way[::-1]
-                return self._shortened(np.array(way))
-            side = 1 - side
-        return None
-
-    def _extend(self, tree: _Tree, target: Array, reach: float, whole: bool = False) -> int | None:
-        near = int(np.argmin(np.linalg.norm(np.array(tree.points) - target, axis=1)))
-        step = target - tree.points[near]
-        length = float(np.linalg.norm(step))
-        if not length > 0.0:
-            return near if whole else None
-        end = tree.points[near] + step * min(1.0, reach / length)
-        if not self._is_free(tree.points[near], end):
-            return None
-        tree.points.append(end)
-        tree.parents.append(near)
-        return len(tree.points) - 1
-
-    def _is_free(self, a: Array, b: Array) -> bool:
-        count = int(np.ceil(float(np.linalg.norm(b - a)) / _STEP)) + 1
-        Q = a + np.linspace(0.0, 1.0, count + 1)[:, None] * (b - a)
-        for q in self.bad:  # where a proof has found contact between samples
-            along = b - a
-            t = float(np.clip((q - a) @ along / max(float(along @ along), 1e-300), 0.0, 1.0))
-            if float(np.linalg.norm(a + t * along - q)) < 1e-3:
-                return False
-        if not np.all(self.robot.intervals.hold(Q)):
-            return False
-        return self.chosen is None or bool(np.all(self.chosen.signed_clearances(Q) > 0.0))
-
-    def _shortened(self, way: Array) -> Array:
-        for _ in range(_SHORTCUTS):
-            if len(way) < 3:
-                break
-            i, j = np.sort(self.rng.choice(len(way), 2, replace=False))
-            if j - i > 1 and self._is_free(way[i], way[j]):
-                way = np.concatenate([way[: i + 1], way[j:]])
-        return way
-
-
-@dataclass
-class _Tree:
-    points: list[Array]
-    parents: list[int]
-
-    def way(self, index: int) -> list[Array]:
-        """Return the points from one back to the root."""
-        found: list[Array] = []
-        while index >= 0:
-            found.append(self.points[index])
-            index = self.parents[index]
-        return found

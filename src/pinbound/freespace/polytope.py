@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 
 from pinbound.boundaries.boundary import Boundary, one_configuration
 from pinbound.certificates.boxes import certify_box
-from pinbound.certificates.records import Budget, Verdict
+from pinbound.certificates.records import Budget, Reason, Verdict
 from pinbound.certificates.scope import covered, scope, settled
 from pinbound.certificates.search import Meter
+from pinbound.freespace.draft import Draft
 from pinbound.freespace.faces import Face, OneAngleGaps, guarded_choices, limit_faces, outer_box
 from pinbound.freespace.growing import Grower
 from pinbound.freespace.pairs import Pairs
@@ -27,11 +28,17 @@ __all__ = ["certified_polytope"]
 
 
 _BUDGET = Budget(boxes=1_000_000_000, seconds=60.0)
-_SHARES = (1.0 / 16.0, 0.25, 0.5, 1.0)
+_AT_Q = Budget(boxes=2_000_000, seconds=10.0)
+"""For the proof of q alone, which a budget of boxes does not count."""
+_SHARES = (1.0 / 16.0, 0.25, 0.5, 0.7, 0.85, 1.0)
 """Of the way from q to all limits: the boxes within which a polytope is proven, one after the other."""
 _MARGIN = 0.1
 """Radians or metres. How far faces keep away from contact, where there is room: less costs more boxes."""
 _SAMPLES = 6000
+_SIDE = -1
+"""In place of a pair: a face that is a side of the box within which the polytope is proven."""
+_GROWN = 0.5
+"""Share of the box of limits from which on samples propose faces; smaller ones are done before that would pay."""
 _GROWING = 0.2
 """Of the seconds that are left: for proposing faces."""
 
@@ -118,9 +125,12 @@ def certified_polytope(
     )
     if not ground.searched:
         return exact
-    at_q = certify_box(robot, start, start, [boundary.name for boundary in ground.searched], Budget(2_000_000, 10.0))
+    left = Budget(_AT_Q.boxes, min(_AT_Q.seconds, max(0.0, meter.budget.seconds - meter.seconds)))
+    at_q = certify_box(robot, start, start, [boundary.name for boundary in ground.searched], left)
     if at_q.verdict is not Verdict.CERTIFIED:
-        note = () if at_q.violated else ("q is nearer to contact than rounding can tell",)
+        is_spent = any(one.reason in (Reason.TIME, Reason.BOXES) for one in at_q.open_boxes)
+        said = "the budget was spent at q itself" if is_spent else "q is nearer to contact than rounding can tell"
+        note = () if at_q.violated else (said,)
         return replace(empty, verdict=at_q.verdict, violated=at_q.violated, open_boxes=at_q.open_boxes, notes=note)
     return _searched(robot, exact, ground, meter, seed)
 
@@ -136,28 +146,28 @@ def _searched(robot: Robot, exact: FreePolytope, ground: _Ground, meter: Meter, 
             low, high = ground.q + share * (low - ground.q), ground.q + share * (high - ground.q)
         around = [] if share == 1.0 else _sides(robot.coordinates, low, high)
         faces = (*exact.faces, *around)
-        grower = Grower(
-            robot, pairs, ground.q, low, high, exact.A, exact.b, _MARGIN * share, np.random.default_rng(seed)
-        )
+        draft = Draft(pairs, ground.q, low, high, exact.A, exact.b, _MARGIN * share)
+        grower = Grower(draft, robot, np.random.default_rng(seed))
         grower.begin()
         budget = meter.budget
-        if share == 1.0:  # small ones are done before growing would pay
+        if share >= _GROWN:
             grower.grow(_SAMPLES, meter, meter.seconds + _GROWING * (budget.seconds - meter.seconds))
-        A, b = np.vstack([grower.A, *(f.normal for f in around)]), np.append(grower.b, [f.proven for f in around])
-        prover = Prover(pairs, ground.q, low, high, A, b, _MARGIN * share, meter)
+        for face in around:
+            draft.add(face.normal, face.proven, _SIDE)
+        prover = Prover(draft, meter)
         is_done = prover.prove_all()
-        added = (*grower.source, *prover.source)
-        rows = [*range(len(exact.faces), len(grower.b)), *range(len(b), len(prover.b))]
+        rows = range(len(exact.faces), len(draft.b))
         found = [
-            Face(pairs.names[pair], pairs.names[pair], prover.A[row], float(prover.b[row]), 0.0, True)
-            for row, pair in zip(rows, added, strict=True)
+            Face(pairs.names[pair], pairs.names[pair], draft.A[row], float(draft.b[row]), 0.0, True)
+            for row, pair in zip(rows, draft.source, strict=True)
+            if pair != _SIDE
         ]
         left = replace(
             exact,
             verdict=exact.verdict if is_done else Verdict.UNDECIDED,
             faces=(*faces, *found),
             is_exact=False,
-            open_boxes=() if is_done else prover.open_boxes(),
+            open_boxes=() if is_done or best is not None else prover.open_boxes(),
             boxes=meter.boxes,
             seconds=meter.seconds,
         )

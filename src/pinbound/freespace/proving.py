@@ -9,8 +9,9 @@ import numpy as np
 
 from pinbound.certificates.records import OpenBox, Reason
 from pinbound.certificates.search import Meter
-from pinbound.freespace.growing import SHARE
-from pinbound.freespace.pairs import Affine, Pairs
+from pinbound.freespace.draft import SHARE, Draft
+from pinbound.freespace.pairs import Affine
+from pinbound.freespace.quick_proofs import ProofTables, Stack
 from pinbound.tolerances import INFLATION, UNIT_ROUNDOFF
 from pinbound.typing import Array, Flags, Indices
 
@@ -18,6 +19,11 @@ __all__ = ["Boxes", "Prover"]
 
 
 _BATCH = 8192
+_FEW = 60_000
+"""Boxes that NumPy bounds before machine code is asked: small proofs are the same with and without it."""
+_AT_ONCE = 200_000
+"""Boxes that machine code bounds between two looks at the clock; some 0.1 s."""
+_COMPILING = 300_000
 _TOGETHER = 8
 _WEIGHINGS = 4
 _SMALLEST = 2.0**-40
@@ -66,32 +72,26 @@ class Boxes:
 class Prover:
     """A polytope while it is proven; faces are only added or moved inwards, so that what was proven stays so."""
 
-    pairs: Pairs
-    seed: Array
-    low: Array
-    high: Array
-    A: Array
-    b: Array
-    margin: float
+    draft: Draft
     meter: Meter
-    source: list[int] = field(default_factory=list[int])
     stuck: list[Boxes] = field(default_factory=list[Boxes])
 
     def __post_init__(self) -> None:
         """Know how much the rounding of `a . q` can be."""
-        nothing = np.empty((0, len(self.low)))
+        nothing = np.empty((0, len(self.draft.low)))
         self.left, self.unseen = Boxes(np.empty(0, np.intp), nothing, nothing), np.empty(0, np.intp)
-        self.farthest = np.maximum(np.abs(self.low), np.abs(self.high))
-        self.unit = 8.0 * (len(self.low) + 2) * UNIT_ROUNDOFF
+        self.farthest = np.maximum(np.abs(self.draft.low), np.abs(self.draft.high))
+        self.unit = 8.0 * (len(self.draft.low) + 2) * UNIT_ROUNDOFF
+        self.bounded, self.tables = 0, ProofTables(self.draft.pairs)
 
     def rounding(self) -> Array:
         """Return a bound of the rounding of every `a . q - b` (m,)."""
-        return self.unit * (np.abs(self.A) @ self.farthest + np.abs(self.b))
+        return self.unit * (np.abs(self.draft.A) @ self.farthest + np.abs(self.draft.b))
 
     def prove_all(self) -> bool:
         """Prove all pairs, those of few coordinates first; False if the budget, or rounding, left some open."""
-        groups = self.pairs.groups
-        used = np.count_nonzero(self.pairs.weights[groups.pair[groups.roots]], axis=1)
+        groups = self.draft.pairs.groups
+        used = np.count_nonzero(self.draft.pairs.weights[groups.pair[groups.roots]], axis=1)
         order = groups.roots[np.lexsort((np.arange(len(used)), used))]
         for start in range(0, len(order), _TOGETHER):
             if not self.prove(order[start : start + _TOGETHER]):
@@ -102,22 +102,29 @@ class Prover:
     def open_boxes(self) -> tuple[OpenBox, ...]:
         """Return what is not proven."""
         reason = self.meter.spent() or Reason.ROUNDING
-        whole = Boxes(self.unseen, np.tile(self.low, (len(self.unseen), 1)), np.tile(self.high, (len(self.unseen), 1)))
+        whole = Boxes(
+            self.unseen, np.tile(self.draft.low, (len(self.unseen), 1)), np.tile(self.draft.high, (len(self.unseen), 1))
+        )
         found: list[OpenBox] = []
         for boxes, why in (*((one, Reason.ROUNDING) for one in self.stuck), (whole, reason), (self.left, reason)):
             for node, low, high in zip(boxes.which, boxes.low, boxes.high, strict=True):
-                for pair in self.pairs.groups.members[int(node)]:
-                    found.append(OpenBox(self.pairs.names[pair], low, high, -np.inf, why))
+                for pair in self.draft.pairs.groups.members[int(node)]:
+                    found.append(OpenBox(self.draft.pairs.names[pair], low, high, -np.inf, why))
         return tuple(found)
 
     def prove(self, rows: Indices) -> bool:
         """Prove nodes `rows` of the pairs' groups free over the polytope; False if the budget ended it."""
-        stack = Boxes(np.asarray(rows), np.tile(self.low, (len(rows), 1)), np.tile(self.high, (len(rows), 1)))
+        stack = Boxes(
+            np.asarray(rows), np.tile(self.draft.low, (len(rows), 1)), np.tile(self.draft.high, (len(rows), 1))
+        )
         self.left = stack
         while len(stack):
             if self.meter.spent():
                 self.left = stack
                 return False
+            if self._is_quick(stack):
+                stack = self._quick(stack)
+                continue
             start = max(0, len(stack) - _BATCH)
             now, stack = stack.take(slice(start, None)), stack.take(slice(0, start))
             again = self._nearest_last(self._round(now))
@@ -125,16 +132,37 @@ class Prover:
         self.left = stack
         return True
 
+    def _is_quick(self, stack: Boxes) -> bool:
+        if self.bounded < _FEW or not np.all(self.tables.has(stack.which)):
+            return False
+        return self.tables.is_ready(_COMPILING, self.meter.budget.seconds - self.meter.seconds)
+
+    def _quick(self, stack: Boxes) -> Boxes:
+        """Return what machine code leaves of a stack: it clears and halves, and what has to be cut off is looked at."""
+        n, draft = stack.low.shape[1], self.draft
+        found = self.tables.run(
+            Stack(np.column_stack([stack.which, stack.low, stack.high])),
+            (draft.A, draft.b + self.rounding()),
+            (draft.seed, self.farthest),
+            (self.unit, draft.margin, SHARE, _SMALLEST),
+            min(_AT_ONCE, self.meter.budget.boxes - self.meter.boxes),
+        )
+        self.meter.boxes += found.boxes
+        left = Boxes(found.rows[:, 0].astype(np.intp), found.rows[:, 1 : 1 + n], found.rows[:, 1 + n :])
+        if not found.is_stopped:
+            return left
+        return _joined([left.take(slice(0, -1)), self._round(left.take(slice(-1, None)))])
+
     def _nearest_last(self, boxes: Boxes) -> Boxes:
         """Return boxes in the order in which a stack gives the nearest to the seed first: faces near it spare most."""
-        away = np.maximum(np.maximum(boxes.low - self.seed, self.seed - boxes.high), 0.0)
+        away = np.maximum(np.maximum(boxes.low - self.draft.seed, self.draft.seed - boxes.high), 0.0)
         return boxes.take(np.argsort(-np.einsum("ni,ni->n", away, away), kind="stable"))
 
     def _round(self, boxes: Boxes) -> Boxes:
-        self.meter.boxes += len(boxes)
+        self.meter.boxes, self.bounded = self.meter.boxes + len(boxes), self.bounded + len(boxes)
         boxes = boxes.take(~self._outside(boxes))
         centre, half = boxes.middles()
-        found = self.pairs.bound_nodes(boxes.which, centre, half)
+        found = self.draft.pairs.bound_nodes(boxes.which, centre, half)
         open_ = found.lower <= 0.0
         boxes, centre, half = boxes.take(open_), centre[open_], half[open_]
         found = _some(found, open_)
@@ -145,40 +173,40 @@ class Prover:
         found = _some(found, open_)
         if not len(boxes):
             return boxes
-        groups = self.pairs.groups
+        groups = self.draft.pairs.groups
         reach = found.rest + np.einsum("ni,ni->n", np.abs(found.slope), half)
-        is_group = boxes.which >= len(self.pairs)
+        is_group = boxes.which >= len(self.draft.pairs)
         coarse = is_group & ((found.value <= 0.0) | (groups.extra[boxes.which] >= reach))
         halves = boxes.take(coarse)
         asked = [Boxes(groups.halves[halves.which, side], halves.low, halves.high) for side in (0, 1)]
         split = is_group & ~coarse
-        again = boxes.take(split).halved(self.pairs.weights[groups.pair[boxes.which[split]]] * half[split])
+        again = boxes.take(split).halved(self.draft.pairs.weights[groups.pair[boxes.which[split]]] * half[split])
         single = ~is_group
         boxes, half = self._cut(boxes.take(single), _some(found, single), centre[single], half[single])
-        boxes = boxes.halved(self.pairs.weights[boxes.which] * half)
+        boxes = boxes.halved(self.draft.pairs.weights[boxes.which] * half)
         return _joined([*asked, again, boxes])
 
     def _outside(self, boxes: Boxes) -> Flags:
         """Return which boxes lie wholly beyond a face."""
         centre, half = boxes.middles()
-        least = centre @ self.A.T - half @ np.abs(self.A.T)
-        return np.any(least > self.b + self.rounding(), axis=1)
+        least = centre @ self.draft.A.T - half @ np.abs(self.draft.A.T)
+        return np.any(least > self.draft.b + self.rounding(), axis=1)
 
     def _weigh(self, found: Affine, centre: Array, half: Array) -> Array:
         """Return lower bounds (N,) over what the polytope leaves of boxes: faces weighed against the slope."""
         best, slope = found.lower.copy(), found.slope.copy()
         constant = found.value - found.rest
-        room = self.b + self.rounding()
+        room = self.draft.b + self.rounding()
         todo = np.arange(len(best))
         for _ in range(_WEIGHINGS):
             corner = centre[todo] - np.sign(slope[todo]) * half[todo]
-            beyond = corner @ self.A.T - room
+            beyond = corner @ self.draft.A.T - room
             face = np.argmax(beyond, axis=1)
             useful = beyond[np.arange(len(todo)), face] > 0.0
             todo, face = todo[useful], face[useful]
             if not len(todo):
                 break
-            a, s, h = self.A[face], slope[todo], half[todo]
+            a, s, h = self.draft.A[face], slope[todo], half[todo]
             distance = room[face] - np.einsum("ni,ni->n", a, centre[todo])
             with np.errstate(divide="ignore", invalid="ignore"):
                 weight = np.where(a != 0.0, -s / a, 0.0)
@@ -202,13 +230,13 @@ class Prover:
         flat = np.flatnonzero(~np.any(slope != 0.0, axis=1))
         slope = slope.copy()
         if len(flat):  # bounds that are not affine: the whole box is cut off, across the gradient
-            slope[flat] = self.pairs.gradients(boxes.which[flat], centre[flat])
+            slope[flat] = self.draft.pairs.gradients(boxes.which[flat], centre[flat])
         steep = np.linalg.norm(slope, axis=1)
-        away = -np.einsum("ni,ni->n", slope, centre - self.seed)  # times the slope: how far on the seed's side
-        room = np.minimum(self.margin * steep, SHARE * away)
+        away = -np.einsum("ni,ni->n", slope, centre - self.draft.seed)  # times the slope: how far on the seed's side
+        room = np.minimum(self.draft.margin * steep, SHARE * away)
         ripe = (found.rest <= 0.25 * room) & (found.value <= found.rest)
-        own = self.pairs.weights[boxes.which] > 0.0
-        way = np.where(own, centre - self.seed, 0.0)
+        own = self.draft.pairs.weights[boxes.which] > 0.0
+        way = np.where(own, centre - self.draft.seed, 0.0)
         far = np.linalg.norm(way, axis=1)
         size = np.linalg.norm(np.where(own, half, 0.0), axis=1)
         radial = ~ripe & (found.value <= found.rest) & (size <= _NARROW * far) & (away <= _NARROW * far * steep)
@@ -221,6 +249,8 @@ class Prover:
         room[radial] = 0.0
         ripe |= radial
         for row in np.flatnonzero(ripe).tolist():
+            if self.meter.spent():
+                break
             one, part = boxes.take(slice(row, row + 1)), _some(found, slice(row, row + 1))
             h = half[row : row + 1]
             if self._outside(one)[0] or self._weigh(part, centre[row : row + 1], h)[0] > 0.0:
@@ -231,9 +261,8 @@ class Prover:
                 bound -= float(np.abs(normal) @ half[row]) + 0.25 * float(room[row] / steep[row])
             else:
                 bound += float(found.value[row] - found.rest[row] - 0.5 * room[row]) / float(steep[row])
-            if normal @ self.seed < bound:
-                self.A, self.b = np.vstack([self.A, normal]), np.append(self.b, bound)
-                self.source.append(int(one.which[0]))
+            if normal @ self.draft.seed < bound:
+                self.draft.add(normal, bound, int(one.which[0]))
         if np.any(hopeless):
             self.stuck.append(boxes.take(hopeless))
         keep = ~hopeless

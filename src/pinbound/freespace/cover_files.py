@@ -1,0 +1,70 @@
+"""load_cover(): a cover from its file, if it was proven about this very robot and these very marks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from pinbound.certificates.constraints import select
+from pinbound.certificates.records import Reason
+from pinbound.certificates.scope import covered
+from pinbound.freespace.cover_format import read_file, refused
+from pinbound.freespace.cover_records import NUMBERS, TEXTS, ConvexSet, FreeCover
+from pinbound.freespace.digest import robot_digest
+from pinbound.robot.robot import Robot
+
+__all__ = ["load_cover"]
+
+
+def load_cover(robot: Robot, path: str | Path) -> FreeCover:
+    """Return the cover that `FreeCover.save` wrote, if it was proven about this very robot and these very marks.
+
+    The file holds a hash of coordinates, limits, paths and thresholds, and one of its own contents. The second finds a
+    file that was damaged, and not one that was forged: take covers from people whom you trust.
+
+    Args:
+        robot: The robot.
+        path: The file.
+
+    Raises:
+        InputError: If the file is no cover or is damaged, or the robot, its limits or its marks are not those that the
+            cover was proven about.
+        OSError: If the file cannot be read.
+
+    Example:
+        >>> import tempfile
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = pb.certified_cover(robot).save(folder + "/cover.npz")
+        ...     again = pb.load_cover(robot, path)
+        >>> again.contains(robot.home)
+        True
+    """
+    header, given = read_file(Path(path))
+    missing = [name for name in header["boundaries"] if name not in robot.boundaries.names]
+    chosen = () if missing or not header["boundaries"] else select(robot, header["boundaries"])
+    if missing or robot_digest(robot, chosen) != header["digest"]:
+        what = f"the cover is of {header['robot']!r} with other limits or marks than {robot.name!r} has now"
+        raise refused(Path(path), what)
+    k, rows = len(header["coordinates"]), given["rows"]
+    parts = np.split(rows, np.cumsum(given["counts"])[:-1]) if len(given["counts"]) else []
+    reason = None if header["reason"] is None else Reason[header["reason"]]
+    texts = {name: _tuples(header[name]) for name in TEXTS}
+    numbers = {name: header[name] for name in NUMBERS}
+    return FreeCover(
+        **cast(Any, texts | numbers),
+        at=given["at"],
+        coverage=covered(robot, chosen),
+        boxes=given["boxes"],
+        open=given["open"],
+        share=given["share"],
+        polytopes=tuple(ConvexSet(one[:, :k], one[:, k]) for one in parts),
+        reason=reason,
+    )
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(cast(Any, value)) if isinstance(value, list) else value

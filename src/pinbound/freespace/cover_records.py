@@ -1,0 +1,171 @@
+"""What a cover of free space holds: boxes or polytopes, each proven free, and what is known of the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pinbound.certificates.records import Reason
+from pinbound.coverage import CoverageRecord
+from pinbound.freespace.cover_format import write_file
+from pinbound.freespace.set_graph import SetGraph
+from pinbound.model.coupling import as_configurations
+from pinbound.tolerances import UNIT_ROUNDOFF
+from pinbound.typing import Array, Flags
+from pinbound.values import Value
+
+__all__ = ["NUMBERS", "TEXTS", "ConvexSet", "FreeCover"]
+
+TEXTS = ("robot", "robot_coordinates", "coordinates", "boundaries", "digest", "notes")
+NUMBERS = ("is_proven", "is_whole", "work", "seconds")
+"""Fields of a cover that its file holds as text and as numbers, beside arrays."""
+
+_ROWS = 2048
+
+
+@dataclass(frozen=True, eq=False)
+class ConvexSet(Value):
+    """`{A x <= b}` over the coordinates of a cover, proven free.
+
+    Attributes:
+        A: (m, k).
+        b: (m,) [rad or m].
+    """
+
+    A: Array
+    b: Array
+
+    def contains(self, X: Array) -> Flags:
+        """Return which of X (N, k) are in it, the rounding of `A x` counted against them."""
+        size = np.abs(X) @ np.abs(self.A.T)
+        return np.all(X @ self.A.T + UNIT_ROUNDOFF * (self.A.shape[1] + 2) * size <= self.b, axis=1)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FreeCover(Value):
+    """Sets of which every configuration is proven free and within all limits. Made by `certified_cover`.
+
+    Attributes:
+        robot: Name of the robot.
+        robot_coordinates: Names of q's entries.
+        coordinates: Names of the coordinates x that the sets are over.
+        at: (n,) where the others are held; NaN for the coordinates of the sets.
+        boundaries: Names of the boundaries that were asked for.
+        coverage: What they watch of the robot, and what they do not.
+        boxes: (f, 2, k) corners of boxes.
+        polytopes: Polytopes `{A x <= b}`. A cover has boxes or polytopes.
+        share: (2,) at least and at most so much of the free volume is in the sets. Proven if `is_proven`; otherwise the
+            95 % interval of an estimate by samples.
+        is_proven: Whether the share is proven.
+        open: (u, 2, k) boxes that are not decided; none of a cover by polytopes, whose `share` alone says what is left.
+        is_whole: Whether boxes and open ones together hold every free configuration, whatever the other coordinates
+            are: where they do not connect two configurations, no motion does.
+        reason: Why the share that was asked for was not reached; None if it was.
+        digest: SHA-256 of what was proven about: coordinates, limits, paths, thresholds.
+        work: How many boxes times boundaries were bounded.
+        seconds: Wall time.
+        notes: What was left out.
+    """
+
+    robot: str
+    robot_coordinates: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    at: Array
+    boundaries: tuple[str, ...]
+    coverage: CoverageRecord
+    boxes: Array
+    polytopes: tuple[ConvexSet, ...]
+    share: Array
+    is_proven: bool
+    open: Array
+    is_whole: bool
+    reason: Reason | None
+    digest: str
+    work: int
+    seconds: float
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return what it holds, and the share."""
+        sets = f"{len(self.boxes)} boxes" if len(self.boxes) else f"{len(self.polytopes)} polytopes"
+        how = "proven" if self.is_proven else "sampled"
+        return f"<FreeCover of {', '.join(self.coordinates)}: {sets}, share {self.share[0]:.3g} or more, {how}>"
+
+    def __len__(self) -> int:
+        """Return how many sets there are."""
+        return len(self.boxes) + len(self.polytopes)
+
+    @cached_property
+    def axes(self) -> tuple[int, ...]:
+        """Which entries of q the coordinates of the sets are."""
+        return tuple(self.robot_coordinates.index(name) for name in self.coordinates)
+
+    @cached_property
+    def half_spaces(self) -> tuple[tuple[Array, Array], ...]:
+        """All sets as (A, b), boxes too."""
+        one = np.eye(len(self.coordinates))
+        A = np.concatenate([one, -one])
+        return (
+            *((A, np.concatenate([box[1], -box[0]])) for box in self.boxes),
+            *((one.A, one.b) for one in self.polytopes),
+        )
+
+    @cached_property
+    def graph(self) -> SetGraph:
+        """Which sets meet, and where."""
+        return SetGraph.of_boxes(self.boxes) if len(self.boxes) else SetGraph.of_polytopes(self.half_spaces)
+
+    def contains(self, Q: ArrayLike) -> Any:
+        """Return whether q (n,), or each of Q (N, n), is in one of the sets, and so proven free.
+
+        The coordinates that are held must have the very values of `at`.
+
+        Raises:
+            DimensionError: If the last axis is not n long.
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> cover = pb.certified_cover(robot, ("q2", "q3"), share=0.8)
+            >>> cover.contains([0.0, 0.3, 0.3]), cover.contains([0.0, 0.3, 1.5])
+            (True, False)
+        """
+        array = as_configurations(Q, self.robot_coordinates)
+        rows = array if array.ndim > 1 else array[None]
+        held = np.isfinite(self.at)
+        found = np.all(rows[:, held] == self.at[held], axis=1) & np.all(np.isfinite(rows), axis=1)
+        X = rows[:, self.axes]
+        for start in range(0, len(X), _ROWS):
+            part = slice(start, start + _ROWS)
+            found[part] &= self.contains_point(X[part])
+        return found if array.ndim > 1 else bool(found[0])
+
+    def contains_point(self, X: Array) -> Flags:
+        """Return which of X (N, k), in the coordinates of the sets alone, are in one of them."""
+        found: Flags = np.zeros(len(X), dtype=np.bool_)
+        if len(self.boxes):
+            for row, x in enumerate(X):
+                found[row] = np.any(np.all((self.boxes[:, 0] <= x) & (x <= self.boxes[:, 1]), axis=1))
+        for one in self.polytopes:
+            found |= one.contains(X)
+        return found
+
+    def save(self, path: str | Path) -> Path:
+        """Write the cover to an NPZ file, with the hash of what was proven about; `pb.load_cover` reads it.
+
+        Raises:
+            OSError: If the file cannot be written.
+        """
+        k = len(self.coordinates)
+        rows = [np.column_stack([one.A, one.b]) for one in self.polytopes]
+        arrays = {"at": self.at, "boxes": self.boxes, "open": self.open, "share": self.share}
+        arrays["rows"] = np.concatenate([np.empty((0, k + 1)), *rows])
+        counts = np.array([len(one) for one in rows], dtype=np.int64)
+        header = {name: getattr(self, name) for name in (*TEXTS, *NUMBERS)}
+        header["reason"] = None if self.reason is None else self.reason.name
+        return write_file(Path(path), header, {**arrays, "counts": counts})

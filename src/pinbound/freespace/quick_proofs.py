@@ -1,0 +1,110 @@
+"""Proofs over a polytope in machine code: tables of pairs and groups, and the stack that goes to it and comes back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinbound.bounds.groups import Code
+from pinbound.certificates.constraints import ManyAngleBoundaries
+from pinbound.freespace.pairs import Pairs
+from pinbound.machine.compiled import has_numba
+from pinbound.machine.proof_source import PROOF_HEAD, proof_source
+from pinbound.typing import Array, Flags, Indices
+
+__all__ = ["ProofTables", "Stack"]
+
+_ROOM = 1 << 14
+"""Boxes that the stack has room for; the last one first, so that a few for each halving suffice."""
+_PROOFS = Code(proof_source)
+
+
+@dataclass
+class Stack:
+    """Boxes with their nodes, rows (node, low, high) (s, 1 + 2 n), and how many were bounded.
+
+    Attributes:
+        rows: The boxes that are left, the last one first in turn.
+        boxes: How many were bounded.
+        is_stopped: Whether the last one has to be looked at: it may have to be cut off.
+    """
+
+    rows: Array
+    boxes: int = 0
+    is_stopped: bool = False
+
+
+class ProofTables:
+    """What machine code reads of the pairs of points whose joints turn only, and of their groups."""
+
+    def __init__(self, pairs: Pairs) -> None:
+        """Write the tables."""
+        family = pairs.families[1]
+        n, groups = pairs.weights.shape[1], pairs.groups
+        self.n, self.known = n, np.zeros(len(groups.pair), dtype=np.bool_)
+        self.is_empty = not (isinstance(family, ManyAngleBoundaries) and family.chains.slides is None)
+        blocks, places = list[Array](), np.zeros((len(pairs), 2))
+        nodes = np.column_stack([groups.pair, groups.extra, groups.halves]).astype(np.float64)
+        start = 4 + nodes.size + places.size
+        most = 1
+        if isinstance(family, ManyAngleBoundaries) and not self.is_empty:
+            chains, first = family.chains, int(pairs.first[1])
+            most = max(1, chains.rotations)
+            for row in range(len(family.names)):
+                k = int(np.max(np.flatnonzero(np.any(chains.coefficients[row] != 0.0, axis=1)), initial=-1)) + 1
+                parts = (
+                    np.array([family.threshold[row], family.error[row]]),
+                    chains.coefficients[row, :k],
+                    chains.axes[row, :k],
+                    chains.offsets[row, : k + 1],  # behind them are zeros
+                    family.arms[row, :k],
+                    pairs.weights[first + row],
+                )
+                block = np.concatenate([np.ravel(part) for part in parts])
+                places[first + row] = start, k
+                start += len(block)
+                blocks.append(block)
+            members = np.array([all(first <= p < int(pairs.first[2]) for p in some) for some in groups.members])
+            self.known = members
+        head = np.array([n, 4, 4 + nodes.size, most], dtype=np.float64)
+        self.table = np.concatenate([head, nodes.ravel(), places.ravel(), *blocks])
+        self.turns = most
+
+    def has(self, nodes: Indices) -> Flags:
+        """Return which nodes machine code can bound."""
+        return self.known[nodes]
+
+    def is_ready(self, boxes: int, seconds: float) -> bool:
+        """Count boxes to come, and say whether the code is there, or worth to be compiled."""
+        return not self.is_empty and has_numba() and _PROOFS.is_worth(boxes, seconds)
+
+    def run(
+        self,
+        stack: Stack,
+        faces: tuple[Array, Array],
+        places: tuple[Array, Array],
+        numbers: tuple[float, float, float, float],
+        budget: int,
+    ) -> Stack:
+        """Work on a stack until it is empty, a box has to be cut off, or so many boxes were bounded.
+
+        Args:
+            stack: What is left.
+            faces: A (m, n), and b (m,) with their rounding added.
+            places: The seed (n,), and the largest abs(q) (n,).
+            numbers: Unit of rounding, margin, share of the distance, smallest half-width.
+            budget: Boxes.
+        """
+        n, (A, b), (seed, far) = self.n, faces, places
+        room = max(_ROOM, 2 * len(stack.rows))
+        head = np.array([budget, room, len(stack.rows), len(b), *numbers], dtype=np.float64)
+        assert len(head) == PROOF_HEAD
+        question = np.concatenate((head, seed, far, np.zeros(n), np.column_stack([A, b]).ravel()))
+        queue, size = 8 + 4 * n + 5 * self.turns, 1 + 2 * n
+        out = np.empty(queue + size * room)
+        out[queue : queue + stack.rows.size] = stack.rows.ravel()
+        boxes = _PROOFS.run(question, out, 0, 0, self.table, 1)
+        filled = int(out[1])
+        rows = out[queue : queue + size * filled].reshape(filled, size).copy()
+        return Stack(rows, boxes, bool(out[0] == 1.0))

@@ -1,0 +1,239 @@
+"""The text of the proof over a polytope, for LLVM: boxes of pairs, halved until each is clear, or beyond a face.
+
+It is that of `freespace/proving.py`, box by box, the last one first: a lower bound that is affine, then the faces,
+one that the box lies beyond, or up to four weighed against the slope. What has to be cut off goes back to Python.
+Reads the tables that `freespace/quick_proofs.py` writes. `docs/free-space.md`.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Final
+
+from pinbound.machine.compiled import KernelSource
+from pinbound.machine.motion_source import put_part
+from pinbound.tolerances import INFLATION
+
+__all__ = ["PROOF_HEAD", "proof_source"]
+
+PROOF_HEAD: Final = 8
+"""At the head of a question: budget, boxes that the stack has room for, that it holds, faces, unit of rounding, margin,
+share of the distance, the smallest box."""
+
+_LANES: Final = 8
+_WEIGHINGS: Final = 4
+_NARROW: Final = 0.02
+
+
+@cache
+def proof_source() -> KernelSource:
+    """Return the source; it has the prototype of all kernels, its tables in place of scratch."""
+    text = put_part(put_part(_PROOF, "BOUND", _BOUND), "WEIGH", _WEIGH)
+    for name, value in (
+        ("INFLATION", INFLATION),
+        ("HEAD", PROOF_HEAD),
+        ("WEIGHINGS", _WEIGHINGS),
+        ("NARROW", _NARROW),
+    ):
+        text = text.replace(f"${name}", repr(value))
+    return KernelSource(text, 0, _LANES)
+
+
+_BOUND = """
+threshold, error = w[data], w[data + 1]
+coefficients = data + 2
+axes = coefficients + k * n
+offsets = axes + 3 * k
+arms = offsets + 3 * k + 3
+weights = arms + k
+total, second, moved = 0.0, 0.0, 0.0
+for i in range(k):
+    phi, wide, c = 0.0, 0.0, coefficients + i * n
+    for j in range(n):
+        phi += w[c + j] * out[centre + j]
+        wide += abs(w[c + j]) * out[half + j]
+    out[cosines + i], out[sines + i] = math.cos(phi), math.sin(phi)
+    before = total * total
+    total += wide
+    second += w[arms + i] * (total * total - before)
+    moved += w[arms + i] * wide
+rx, ry, rz = w[offsets + 3 * k], w[offsets + 3 * k + 1], w[offsets + 3 * k + 2]
+for back in range(k):
+    i = k - 1 - back
+    x, y, z = w[axes + 3 * i], w[axes + 3 * i + 1], w[axes + 3 * i + 2]
+    cos, sin = out[cosines + i], out[sines + i]
+    along = (x * rx + y * ry + z * rz) * (1.0 - cos)
+    tx = rx * cos + along * x + sin * (y * rz - z * ry)
+    ty = ry * cos + along * y + sin * (z * rx - x * rz)
+    tz = rz * cos + along * z + sin * (x * ry - y * rx)
+    out[tails + 3 * i], out[tails + 3 * i + 1], out[tails + 3 * i + 2] = tx, ty, tz
+    rx, ry, rz = tx + w[offsets + 3 * i], ty + w[offsets + 3 * i + 1], tz + w[offsets + 3 * i + 2]
+norm = math.sqrt(rx * rx + ry * ry + rz * rz)
+rx, ry, rz = rx / norm, ry / norm, rz / norm
+if not norm > 0.0:
+    rx, ry, rz = 0.0, 0.0, 0.0
+for j in range(n):
+    out[slopes + j] = 0.0
+for i in range(k):
+    x, y, z, c = w[axes + 3 * i], w[axes + 3 * i + 1], w[axes + 3 * i + 2], coefficients + i * n
+    tx, ty, tz = out[tails + 3 * i], out[tails + 3 * i + 1], out[tails + 3 * i + 2]
+    rate = rx * (y * tz - z * ty) + ry * (z * tx - x * tz) + rz * (x * ty - y * tx)
+    for j in range(n):
+        out[slopes + j] += rate * w[c + j]
+    cos, sin = out[cosines + i], 0.0 - out[sines + i]
+    along = (x * rx + y * ry + z * rz) * (1.0 - cos)
+    tx = rx * cos + along * x + sin * (y * rz - z * ry)
+    ty = ry * cos + along * y + sin * (z * rx - x * rz)
+    tz = rz * cos + along * z + sin * (x * ry - y * rx)
+    rx, ry, rz = tx, ty, tz
+linear = 0.0
+for j in range(n):
+    linear += abs(out[slopes + j]) * out[half + j]
+rest = 0.5 * second * $INFLATION + error * total
+value = norm - threshold - error - extra
+sunk = moved * $INFLATION + error * total
+bent = rest + linear * $INFLATION
+lower = value - (sunk if sunk < bent else bent)
+"""
+"""Clearance of a pair at the centre less all rounding, its slope, what is taken off over the box, the lower bound."""
+
+_WEIGH = """
+constant = value - rest
+for j in range(n):
+    out[tilted + j] = out[slopes + j]
+for turn in range($WEIGHINGS):
+    worst, face = 0.0, -1
+    for f in range(faces):
+        a, beyond = $HEAD + 3 * n + f * (n + 1), 0.0 - Q[$HEAD + 3 * n + f * (n + 1) + n]
+        for j in range(n):
+            s = out[tilted + j]
+            side = 1.0 if s > 0.0 else (-1.0 if s < 0.0 else 0.0)
+            beyond += Q[a + j] * (out[centre + j] - side * out[half + j])
+        face = f if beyond > worst else face
+        worst = beyond if beyond > worst else worst
+    if face < 0:
+        break
+    a = $HEAD + 3 * n + face * (n + 1)
+    distance, chosen, most = Q[a + n], 0.0, -1e300
+    for j in range(n):
+        distance -= Q[a + j] * out[centre + j]
+    for j in range(n):
+        if Q[a + j] == 0.0:
+            continue
+        weight = 0.0 - out[tilted + j] / Q[a + j]
+        if not weight > 0.0 or weight > 1e100:
+            continue
+        spread = 0.0
+        for l in range(n):
+            spread += abs(out[tilted + l] + weight * Q[a + l]) * out[half + l]
+        x = constant - weight * distance - spread * $INFLATION
+        chosen = weight if x > most else chosen
+        most = x if x > most else most
+    if not chosen > 0.0:
+        break
+    lost = 0.0
+    for j in range(n):
+        lost += (abs(out[tilted + j]) + chosen * abs(Q[a + j])) * Q[far + j]
+        out[tilted + j] += chosen * Q[a + j]
+    lost = lost * unit
+    constant = constant - chosen * distance - lost
+    lower = most - lost if most - lost > lower else lower
+    if lower > 0.0:
+        break
+"""
+"""A better lower bound over what the polytope leaves of the box: faces weighed against the slope, the worst first."""
+
+_PROOF = """
+n, nodes, pairs = np.int64(w[0]), np.int64(w[1]), np.int64(w[2])
+most_turns = np.int64(w[3])
+budget, room, filled, faces = Q[0], np.int64(Q[1]), np.int64(Q[2]), np.int64(Q[3])
+unit, margin, share, smallest = Q[4], Q[5], Q[6], Q[7]
+seed, far = $HEAD, $HEAD + n
+centre, half, slopes, tilted = 8, 8 + n, 8 + 2 * n, 8 + 3 * n
+cosines = 8 + 4 * n
+sines = cosines + most_turns
+tails = sines + most_turns
+queue = tails + 3 * most_turns
+size, boxes, stop = 1 + 2 * n, 0, 0
+while filled > 0:
+    if boxes >= budget or filled + 2 > room:
+        stop = 2
+        break
+    entry = queue + size * (filled - 1)
+    node = nodes + 4 * np.int64(out[entry])
+    pair, extra = np.int64(w[node]), w[node + 1]
+    data, k = np.int64(w[pairs + 2 * pair]), np.int64(w[pairs + 2 * pair + 1])
+    for j in range(n):
+        low, high = out[entry + 1 + j], out[entry + 1 + n + j]
+        x = 0.5 * (low + high)
+        up, down = high - x, x - low
+        out[centre + j], out[half + j] = x, (up if up > down else down) * $INFLATION
+    boxes += 1
+    @BOUND
+    if lower > 0.0:
+        filled -= 1
+        continue
+    is_beyond = 0
+    for f in range(faces):
+        a, least = $HEAD + 3 * n + f * (n + 1), 0.0 - Q[$HEAD + 3 * n + f * (n + 1) + n]
+        for j in range(n):
+            least += Q[a + j] * out[centre + j] - abs(Q[a + j]) * out[half + j]
+        if least > 0.0:
+            is_beyond = 1
+            break
+    if is_beyond > 0:
+        filled -= 1
+        continue
+    @WEIGH
+    if lower > 0.0:
+        filled -= 1
+        continue
+    first_half = np.int64(w[node + 2])
+    if first_half >= 0:
+        reach = rest
+        for j in range(n):
+            reach += abs(out[slopes + j]) * out[half + j]
+        if value <= 0.0 or extra >= reach:
+            other = queue + size * filled
+            for j in range(2 * n):
+                out[other + 1 + j] = out[entry + 1 + j]
+            out[other], out[entry] = w[node + 2], w[node + 3]
+            filled += 1
+            continue
+    else:
+        steep, away, distance, extent, widest = 0.0, 0.0, 0.0, 0.0, 0.0
+        for j in range(n):
+            x, s, h = out[centre + j] - Q[seed + j], out[slopes + j], out[half + j]
+            own = 1.0 if w[weights + j] > 0.0 else 0.0
+            steep += s * s
+            away -= s * x
+            distance += own * x * x
+            extent += own * h * h
+            h = own * h
+            widest = h if h > widest else widest
+        steep, distance, extent = math.sqrt(steep), math.sqrt(distance), math.sqrt(extent)
+        x = margin * steep
+        x = x if x < share * away else share * away
+        is_ripe = rest <= 0.25 * x and value <= rest
+        is_close = value <= rest and extent <= $NARROW * distance and away <= $NARROW * distance * steep
+        if is_ripe or is_close or widest < smallest:
+            stop = 1
+            break
+    across, longest = 0, -1.0
+    for j in range(n):
+        x = w[weights + j] * out[half + j]
+        across = j if x > longest else across
+        longest = x if x > longest else longest
+    other = queue + size * filled
+    for j in range(size):
+        out[other + j] = out[entry + j]
+    middle = 0.5 * (out[entry + 1 + across] + out[entry + 1 + n + across])
+    if Q[seed + across] < middle:
+        out[entry + 1 + across], out[other + 1 + n + across] = middle, middle
+    else:
+        out[entry + 1 + n + across], out[other + 1 + across] = middle, middle
+    filled += 1
+out[0], out[1] = stop, filled
+return boxes
+"""
+"""The stack, emptied; it stops at a box that a face has to cut off (1), or where budget or room is spent (2)."""

@@ -1,0 +1,146 @@
+"""Covers: what is in them is free, the share is that of an exact area, files that are stale or damaged are refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinbound as pb
+from pinbound.certificates.records import Reason
+from pinbound.freespace.set_graph import SetGraph, connected, touching
+from test_polytope import POST, load
+
+
+@pytest.fixture(scope="module")
+def post(tmp_path_factory: pytest.TempPathFactory) -> pb.Robot:
+    return load(POST, tmp_path_factory.mktemp("post"))
+
+
+@pytest.fixture(scope="module")
+def cover(post: pb.Robot) -> pb.FreeCover:
+    return pb.certified_cover(post, share=0.97, budget=pb.Budget(10**9, 300.0))
+
+
+def test_a_cover_is_free_and_its_share_holds(post: pb.Robot, cover: pb.FreeCover) -> None:
+    assert (cover.is_proven, cover.is_whole, cover.reason) == (True, True, None)
+    Q = np.random.default_rng(3).uniform(post.lower, post.upper, (20_000, 2))
+    inside, free = cover.contains(Q), post.boundaries.free(Q)
+    assert not np.any(inside & ~free)
+    share = np.count_nonzero(inside) / np.count_nonzero(free)
+    spread = 4.0 * np.sqrt(0.03 * 0.97 / np.count_nonzero(free))
+    assert cover.share[0] >= 0.97
+    assert cover.share[0] - spread <= share <= cover.share[1] == 1.0
+
+
+def test_polytopes_hold_all_that_rules_with_conditions_leave() -> None:
+    robot = pb.load("palletizers/dobot_mg400")
+    cover = pb.certified_cover(robot, limits_only=True, share=0.99)
+    assert (cover.is_proven, len(cover.polytopes), cover.reason) == (False, 2, None)
+    assert cover.share[0] >= 0.99
+    Q = np.random.default_rng(1).uniform(robot.lower, robot.upper, (5000, 4))
+    inside, kept = cover.contains(Q), robot.intervals.hold(Q)
+    assert not np.any(inside & ~kept)
+    assert np.count_nonzero(inside) > 0.98 * np.count_nonzero(kept)
+
+
+def test_files_come_back_and_stale_or_damaged_ones_are_refused(
+    post: pb.Robot, cover: pb.FreeCover, tmp_path: Path
+) -> None:
+    path = cover.save(tmp_path / "cover.npz")
+    again = pb.load_cover(load(POST.replace("<robot ", "<!-- a comment --><robot "), tmp_path), path)
+    Q = np.random.default_rng(4).uniform(post.lower, post.upper, (500, 2))
+    assert np.array_equal(again.contains(Q), cover.contains(Q))
+    assert (again.share.tolist(), again.digest, again.boundaries) == (
+        cover.share.tolist(),
+        cover.digest,
+        cover.boundaries,
+    )
+    with pytest.raises(pb.InputError, match="other limits or marks"):
+        pb.load_cover(load(POST.replace('radius="0.1"', 'radius="0.10000000000000002"'), tmp_path), path)
+    with pytest.raises(pb.InputError, match="other limits or marks"):
+        pb.load_cover(pb.load("minervabot_v3"), path)
+    with np.load(path) as file:
+        given = dict(file)
+    given["boxes"] = given["boxes"].copy()
+    given["boxes"][0, 1, 0] = np.nextafter(given["boxes"][0, 1, 0], np.inf)
+    np.savez(tmp_path / "forged.npz", **given)
+    with pytest.raises(pb.InputError, match="damaged"):
+        pb.load_cover(post, tmp_path / "forged.npz")
+    (tmp_path / "text.npz").write_text("no cover")
+    with pytest.raises(pb.InputError, match="no cover"):
+        pb.load_cover(post, tmp_path / "text.npz")
+    given["header"] = np.array(json.dumps({}))
+    del given["rows"]
+    np.savez(tmp_path / "short.npz", **given)
+    with pytest.raises(pb.InputError, match="no cover"):
+        pb.load_cover(post, tmp_path / "short.npz")
+
+
+def test_a_polytope_cover_comes_back_from_its_file(tmp_path: Path) -> None:
+    robot = pb.load("minervabot_v3")
+    cover = pb.certified_cover(robot)
+    again = pb.load_cover(robot, cover.save(tmp_path / "cover.npz"))
+    assert all(
+        np.array_equal(one.A, other.A) and np.array_equal(one.b, other.b)
+        for one, other in zip(again.polytopes, cover.polytopes, strict=True)
+    )
+    assert again.contains(robot.home)
+    assert repr(again) == repr(cover)
+
+
+def test_a_spent_budget_says_what_is_open(post: pb.Robot) -> None:
+    found = pb.certified_cover(post, share=0.999, budget=pb.Budget(boxes=400, seconds=300.0))
+    assert found.reason is Reason.BOXES
+    assert len(found.open)
+    sizes = [np.prod(one[:, 1] - one[:, 0], axis=1).sum() for one in (found.boxes, found.open)]
+    assert found.share[0] == pytest.approx(sizes[0] / sum(sizes), abs=1e-9)
+
+
+def test_no_boundary_is_no_cover(post: pb.Robot) -> None:
+    with pytest.raises(pb.UnsupportedError, match="limits_only=True"):
+        pb.certified_cover(post, boundaries=[])
+    whole = pb.certified_cover(post, limits_only=True)
+    assert whole.share[0] > 0.99
+    with pytest.raises(pb.DimensionError, match="share"):
+        pb.certified_cover(post, share=1.5)
+
+
+def test_boxes_meet_as_all_pairs_compared_say() -> None:
+    rng = np.random.default_rng(0)
+    low = np.round(rng.uniform(0.0, 1.0, (80, 3)), 1)
+    boxes = np.stack([low, low + np.round(rng.uniform(0.1, 0.3, (80, 3)), 1)], axis=1)
+    meets = np.all((boxes[:, None, 0] <= boxes[None, :, 1]) & (boxes[None, :, 0] <= boxes[:, None, 1]), axis=2)
+    expected = {(i, j) for i in range(80) for j in range(i + 1, 80) if meets[i, j]}
+    found = touching(boxes)
+    assert len(found) == len(expected)
+    assert {tuple(one) for one in found.tolist()} == expected
+
+
+def test_boxes_that_nearly_meet_are_connected_only_if_they_may() -> None:
+    boxes = np.array([[[0.0, 0.0], [1.0, 1.0]], [[1.0 + 1e-12, 0.0], [2.0, 1.0]]])
+    first, last = np.array([True, False]), np.array([False, True])
+    assert connected(boxes, first, last, 1e-11)
+    assert not connected(boxes, first, last, 0.0)
+    assert not len(SetGraph.of_boxes(boxes).pairs)
+
+
+def test_a_route_keeps_to_its_sets() -> None:
+    """Three squares around a corner: the path is the two straight pieces past it."""
+    boxes = np.array([[[0.0, 0.0], [1.0, 3.0]], [[0.0, 2.0], [3.0, 3.0]], [[2.0, 0.0], [3.0, 3.0]]])
+    one = np.eye(2)
+    sets = [(np.concatenate([one, -one]), np.concatenate([box[1], -box[0]])) for box in boxes]
+    start, goal = np.array([0.5, 0.0]), np.array([2.5, 0.0])
+    for graph in (SetGraph.of_boxes(boxes), SetGraph.of_polytopes(sets)):
+        route = graph.route((0, start), (2, goal))
+        assert route is not None
+        assert route.sets.tolist() == [0, 1, 2]
+        for a, b, index in zip(route.points, route.points[1:], route.sets, strict=False):
+            assert all(np.all((boxes[index, 0] <= x) & (x <= boxes[index, 1])) for x in (a, b))
+        length = np.linalg.norm(np.diff(route.points, axis=0), axis=1).sum()
+        shortest = 2.0 * np.hypot(0.5, 2.0) + 1.0
+        assert shortest - 1e-12 <= length <= 1.02 * shortest
+    apart = SetGraph.of_boxes(boxes[[0, 2]])
+    assert apart.route((0, start), (1, goal)) is None
