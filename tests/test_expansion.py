@@ -306,7 +306,7 @@ OTHERS = {
     "a file of YAML": '<xacro:property name="y" value="${xacro.load_yaml(\'some.yaml\')}"/>${y.a}',
     "files by a pattern": '<xacro:include filename="mor*.xacro"/>',
     "a package": '<xacro:include filename="$(find here)/more.xacro"/>',
-    "code inside an expression": '<xacro:property name="c" value="${[i for i in range(3)][0]}"/>${c}',
+    "code inside an expression": '<xacro:property name="c" value="${[*(i for i in range(3))][0]}"/>${c}',
     "a function inside an expression": '<xacro:property name="c" value="${(lambda: 1)()}"/>${c}',
 }
 

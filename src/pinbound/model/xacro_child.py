@@ -91,9 +91,9 @@ class _Watch:
     """What an expansion asks for: XML files, with their hashes; `is_known` until it asks for anything else.
 
     Python tells this hook of every file that is opened, every process, socket, import and listing of a folder, and of
-    every code that runs. Code within an expression (a lambda, a comprehension) escapes xacro's check of names, so it
-    counts as anything. Environment variables are read through `_Environment`. A hook cannot be taken back: it is for a
-    fork.
+    every code that runs. Code within an expression (a lambda, a generator; before Python 3.12 a comprehension too)
+    escapes xacro's check of names, so it counts as anything. Environment variables are read through `_Environment`. A
+    hook cannot be taken back: it is for a fork.
     """
 
     def __init__(self) -> None:
