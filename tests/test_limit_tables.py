@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 import pinbound as pb
+from pinbound.robot.table_formats import GRIDS
 from robots import joint, robot_xml
 from test_steps import robot_with
 
@@ -51,8 +52,22 @@ READERS = {"skrobot": from_skrobot, "jskeus": from_jskeus, "hrpsys": from_hrpsys
 
 @pytest.mark.parametrize("form", READERS)
 def test_all_that_a_reader_accepts_is_free(form: str, minerva: pb.Robot) -> None:
-    table = pb.limit_table(minerva, "q2", "q3", whole=form == "jskeus")
+    for grid in ("multiples", GRIDS[form]):
+        table = pb.limit_table(minerva, "q2", "q3", whole=form == "jskeus", grid=grid)
+        accepted_is_free(minerva, *READERS[form](table.text(form)))
+
+
+@pytest.mark.parametrize("form", ["skrobot", "csv"])
+@pytest.mark.parametrize("spacing", [1 / 3, 0.7])
+def test_angles_are_printed_where_the_entries_are(form: str, spacing: float, minerva: pb.Robot) -> None:
+    table = pb.limit_table(minerva, "q2", "q3", spacing=spacing)
     angles, lower, upper = READERS[form](table.text(form))
+    assert np.abs(np.radians(angles) - table.angles).max() < 1e-13
+    accepted_is_free(minerva, angles, lower, upper)
+
+
+def accepted_is_free(minerva: pb.Robot, angles: Any, lower: Any, upper: Any) -> None:
+    """Sample what a reader accepts who interpolates, most of it at the very limits."""
     rng = np.random.default_rng(0)
     q2 = np.concatenate((rng.uniform(angles[0], angles[-1], 20000), angles))
     ends = np.interp(q2, angles, lower), np.interp(q2, angles, upper)
@@ -75,6 +90,54 @@ def test_what_is_lost_is_what_is_said(minerva: pb.Robot) -> None:
         assert np.degrees(lost.max()) <= np.degrees(table.loss) + 1e-9
         assert np.degrees(lost.max()) >= 0.9 * np.degrees(table.loss)
         assert np.degrees(table.loss) < most
+
+
+def test_corners_fall_on_entries_where_a_format_allows_it(minerva: pb.Robot) -> None:
+    """At 1 degree nearly nothing is lost; entries at whole degrees cannot lose less than they do."""
+    corners = np.array([np.degrees(x) for x, _ in pb.feasible_region(minerva, ("q2", "q3")).vertices])
+    corners = corners[(corners > -10.0) & (corners < 70.0)]
+    assert len(corners) == 2
+    for form in ("skrobot", "csv", "json"):
+        table = pb.limit_table(minerva, "q2", "q3", grid=GRIDS[form])
+        assert np.degrees(table.loss) < 1e-3
+        angles = READERS[form](table.text(form))[0]
+        assert np.diff(angles).max() <= 1.0 + 1e-9
+        assert all(np.abs(angles - corner).min() < 1e-9 for corner in corners)
+    assert len(angles) >= 81
+    with pytest.raises(pb.UnsupportedError, match="grid='fitted'"):
+        table.text("skrobot")
+    with pytest.raises(pb.UnsupportedError, match="spacing=1"):
+        table.text("hrpsys")
+    with pytest.raises(pb.UnknownNameError, match="grid"):
+        pb.limit_table(minerva, "q2", "q3", grid="corner")
+    # Any sound table at whole degrees: its entries are within the limits, so that it is below the chord at a corner.
+    whole = pb.limit_table(minerva, "q2", "q3")
+    lost = []
+    for corner in np.radians(corners):
+        at = [np.radians(np.floor(np.degrees(corner))), corner, np.radians(np.ceil(np.degrees(corner)))]
+        middle = [np.interp(x, whole.angles, 0.5 * (whole.lower + whole.upper)) for x in at]
+        true, _ = minerva.boundaries.limits_table("q3", np.stack((np.zeros(3), at, middle), axis=1))
+        share = (corner - at[0]) / (at[2] - at[0])
+        chords = (1.0 - share) * true[0] + share * true[2]
+        lost.append(max(chords[0] - true[1, 0], true[1, 1] - chords[1]))
+    assert whole.loss == pytest.approx(max(lost), abs=1e-8)
+
+
+def test_a_table_without_corners_and_one_with_corners_side_by_side() -> None:
+    joints = [
+        joint("a", "revolute", "base", "l1", xyz="0 0 1", limit="-1 1"),
+        joint("b", "revolute", "l1", "l2", xyz="0 0 1", limit="-2 2"),
+    ]
+    robot = pb.load(robot_xml(joints, {}, []))
+    for grid in ("fitted", "corners"):
+        table = pb.limit_table(robot, "a", "b", grid=grid)
+        assert np.allclose(table.upper, 2.0, atol=1e-8)
+        assert table.loss < 1e-8
+    rules = tuple(pb.Rule(f"r{k}", {"a": c, "b": 1.0}, upper=u) for k, (c, u) in enumerate([(1.0, 1.5), (1.0001, 1.5)]))
+    some = robot.with_annotations(pb.Annotations.of([], [], rules=rules))
+    table = pb.limit_table(some, "a", "b", grid="fitted")  # a corner at 0, of slopes that hardly differ
+    assert len(table.angles) < 200
+    assert np.degrees(table.loss) < 0.01
 
 
 def test_targets_beyond_the_entries_are_said(minerva: pb.Robot) -> None:
@@ -136,6 +199,10 @@ def test_the_command_writes_all_kinds(tmp_path: Path) -> None:
     assert len(json.loads((tmp_path / "arm.json").read_text())["boundaries"]) == 1
     done = run("table", "--out", str(tmp_path / "t.yaml"), "--format", "skrobot", "--target", "q2", "--dependent", "q3")
     assert done.exit_code == 0
+    low, high = map(float, re.search(r"Note: keep 'q2' within (\S+) deg .. (\S+) deg", done.stdout).groups())
+    assert -10.146 <= low < -9.5
+    assert 69.5 < high <= 70.001
+    done = run("table", "--out", str(tmp_path / "t.txt"), "--format", "hrpsys", "--target", "q2", "--dependent", "q3")
     assert "Note: keep 'q2' within -10 deg .. 70 deg" in done.stdout
     said = json.loads(run("c", "--out", str(tmp_path / "arm.c"), "--json").stdout)
     assert said["files"] == [str(tmp_path / "arm.c"), str(tmp_path / "arm.h")]

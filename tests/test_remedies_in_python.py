@@ -281,6 +281,7 @@ UNKNOWN = [
     Unknown(
         "format", said("export minervabot_v3 table --format NAME --target q2 --dependent q3 --out HERE/t --whole"), "cs"
     ),
+    Unknown("grid", lambda name, _: pb.limit_table(minerva(), "q2", "q3", grid=name), "fited"),
     Unknown("kind of export", lambda name, f: planar().boundaries and planar().export(name, f / "far.c"), "cc"),
     Unknown("kind of export", said("export minervabot_v3 NAME --out HERE/t.json"), "jso"),
     Unknown("kind of robot to start", said("new NAME --out HERE"), "paletizer"),
@@ -1324,6 +1325,10 @@ def others() -> Iterator[Entry]:
     yield one(limited, target(robot_xml(TURNS, {}, [])), target(robot_xml(PLANAR, {}, [])))
     written = lambda form, **more: lambda _: pb.limit_table(minerva(), "q2", "q3", **more).text(form)
     yield one("make the table with spacing=1", written("hrpsys", spacing=0.5), written("hrpsys", spacing=1))
+    fitted = "make the table with grid='fitted' (--grid fitted)"
+    yield one(fitted, written("skrobot", grid="corners"), written("skrobot", grid="fitted"))
+    words = "export minervabot_v3 table --format skrobot --target q2 --dependent q3 --out HERE/t --grid "
+    yield one(fitted, command(words + "corners"), command(words + "fitted"))
     whole = "make the table with whole=True (--whole)"
     yield one(whole, written("jskeus"), written("jskeus", whole=True))
     words = "export minervabot_v3 table --format jskeus --target q2 --dependent q3 --out HERE/t"

@@ -5,6 +5,8 @@ import pytest
 from scipy.optimize import linprog
 
 import pinbound as pb
+from pinbound.bounds.bounds import box_terms
+from pinbound.bounds.swept_bounds import all_rows, separated
 from robots import joint, robot_xml
 
 JOINTS = [
@@ -195,9 +197,76 @@ def test_the_other_vertices_of_a_face_are_paid_for() -> None:
     notes = pb.Annotations.of(marks, [pb.BoundaryMark("b", "floor", "rim")])
     robot = pb.load(robot_xml(JOINTS, {}, [])).with_annotations(notes)
     q = np.zeros(len(robot.coordinates))
-    rows = pb.StepBounds(robot).rows(q, 0.04, limits=False, gain=1.0, margin=0.0, reserve=0.0)
-    assert len(rows.A)
-    D = np.random.default_rng(5).uniform(-1.0, 1.0, (400, len(q))) * rows.step
+    (row,) = pb.StepBounds(robot)._area_rows(q, np.full(len(q), 0.04), 0.0, 0.0, 1.0)
+    D = np.random.default_rng(5).uniform(-0.04, 0.04, (400, len(q)))
     found = robot.boundaries.signed_clearances(q + D)[:, 0]
     assert found.min() < 0.002 < found.max()
-    assert np.all(found >= (rows.b - D @ rows.A.T).min(axis=1))
+    assert np.all(found >= row.value - row.loss(1.0) + D @ row.g)
+    rows = pb.StepBounds(robot).rows(q, 0.04, limits=False, gain=1.0, margin=0.0, reserve=0.0)
+    assert 0.5 < rows.scale < 1.0  # in this smaller box nothing can break the row
+    assert robot.boundaries.signed_clearances(q + rows.scale * D).min() > 0.0
+
+
+def test_of_many_boundaries_those_that_are_left_out_cannot_be_met() -> None:
+    """A ball amid 40 others, all equally near: the eight that are looked at first do not keep it from the rest."""
+    robot, rng = pb.load(robot_xml(JOINTS, {}, [])), np.random.default_rng(12)
+    ball = pb.Point("ball", "l5", (0.0, 0.0, 0.0), 0.02)
+    ways = rng.normal(size=(40, 3))
+    places = robot.positions("l5", robot.home) + 0.07 * ways / np.linalg.norm(ways, axis=1)[:, None]
+    others = [pb.Point(f"p{k}", "base", tuple(place.tolist()), 0.02) for k, place in enumerate(places)]
+    bounds = [pb.BoundaryMark(one.name, "ball", one.name) for one in others]
+    robot = robot.with_annotations(pb.Annotations.of([ball, *others], bounds))
+    q, B, steps, cut = robot.home, robot.boundaries, pb.StepBounds(robot), set()
+    for size in (0.03, 0.1):
+        rows = steps.rows(q, size)
+        for towards in -B.signed_gradients(q):
+            step = corner(rows, towards)
+            clearances = B.signed_clearances(q + np.linspace(0, 1, 9)[:, None] * step)
+            assert clearances.min() > 0.0
+            cut |= {B.names[k] for k in np.flatnonzero(clearances[-1] < 0.02)}
+    assert len(cut) > 16, "the attack must come near more than are looked at first"
+
+
+def test_bodies_are_measured_by_machine_code_as_by_the_reference() -> None:
+    pytest.importorskip("numba")
+    robot = robot_with([kind for kind in MARKS if kind != "stop"])
+    more = [
+        pb.Segment("rod", "l1", (0.0, 0.0, 0.4), (0.0, 0.2, 0.4), 0.02),
+        pb.Point("knob", "l5", (0.0, 0.3, 0.1), 0.01),
+    ]
+    robot = robot.with_annotations(pb.Annotations.of(more, [pb.BoundaryMark("rod", "rod", "knob")]))
+    bounds = pb.StepBounds(robot)
+    bounds.prepare()
+    assert bounds._tables is not None
+    for q in np.random.default_rng(13).uniform(-1.5, 1.5, (20, len(robot.coordinates))):
+        found = bounds._measured(q, np.arange(len(bounds._areas)))
+        expected = robot.boundaries.signed_clearances(q)
+        assert np.abs(found - expected).max() < 1e-12
+
+
+def test_terms_at_one_configuration_are_those_of_boxes() -> None:
+    """The rates against differences, the bends against what boxes are bounded with."""
+    robot = robot_with(list(MARKS)[:-1])
+    bounds, rng, step = pb.StepBounds(robot), np.random.default_rng(14), 1e-6
+    half = np.full(len(robot.coordinates), 0.3)
+    for q in rng.uniform(-1.2, 1.2, (3, len(robot.coordinates))):
+        bounds.rows(q, half)
+        for group in bounds._groups:
+            which = np.arange(len(group.places))
+            along, rates, bend, _ = group.at(which, q, half)
+            rows = all_rows(group.bundle, which)
+            many = len(rows)
+            terms = box_terms(
+                group.bundle.chains, group.bundle.arms, rows, np.tile(q, (many, 1)), np.tile(half, (many, 1))
+            )
+            assert np.allclose(2.0 * bend.ravel(), terms.second, rtol=1e-9)
+            r = terms.r.T.reshape(len(which), -1, 3)
+            n = separated(group.bundle, which, r)[1]
+            for j in range(len(q)):
+                ends = []
+                for sign in (step, -step):
+                    moved = np.tile(q + sign * np.eye(len(q))[j], (many, 1))
+                    there = box_terms(group.bundle.chains, group.bundle.arms, rows, moved, np.tile(half, (many, 1))).r
+                    ends.append(np.einsum("mci,mi->mc", there.T.reshape(len(which), -1, 3), n))
+                assert np.abs(rates[:, :, j] - (ends[0] - ends[1]) / (2 * step)).max() < 1e-8
+            assert np.abs(along - np.einsum("mci,mi->mc", r, n)).max() < 1e-13

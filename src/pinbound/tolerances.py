@@ -64,6 +64,7 @@ __all__ = [
     "SAMPLE_ROUNDOFFS",
     "SOLVES",
     "STEP_BOX",
+    "STEP_SEARCH",
     "STOP_MISS",
     "SYMBOLIC_DIGITS",
     "TABLE",
@@ -218,6 +219,10 @@ round by less (1e-14)."""
 
 STEP_BOX: Final = 1.0 + 1e-3
 """Factor on the box of a step in proofs: solvers of quadratic programs pass its sides by their tolerance, 1e-6 m."""
+
+STEP_SEARCH: Final = 1e-6
+"""Metres. What is added to the reach of a step before a boundary is left out of its rows: a search for nearest points
+may end early at slivers that touch, and be off by 3e-7 m (docs/hulls.md)."""
 
 ON_CONTOUR: Final = 1e-9
 """Radians. A configuration is on a region's contour within this: the rounding of a path given to nine decimals."""

@@ -66,6 +66,7 @@ class SafeSteps:
         self.view, self.options = view, options
         self.velocity = largest_speeds(robot, velocity)
         self.bounds = StepBounds(robot, boundaries)
+        self.bounds.prepare()  # not in the middle of a motion
         self.last: StepRows | None = None
         moving = np.any(view.E != 0.0, axis=1)
         self._box = view.E[moving]

@@ -15,25 +15,31 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pinbound.adapters.step_terms import StepTerms, step_terms
 from pinbound.boundaries.boundary import Boundary, one_configuration
-from pinbound.bounds.bounds import box_terms
 from pinbound.bounds.rounding import walks
-from pinbound.bounds.swept_bounds import SweptBundle, all_rows, rounding_bound, separated, swept_bundle
 from pinbound.exceptions import DimensionError, UnsupportedError
+from pinbound.kernel.hulls import HullTables, is_ready, prepare_hulls, tables_of
+from pinbound.kernel.program import Pair
+from pinbound.machine.compiled import has_numba
 from pinbound.model.coupling import real_array
 from pinbound.robot.robot import Robot, refuse_conditions
-from pinbound.tolerances import INFLATION, LIMIT, STEP_BOX, UNIT_ROUNDOFF
+from pinbound.tolerances import INFLATION, LIMIT, STEP_BOX, STEP_SEARCH, UNIT_ROUNDOFF
 from pinbound.typing import Array, Indices
 from pinbound.values import Value
 
 __all__ = ["StepBounds", "StepRows"]
 
+_WORTH = 100_000  # measured boundaries from which compiling machine code (some seconds, once a machine) pays
+_FARTHEST = 1e6  # larger coordinates are measured by the reference
+_PROBED = 8  # boundaries that are looked at first: they shrink the box for the others
 _FEW = 8  # pairs of vertices that have a row each; of more, one row with the loss of the others
 
 
@@ -85,6 +91,10 @@ class _Row:
         below = linear + math.sqrt(linear * linear + 4.0 * self.bend * loss)
         return 2.0 * loss / below if below > 0.0 else math.inf
 
+    def swing(self, half: Array) -> float:
+        """Return by how much the linear part may fall within the box."""
+        return float(np.abs(self.g) @ half)
+
     def loss(self, scale: float) -> float:
         """Return what may be lost at a scale of the box."""
         return self.linear * scale + self.bend * scale * scale
@@ -121,8 +131,9 @@ class StepBounds:
         self.stops = [one for one in self.boundaries if one.is_stop]
         self._areas: tuple[Boundary, ...] = tuple(one for one in self.boundaries if not one.is_stop)
         self._box: tuple[Array, Array] | None = None
-        self._groups: list[_Group] = []
+        self._groups: list[StepTerms] = []
         self._moved = self._known = self._there = self._slack = np.zeros(0)
+        self._asked, self._is_worth = 0, False
 
     def rows(
         self,
@@ -162,16 +173,17 @@ class StepBounds:
         asked = self._checked(step, gain, margin, reserve, most)
         half = asked * STEP_BOX
         areas = self._area_rows(point, half, reserve, margin, gain)
-        ends = self._stop_rows(point, reserve, gain) + (self._limit_rows(point) if limits else [])
+        ends = self._stop_rows(point, half, reserve, gain) + (self._limit_rows(point, half) if limits else [])
         blocked = [row.name for row in areas if row.value <= 0.0] + [row.name for row in ends if row.value < 0.0]
-        found = [row for row in areas + ends if row.value - row.loss(1.0) - float(np.abs(row.g) @ half) <= 0.0]
-        scale = min([1.0, *[row.fits(gain * row.value) for row in found if row.value > 0.0]])
+        found = [row for row in areas + ends if row.value - row.loss(1.0) - row.swing(half) <= 0.0]
+        scale = _scale(found, half, gain)
         if most is not None:
-            reach = [row.fits(row.value, float(np.abs(row.g) @ half)) for row in found]
+            reach = [row.fits(row.value, row.swing(half)) for row in found]
             free = sorted(x for row, x in zip(found, reach, strict=True) if row.name not in blocked)
             if len(free) > most:
                 scale = min(scale, free[most] * (1.0 - LIMIT))
                 found = [row for row, x in zip(found, reach, strict=True) if x <= scale or row.name in blocked]
+        found = [row for row in found if row.bound(scale) <= scale * row.swing(half)]  # or nothing in the box breaks it
         return StepRows(
             A=-np.array([row.g for row in found]).reshape(-1, len(point)),
             b=np.array([row.bound(scale) for row in found]),
@@ -193,70 +205,127 @@ class StepBounds:
             raise DimensionError(f"most is {most}; give the number of rows, at least 1, or None")
         return np.broadcast_to(given, (n,)).astype(np.float64)
 
-    def _stop_rows(self, q: Array, reserve: float, gain: float) -> list[_Row]:
-        """Return both ends of every stop's gap: linear in q, so that nothing is lost."""
-        rows: list[_Row] = []
-        for boundary in self.stops:
-            stop: Any = boundary.rule.stop
-            c, (low, high), phi = stop.coefficients, stop.free_gap, float(stop.coefficients @ q)
-            kept = LIMIT + UNIT_ROUNDOFF * (len(q) + 8.0) * (float(np.abs(c) @ np.abs(q)) + abs(low) + abs(high))
-            for room, g in ((phi - low, c), (high - phi, -c)):
-                value = room - kept - 2.0 * reserve / stop.amplitude
-                rows.append(_Row(boundary.name, max(value, 0.0) if room > kept else value, g, share=gain))
-        return rows
+    @cached_property
+    def _stop_ends(self) -> tuple[Array, Array, Array, Array, tuple[str, ...]]:
+        """Both ends of every stop's gap as `side . q + offset`: sides (k, n), offsets, sizes, amplitudes, names."""
+        n = len(self.robot.coordinates)
+        rules: list[Any] = [one.rule.stop for one in self.stops]
+        c = np.repeat(np.array([stop.coefficients for stop in rules]).reshape(-1, n), 2, axis=0)
+        gaps = np.array([stop.free_gap for stop in rules]).reshape(-1, 2)
+        sign = np.tile((1.0, -1.0), len(rules))
+        size = np.repeat(np.abs(gaps).sum(axis=1), 2)
+        amplitudes = np.repeat(np.array([stop.amplitude for stop in rules]), 2)
+        names = tuple(one.name for one in self.stops for _ in range(2))
+        return sign[:, None] * c, -sign * gaps.ravel(), size, amplitudes, names
 
-    def _limit_rows(self, q: Array) -> list[_Row]:
-        rows: list[_Row] = []
+    def _stop_rows(self, q: Array, half: Array, reserve: float, gain: float) -> list[_Row]:
+        """Return the ends of stops' gaps that a step may reach: linear in q, so that nothing is lost."""
+        sides, offsets, size, amplitudes, names = self._stop_ends
+        room = sides @ q + offsets
+        kept = LIMIT + UNIT_ROUNDOFF * (len(q) + 8.0) * (np.abs(sides) @ np.abs(q) + size)
+        value = room - kept - 2.0 * reserve / amplitudes
+        value = np.where(room > kept, np.maximum(value, 0.0), value)
+        reached = np.flatnonzero(value - np.abs(sides) @ half <= 0.0).tolist()
+        return [_Row(names[k], float(value[k]), sides[k], share=gain) for k in reached]
+
+    @cached_property
+    def _limit_ends(self) -> tuple[Array, Array, tuple[str, ...]]:
+        """Finite ends of all joint limits as `side . q + offset`: sides (k, n), offsets (k,), names."""
+        sides, offsets, names = list[Array](), list[float](), list[str]()
         for limit in self.robot.linear_limits:
-            value = float(limit.coefficients @ q) + limit.offset
-            for room, sign in ((limit.upper - value, -1.0), (value - limit.lower, 1.0)):
-                if np.isfinite(room):
-                    within = max(room, 0.0) if room >= -LIMIT else room
-                    rows.append(_Row(limit.joint, within, sign * limit.coefficients))
-        return rows
+            for end, sign in ((limit.upper, -1.0), (limit.lower, 1.0)):
+                if np.isfinite(end):
+                    sides.append(sign * limit.coefficients)
+                    offsets.append(sign * (limit.offset - end))
+                    names.append(limit.joint)
+        return np.array(sides).reshape(-1, len(self.robot.coordinates)), np.array(offsets), tuple(names)
+
+    def _limit_rows(self, q: Array, half: Array) -> list[_Row]:
+        """Return the ends of joint limits that a step may reach."""
+        sides, offsets, names = self._limit_ends
+        room = sides @ q + offsets
+        value = np.where(room >= -LIMIT, np.maximum(room, 0.0), room)
+        reached = np.flatnonzero(value - np.abs(sides) @ half <= 0.0).tolist()
+        return [_Row(names[k], float(value[k]), sides[k]) for k in reached]
 
     def _area_rows(self, q: Array, half: Array, reserve: float, margin: float, gain: float) -> list[_Row]:
+        """Return the rows of the boundaries that a step may bring within the margin.
+
+        Of many, those that a step reaches first come first: they shrink the box, and the smaller box reaches fewer.
+        """
+        near, reach, fixed = self._near(q, half, reserve + margin)
+        if len(near) <= 2 * _PROBED:
+            return self._rows_of(near, q, half, reserve, margin, gain)
+        near = near[np.argsort((self._known[near] - fixed[near]) / reach[near])]
+        rows = self._rows_of(near[:_PROBED], q, half, reserve, margin, gain)
+        scale, rest = _scale(rows, half, gain), near[_PROBED:]
+        rest = rest[~(self._known[rest] - scale * reach[rest] - fixed[rest] > 0.0)]
+        return rows + self._rows_of(np.sort(rest), q, half, reserve, margin, gain)
+
+    def _rows_of(self, near: Indices, q: Array, half: Array, reserve: float, margin: float, gain: float) -> list[_Row]:
+        """Return the rows of areas, by their places."""
         rows: list[_Row] = []
-        near = self._near(q, half, reserve)
         for group in self._groups if len(near) else ():
             which = np.flatnonzero(np.isin(group.places, near))
             if not len(which):
                 continue
-            bundle, count = group.bundle, group.bundle.rows
-            terms = box_terms(
-                bundle.chains, bundle.arms, all_rows(bundle, which), *_repeated(q, half, len(which) * count)
-            )
-            r = terms.r.T.reshape(-1, count, 3)
-            _, n, _, _ = separated(bundle, which, r)
-            along = np.einsum("mci,mi->mc", r, n)
-            rates = np.einsum("jimc,mi->mcj", np.array(terms.rates).reshape(len(q), 3, len(which), count), n) / half
-            bend = 0.5 * np.asarray(terms.second).reshape(-1, count) * INFLATION
-            off = group.error[which] * (1.0 + terms.wide.reshape(-1, count).max(axis=1)) + reserve
+            along, rates, bend, off = group.at(which, q, half)
             for place, k in enumerate(map(int, group.places[which])):
                 boundary = self._areas[k]
                 value = along[place].copy()
-                value[0] -= boundary.rule.distance + off[place]
+                value[0] -= boundary.rule.distance + off[place] + reserve
                 rows += _corner_rows(boundary, value, rates[place], bend[place], half, margin, gain)
         return rows
 
-    def _near(self, q: Array, half: Array, reserve: float) -> Indices:
-        """Return the places of the boundaries that some step may reach; proved of the others, mostly from earlier q.
+    def _near(self, q: Array, half: Array, more: float) -> tuple[Indices, Array, Array]:
+        """Return the places of the boundaries that some step may bring within `more` [m], and what proves the others.
 
-        A separation changes by at most `moved . |change of q|`, so that one that was measured bounds it elsewhere.
+        A separation changes by at most `moved . |change of q|`, so that one that was measured bounds it elsewhere. That
+        is (m,) how far the box reaches, and (m,) what is taken off besides.
         """
         if not self._areas:
-            return np.zeros(0, dtype=np.intp)
+            return np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros(0)
         self._prepare(q, half)
         known, there = self._known, self._there
-        reach = self._moved @ half * INFLATION + self._slack + reserve
+        reach, fixed = self._moved @ half * INFLATION, self._slack + more
         while True:
             least = known - np.einsum("mn,mn->m", self._moved, np.abs(q - there)) * INFLATION
-            near = np.flatnonzero(~(least - reach > 0.0))
-            stale = [k for k in map(int, near) if not np.array_equal(there[k], q)]
-            for k in stale:
-                known[k], there[k] = float(self._areas[k].signed_clearance(q)), q
-            if not stale:
-                return near
+            near = np.flatnonzero(~(least - reach - fixed > 0.0))
+            stale = near[np.any(there[near] != q, axis=1)]
+            if not len(stale):
+                return near, reach, fixed
+            known[stale], there[stale] = self._measured(q, stale), q
+
+    def prepare(self) -> None:
+        """Load now what measures bodies, compiled first where this machine has not done it yet (some seconds).
+
+        Otherwise it is loaded on the first call if it is there, and compiled in the middle of a long run.
+        """
+        if self._areas and self._tables is not None:
+            prepare_hulls()
+            self._is_worth = True
+
+    @cached_property
+    def _tables(self) -> HullTables | None:
+        """All areas as tables of the machine code that measures bodies; None where it cannot run."""
+        if not has_numba():
+            return None
+        names = [(one.point_a.name, one.point_b.name) for one in self._areas]
+        pairs = [Pair(one.path, one.rule.distance, marks) for one, marks in zip(self._areas, names, strict=True)]
+        return tables_of(pairs, len(self.robot.coordinates))
+
+    def _measured(self, q: Array, places: Indices) -> Array:
+        """Return the signed clearances of some areas at q [m], all of them at once where machine code runs."""
+        if self._asked == 0 and self._tables is not None:
+            self._is_worth = self._is_worth or is_ready()
+        self._asked += len(places)
+        is_worth = self._is_worth or self._asked >= _WORTH
+        if is_worth and self._tables is not None and np.all(np.abs(q) <= _FARTHEST):
+            found = np.empty((1, len(self._areas)))
+            self._tables.run(np.ascontiguousarray(q[None]), "clearances", found, np.zeros(1, dtype=np.int64))
+            if np.all(np.isfinite(found)):
+                return found[0, places]
+        return np.array([float(self._areas[k].signed_clearance(q)) for k in places.tolist()])
 
     def _prepare(self, q: Array, half: Array) -> None:
         """Make bounds that hold in a box around q, anew when steps lead out of it."""
@@ -264,39 +333,31 @@ class StepBounds:
         if box is not None and np.all(q - half >= box[0]) and np.all(q + half <= box[1]):
             return
         ends = q - half - 1.0, q + half + 1.0
-        lower, upper = ends if box is None else (np.minimum(box[0], ends[0]), np.maximum(box[1], ends[1]))
+        if box is None:  # what joint limits leave is prepared at once
+            box = tuple(np.where(np.isfinite(end), end, q) for end in (self.robot.lower, self.robot.upper))
+            m, n = len(self._areas), len(q)
+            self._known, self._there = np.full(m, np.nan), np.full((m, n), np.nan)
+        lower, upper = np.minimum(box[0], ends[0]), np.maximum(box[1], ends[1])
         self._box = lower, upper
         m, n = len(self._areas), len(q)
-        if box is None:
-            self._known, self._there = np.full(m, np.nan), np.full((m, n), np.nan)
-        self._moved, self._slack, groups = np.zeros((m, n)), np.zeros(m), list[_Group]()
+        self._moved, self._slack, groups = np.zeros((m, n)), np.zeros(m), list[StepTerms]()
         for edges in sorted({len(one.path.difference.directions) for one in self._areas}):
             places = np.array(
                 [k for k, one in enumerate(self._areas) if len(one.path.difference.directions) == edges], np.intp
             )
             chosen = [self._areas[k] for k in map(int, places)]
-            bundle = swept_bundle([one.path for one in chosen], lower, upper)
             links = [(one.ancestor, one.point_a.link, one.point_b.link) for one in chosen]
-            error = rounding_bound(bundle, walks(self.robot.tree, self.robot.coupling, links), lower, upper)
-            moved = np.einsum("mk,mkn->mn", bundle.arms, np.abs(bundle.chains.coefficients))
-            if bundle.chains.slides is not None:
-                moved = moved + np.linalg.norm(bundle.chains.slides, axis=2).sum(axis=1)
-            self._moved[places], self._slack[places] = moved[:: bundle.rows], 8.0 * error
-            groups.append(_Group(places, bundle, error))
+            walked = walks(self.robot.tree, self.robot.coupling, links)
+            group = step_terms(places, [one.path for one in chosen], walked, lower, upper)
+            self._moved[places], self._slack[places] = group.moved, 8.0 * group.error + STEP_SEARCH
+            groups.append(group)
         self._groups = groups
 
 
-@dataclass(frozen=True)
-class _Group:
-    """Boundaries of one number of edge vectors: their places, paths side by side, and rounding bounds [m]."""
-
-    places: Indices
-    bundle: SweptBundle
-    error: Array
-
-
-def _repeated(q: Array, half: Array, count: int) -> tuple[Array, Array]:
-    return np.tile(q, (count, 1)), np.tile(half, (count, 1))
+def _scale(rows: Sequence[_Row], half: Array, gain: float) -> float:
+    """Return the scale of the box at which no row that it can break loses more than the gain's share."""
+    broken = [row for row in rows if row.value > 0.0 and row.value - row.loss(1.0) - row.swing(half) <= 0.0]
+    return min([1.0, *[row.fits(gain * row.value) for row in broken]])
 
 
 def _corner_rows(

@@ -29,6 +29,7 @@ __all__ = [
     "OneAngle",
     "Terms",
     "along_motion",
+    "bends_over_box",
     "box_terms",
     "bundle",
     "lever_arms",
@@ -310,6 +311,17 @@ def over_box(
     linear = sum((np.abs(_dot(unit, v)) for v in found.rates), start=np.zeros(len(which)))
     second = linear + 0.5 * (found.second if found.second is not None else np.inf)
     return norm, norm - np.minimum(found.moved, second) * INFLATION - error * found.wide
+
+
+def bends_over_box(chains: Bundle, arms: Array, which: Indices, half: Array) -> tuple[Array, Array]:
+    """Return, for chains `which` (N,), a bound of |r''| over boxes of half-widths `half` (n,), (N,) [m].
+
+    It does not depend on where the boxes are. The second array (N, k) is how far each angle turns from their centres.
+    """
+    wide: Array = np.abs(chains.coefficients[which]) @ half
+    slides = chains.slides[which] if chains.slides is not None else None
+    slid = None if slides is None else np.linalg.norm(slides, axis=2) @ half
+    return _second(arms[which], wide, slid), wide
 
 
 def box_terms(chains: Bundle, arms: Array, which: Indices, centre: Array, half: Array) -> Terms:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from pinbound.cli.shared import Annotations, AsJson, PackageDirs, RobotName, XacroArgs, console, emit_json, load_robot
 from pinbound.exceptions import InputError, Problem, UnknownNameError
-from pinbound.robot.limit_tables import FORMATS, limit_table
+from pinbound.robot.limit_tables import ENTRIES, limit_table
 from pinbound.robot.robot import Robot
+from pinbound.robot.table_formats import FORMATS, GRIDS
 
 __all__ = ["export"]
 
@@ -26,6 +27,9 @@ def export(
     target: Annotated[str | None, typer.Option(help="Of a table: the joint that the limits depend on.")] = None,
     dependent: Annotated[str | None, typer.Option(help="Of a table: the joint that is limited.")] = None,
     spacing: Annotated[float, typer.Option(help="Of a table: degrees between entries.")] = 1.0,
+    grid: Annotated[
+        str | None, typer.Option(help=f"Of a table: {', '.join(ENTRIES)}; by default what loses least in the format.")
+    ] = None,
     whole: Annotated[bool, typer.Option("--whole", help="Of a table: limits in whole degrees, for jskeus.")] = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
@@ -40,7 +44,13 @@ def export(
         files = loaded.export(kind, out, boundary)
         notes: tuple[str, ...] = ()
     else:
-        notes = _table(loaded, out, form, (target, dependent), spacing, whole, boundary)
+        notes = _table(
+            loaded,
+            out,
+            form,
+            (target, dependent),
+            {"spacing": spacing, "whole": whole, "boundaries": boundary, "grid": grid},
+        )
         files = (out,)
     if as_json:
         emit_json({"kind": kind, "files": [str(path) for path in files], "notes": list(notes)})
@@ -56,9 +66,7 @@ def _table(
     out: Path,
     form: str,
     joints: tuple[str | None, str | None],
-    spacing: float,
-    whole: bool,
-    boundaries: list[str] | None,
+    options: dict[str, Any],
 ) -> tuple[str, ...]:
     if form not in FORMATS:
         raise UnknownNameError("format", form, FORMATS)
@@ -66,6 +74,7 @@ def _table(
     if target is None or dependent is None:
         known = ", ".join(robot.coordinates)
         raise InputError([Problem("a table needs two joints", f"Give --target and --dependent, of {known}", "export")])
-    table = limit_table(robot, target, dependent, spacing=spacing, whole=whole, boundaries=boundaries)
+    options["grid"] = options["grid"] or GRIDS[form]
+    table = limit_table(robot, target, dependent, **options)
     out.write_text(table.text(form), encoding="utf-8")
     return table.notes

@@ -287,5 +287,11 @@ def _one_block(chain: Chain, edges: Sequence[Array]) -> tuple[int, Array]:
     if len(filled) > 1:
         return -1, matrix
     block = filled[0] if filled else 0
+    while 0 < block < chain.rotations:  # all of it lies along the axis, as of a capsule along a joint
+        axis = chain.axes[block]
+        if np.abs(blocks[block] - np.outer(axis, axis @ blocks[block])).max() > REDUCTION * np.abs(blocks[block]).max():
+            break
+        blocks[block + 1], blocks[block] = blocks[block], 0.0
+        block += 1
     matrix[:, : len(edges)] = blocks[block]
     return block, matrix

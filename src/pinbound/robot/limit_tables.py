@@ -7,9 +7,8 @@ is the proof between entries. The limits of the row are `lower(x) = max (b_k - a
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,19 +16,23 @@ import numpy as np
 from pinbound.boundaries.boundary import Boundary
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.robot.robot import Robot, refuse_conditions
+from pinbound.robot.table_formats import FORMATS, Table, degrees_of
 from pinbound.tolerances import TABLE
 from pinbound.typing import Array
-from pinbound.values import Value
 
-__all__ = ["FORMATS", "LimitTable", "limit_table"]
+__all__ = ["ENTRIES", "LimitTable", "limit_table"]
 
-_DECIMALS = 6  # of printed degrees: 1e-6 deg is far below any encoder
-_WITHIN = 1e-4  # of the last decimal: a whole degree in radians is none to the last bit; entries have a margin of 0.05
+_BESIDE = 1e-3  # rad, to either side of a corner
+_FINER = 6  # spacings that are tried for two corners, one entry more between them each
+_STRAIGHT = 1e-6  # slopes that differ by less are one
+
+ENTRIES = ("multiples", "fitted", "corners")
+"""Where entries may be; `limit_table` says what each is."""
 
 
 @dataclass(frozen=True, eq=False)
-class LimitTable(Value):
-    """Limits of the dependent joint at equally spaced angles of the target joint, straight between them.
+class LimitTable(Table):
+    """Limits of the dependent joint at some angles of the target joint, straight between them.
 
     Attributes:
         robot: The robot's name.
@@ -44,16 +47,6 @@ class LimitTable(Value):
         notes: What a user of the table must know.
     """
 
-    robot: str
-    target: str
-    dependent: str
-    angles: Array
-    lower: Array
-    upper: Array
-    loss: float
-    target_range: tuple[float, float]
-    notes: tuple[str, ...]
-
     def text(self, form: str) -> str:
         """Return the table as a reader takes it: a key of `FORMATS`.
 
@@ -66,11 +59,8 @@ class LimitTable(Value):
         return FORMATS[form](self)
 
     def in_degrees(self) -> tuple[Array, Array, Array]:
-        """Return angles, lower and upper in degrees, as printed: rounded inwards."""
-        scale = 10.0**_DECIMALS
-        lower = np.ceil(np.degrees(self.lower) * scale - _WITHIN) / scale
-        upper = np.floor(np.degrees(self.upper) * scale + _WITHIN) / scale
-        return np.asarray(np.round(np.degrees(self.angles), _DECIMALS), dtype=np.float64), lower, upper
+        """Return angles, lower and upper in degrees, as printed: limits are rounded inwards."""
+        return degrees_of(self)
 
 
 def limit_table(
@@ -79,6 +69,7 @@ def limit_table(
     dependent: str,
     *,
     spacing: float = 1.0,
+    grid: str = "multiples",
     whole: bool = False,
     boundaries: Sequence[str] | str | None = None,
 ) -> LimitTable:
@@ -91,12 +82,16 @@ def limit_table(
         robot: The robot.
         target: An active revolute joint: the one that the limits depend on.
         dependent: Another: the one that is limited.
-        spacing: Of the entries [deg]; entries are whole multiples of it.
+        spacing: Of the entries [deg], at most.
+        grid: Where the entries are. ``"multiples"``: at whole multiples of the spacing, as jskeus and hrpsys take them.
+            ``"fitted"``: equally spaced, by at most `spacing`, and laid so that the limits' corners fall on entries.
+            ``"corners"``: at whole multiples and at all corners besides, the ends of the target's range among them;
+            nothing is lost, and only CSV and JSON can say it.
         whole: Whether the limits are rounded inwards to whole degrees, as jskeus takes them.
         boundaries: Names of boundaries, None: all.
 
     Raises:
-        UnknownNameError: If a joint or boundary does not exist.
+        UnknownNameError: If a joint, boundary or grid does not exist.
         DimensionError: If the joints are one, or the spacing is none, or no entry lies in the range of the target.
         UnsupportedError: If a table cannot say it: a joint slides, a boundary has several effective angles or depends
             on a third coordinate, the dependent joint has no limit, a rule has a condition.
@@ -107,28 +102,23 @@ def limit_table(
         >>> angles, lower, upper = table.in_degrees()
         >>> len(angles), float(angles[0]), float(lower[20]), float(upper[20])
         (81, -10.0, -8.462041, 42.429119)
-        >>> round(float(np.degrees(table.loss)), 6) < 0.5
-        True
+        >>> fitted = pb.limit_table(pb.load("minervabot_v3"), "q2", "q3", grid="fitted")
+        >>> round(float(np.degrees(table.loss)), 3), round(float(np.degrees(fitted.loss)), 3)
+        (0.247, 0.0)
     """
+    if grid not in ENTRIES:
+        raise UnknownNameError("grid", grid, ENTRIES)
     refuse_conditions(robot, "A table")
     pair = _pair(robot, target, dependent, spacing)
     chosen = robot.boundaries if boundaries is None else robot.boundaries.select(boundaries)
     planes = _half_planes(robot, list(chosen), pair)
     low, high = _range(planes, dependent)
-    step = math.radians(spacing)
-    first, last = math.ceil(low / step - TABLE), math.floor(high / step + TABLE)
-    angles = np.asarray(np.arange(first, last + 1) * step, dtype=np.float64)
-    rows = np.array([_interval(planes, float(x)) for x in angles]).reshape(-1, 2)
-    lower, upper = rows[:, 0] + TABLE, rows[:, 1] - TABLE
-    if whole:
-        lower, upper = np.radians(np.ceil(np.degrees(lower))), np.radians(np.floor(np.degrees(upper)))
-    kept = np.flatnonzero(lower <= upper)
-    if not len(kept):
+    angles = _angles(planes, low, high, spacing, grid)
+    angles, lower, upper = _entries(planes, angles, whole)
+    if not len(angles):
         said = f"no multiple of {spacing:g} deg of {target!r} leaves {dependent!r} anything"
         said += f", for the range of {target!r} is {_degrees(low)} .. {_degrees(high)}"
         raise DimensionError(f"{said}; give a smaller spacing, or leave whole out")
-    inside = slice(int(kept[0]), int(kept[-1]) + 1)  # a convex set: no gap between
-    angles, lower, upper = angles[inside], lower[inside], upper[inside]
     notes = [
         f"keep {target!r} within {_degrees(float(angles[0]))} .. {_degrees(float(angles[-1]))}: readers hold the last "
         f"entries beyond them, where they need not be safe; the true range is {_degrees(low)} .. {_degrees(high)}"
@@ -203,6 +193,57 @@ def _interval(planes: Array, x: float) -> tuple[float, float]:
     return lower, float((room[above] / c[above]).min(initial=math.inf))
 
 
+def _entries(planes: Array, angles: Array, whole: bool) -> tuple[Array, Array, Array]:
+    """Return the angles that leave something, and lower and upper there, `TABLE` inside."""
+    rows = np.array([_interval(planes, float(x)) for x in angles]).reshape(-1, 2)
+    lower, upper = rows[:, 0] + TABLE, rows[:, 1] - TABLE
+    if whole:
+        lower, upper = np.radians(np.ceil(np.degrees(lower))), np.radians(np.floor(np.degrees(upper)))
+    kept = np.flatnonzero(lower <= upper)
+    inside = slice(int(kept[0]), int(kept[-1]) + 1) if len(kept) else slice(0)  # a convex set: no gap between
+    return angles[inside], lower[inside], upper[inside]
+
+
+def _angles(planes: Array, low: float, high: float, spacing: float, grid: str) -> Array:
+    """Return the angles of the entries [rad]; a corner is met to 1e-12 degrees, as angles are printed."""
+    step = math.radians(spacing)
+    first, last = math.ceil(low / step - TABLE), math.floor(high / step + TABLE)
+    multiples = np.asarray(np.arange(first, last + 1) * step, dtype=np.float64)
+    inner = np.array(sorted(x for x in _breaks(planes) if low < x < high and _is_corner(planes, x)))
+    inner = inner[np.diff(inner, prepend=-math.inf) > TABLE].tolist()
+    if grid == "multiples" or (grid == "fitted" and not inner):
+        return multiples
+    if grid == "corners":
+        ends = (low + TABLE, high - TABLE)
+        every = np.unique(np.concatenate((multiples[(multiples > ends[0]) & (multiples < ends[1])], inner, ends)))
+        return every[np.concatenate(([True], np.diff(every) > TABLE))]
+    candidates = [multiples]
+    for index, start in enumerate(inner):
+        for other in [*inner[:index], *inner[index + 1 :]] or [start + step]:
+            apart = abs(other - start)
+            for more in range(_FINER):
+                width = apart / (max(math.ceil(apart / step - TABLE), 1) + more)
+                if width > 0.25 * step:  # corners that are nearer to each other would make a table without end
+                    before, behind = math.floor((start - low) / width), math.floor((high - start) / width)
+                    candidates.append(start + width * np.arange(-before, behind + 1))
+
+    def rank(angles: Array) -> tuple[float, float, int]:
+        """Less is lost, of the dependent joint, then of the target; else fewer entries are better."""
+        kept, lower, upper = _entries(planes, angles, False)
+        if not len(kept):
+            return math.inf, math.inf, 0
+        loss, left_out = _loss(planes, kept, lower, upper), high - low - (kept[-1] - kept[0])
+        return round(math.degrees(loss), 3), round(math.degrees(left_out), 1), len(kept)
+
+    return min(candidates, key=rank)
+
+
+def _is_corner(planes: Array, x: float) -> bool:
+    """Return whether one of the two limits has its slope changed at x."""
+    at, before, behind = (np.array(_interval(planes, x + step)) for step in (0.0, -_BESIDE, _BESIDE))
+    return bool(np.any(np.abs(before + behind - 2.0 * at) > _BESIDE * _STRAIGHT))
+
+
 def _range(planes: Array, dependent: str) -> tuple[float, float]:
     """Return the range of x over the polygon: the ends lie at corners."""
     a, c, b = planes.T
@@ -244,85 +285,3 @@ def _loss(planes: Array, angles: Array, lower: Array, upper: Array) -> float:
 
 def _degrees(angle: float) -> str:
     return f"{math.degrees(angle):.6g} deg"
-
-
-def _number(value: float) -> str:
-    return f"{value + 0.0:.{_DECIMALS}f}".rstrip("0").rstrip(".")
-
-
-def _numbers(values: Array, by: str) -> str:
-    return by.join(_number(float(value)) for value in values)
-
-
-def _whole_degrees(table: LimitTable, reader: str) -> tuple[Array, Array, Array]:
-    angles, lower, upper = table.in_degrees()
-    if not np.array_equal(np.diff(angles), np.ones(len(angles) - 1)) or not np.array_equal(angles, np.round(angles)):
-        raise UnsupportedError(f"{reader} takes one entry a whole degree; make the table with spacing=1")
-    return angles, lower, upper
-
-
-def _head(table: LimitTable, mark: str) -> str:
-    lines = [
-        f"pinbound: limits of {table.dependent} over {table.target} of {table.robot} [deg], straight between entries;",
-        f"at most {math.degrees(table.loss):.4f} deg are lost. " + " ".join(table.notes),
-    ]
-    return "".join(f"{mark} {' '.join(line.split())}\n" for line in lines)
-
-
-def _skrobot(table: LimitTable) -> str:
-    angles, lower, upper = table.in_degrees()
-    return (
-        f"{_head(table, '#')}joint_limit_tables:\n"
-        f"- target_joint: {json.dumps(table.target)}\n  dependent_joint: {json.dumps(table.dependent)}\n"
-        f"  target_min_angle: {_number(float(angles[0]))}\n  target_max_angle: {_number(float(angles[-1]))}\n"
-        f"  min_angles: [{_numbers(lower, ', ')}]\n  max_angles: [{_numbers(upper, ', ')}]\n"
-    )
-
-
-def _jskeus(table: LimitTable) -> str:
-    angles, lower, upper = _whole_degrees(table, "jskeus")
-    if not (np.array_equal(lower, np.round(lower)) and np.array_equal(upper, np.round(upper))):
-        raise UnsupportedError("jskeus takes whole degrees; make the table with whole=True (--whole)")
-    rows = " ".join(f"({_numbers(row, ' ')})" for row in (angles, lower, upper))
-    return (
-        f"{_head(table, ';;')}(:joint-min-max-target {json.dumps(table.target)}\n :joint-min-max-table #2f({rows}))\n"
-    )
-
-
-def _hrpsys(table: LimitTable) -> str:
-    angles, lower, upper = _whole_degrees(table, "hrpsys")
-    ends = f"{_number(float(angles[0]))}:{_number(float(angles[-1]))}"
-    values = f"{_numbers(lower, ',')}:{_numbers(upper, ',')}"
-    return f"{_head(table, '#')}joint_limit_table: {table.dependent}:{table.target}:{ends}:{values}\n"
-
-
-def _csv(table: LimitTable) -> str:
-    rows = np.column_stack(table.in_degrees())
-    return "target_deg,min_deg,max_deg\n" + "".join(f"{_numbers(row, ',')}\n" for row in rows)
-
-
-def _json(table: LimitTable) -> str:
-    record = {
-        "robot": table.robot,
-        "target": table.target,
-        "dependent": table.dependent,
-        "unit": "rad",
-        "interpolation": "linear",
-        "angles": table.angles.tolist(),
-        "lower": table.lower.tolist(),
-        "upper": table.upper.tolist(),
-        "loss": table.loss,
-        "target_range": list(table.target_range),
-        "notes": list(table.notes),
-    }
-    return json.dumps(record, indent=1) + "\n"
-
-
-FORMATS: dict[str, Callable[[LimitTable], str]] = {
-    "skrobot": _skrobot,
-    "jskeus": _jskeus,
-    "hrpsys": _hrpsys,
-    "csv": _csv,
-    "json": _json,
-}
-"""Writers by format: degrees, but for JSON, which is in radians."""
