@@ -185,14 +185,15 @@ def test_lines_and_planes_have_a_side_or_none(tmp_path: Path) -> None:
     from pinbound.evaluate import depth
 
     placed = depth._placed(line.path, Q)
-    deep = 0
+    assert placed.line is not None
+    units, deep = placed.line[1], 0
     for row, q in enumerate(Q):
-        basis = depth._across(placed.unit[row])
+        basis = depth._normal_plane(units[row])
         hull = ConvexHull(sums(line, q) @ basis.T)
         if np.min(-hull.equations[:, -1]) > 1e-9:
             deep += 1
             assert abs(-signed[row] - 0.03 - np.min(-hull.equations[:, -1])) <= 1e-12
-            assert abs(found.direction[row] @ placed.unit[row]) <= 1e-12
+            assert abs(found.direction[row] @ units[row]) <= 1e-12
     assert deep >= 3
     slopes, step = line.signed_distance_gradient(Q), 1e-6
     for j in range(3):

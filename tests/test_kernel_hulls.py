@@ -161,7 +161,7 @@ def two_bodies(w: np.ndarray, A: np.ndarray, B: np.ndarray) -> Pair:
     scale = float(np.linalg.norm(w) + np.abs(A).max() + np.abs(B).max())
     chain = Chain(w[None].copy(), np.zeros((1, 3, 1)), np.zeros((0, 3)), np.zeros((0, 1)), scale)
     directions = tuple(np.array([sign * axis]) for sign in (1.0, -1.0) for axis in np.eye(3))
-    path = SimpleNamespace(minimal=chain, difference=HullChain(chain, directions, (A, B)), across=None, is_signed=False)
+    path = SimpleNamespace(minimal=chain, difference=HullChain(chain, directions, (A, B)), projection=None)
     return Pair(cast(Any, path), 0.0, ("A", "B"))
 
 

@@ -13,7 +13,8 @@ from pinbound.evaluate import numeric
 from pinbound.limits.isolation import common_period
 from pinbound.limits.univariate import AllowedArcs, allowed_arcs_table
 from pinbound.path.chain import Chain, HullChain
-from pinbound.path.relative import Kind, RelativePath
+from pinbound.path.kind import Kind
+from pinbound.path.relative import RelativePath
 
 ROBOTS = Path(str(importlib.metadata.distribution("example-robot-data").locate_file("cmeel.prefix/share")))
 ARMS = {

@@ -38,7 +38,7 @@ from pinbound.exceptions import (
 )
 from pinbound.limits.univariate import AllowedArcs, AllowedArcsTable
 from pinbound.model.document import packaged_robots
-from pinbound.path.relative import Kind
+from pinbound.path.kind import Kind
 from pinbound.robot.loading import load
 from pinbound.robot.robot import Robot
 

@@ -34,6 +34,11 @@ class Measure(Enum):
     ACROSS = "across a line"
     HEIGHT = "height above a plane"
 
+    @property
+    def quantity(self) -> str:
+        """The word for what is measured."""
+        return "height" if self is Measure.HEIGHT else "distance"
+
 
 @dataclass(frozen=True, eq=False)
 class Shape(Value):

@@ -93,8 +93,8 @@ class Evaluation:
     def spans(self) -> Array:
         """(m, 2) [m] ends of each boundary's possible clearances; a path that slides may go beyond them."""
         lengths = np.array([pair.minimal.scale for pair in self.kernel.pairs]).reshape(-1)
-        both = [rule.path.is_signed or rule.is_stop for rule in self.kernel.rules]  # behind a plane, beyond a stop
-        least = np.where(both, -lengths, 0.0)
+        floors = [-np.inf if rule.is_stop else rule.path.floor for rule in self.kernel.rules]  # beyond a stop, too
+        least = np.maximum(-lengths, np.array(floors).reshape(-1))
         return np.column_stack((least, lengths)) - self.kernel.thresholds.reshape(-1, 1)
 
     @property
@@ -116,10 +116,7 @@ class Evaluation:
         known = hashlib.sha256()
         known.update(json.dumps([self.robot, self.coordinates, self.boundaries]).encode())
         for pair in self.kernel.pairs:
-            chain, projection = pair.minimal, pair.path.projection
-            arrays = [chain.offsets, chain.slides, chain.axes, chain.coefficients, *pair.path.difference.directions]
-            arrays += [] if pair.path.difference.is_zonotope else list(pair.path.difference.corners)
-            for array in arrays if projection is None else [*arrays, projection]:
+            for array in pair.path.constants:
                 known.update(np.ascontiguousarray(array + 0.0).tobytes())
             known.update(np.float64(pair.threshold).tobytes())
         for rule in self.kernel.rules:

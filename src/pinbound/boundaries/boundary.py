@@ -19,7 +19,8 @@ from pinbound.evaluate.depth import Penetration
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.limits import outwards, univariate
 from pinbound.model.coupling import as_configurations, linear_text
-from pinbound.path.relative import Kind, RelativePath
+from pinbound.path.kind import Kind
+from pinbound.path.relative import RelativePath
 from pinbound.tolerances import ROOT
 from pinbound.typing import Array, Flags
 from pinbound.values import Value

@@ -19,7 +19,7 @@ from pinbound.exceptions import DimensionError
 from pinbound.loops.lift import Lift
 from pinbound.loops.loop_coupling import refuse_linear
 from pinbound.model.coupling import as_configurations
-from pinbound.path.relative import Kind
+from pinbound.path.kind import Kind
 from pinbound.typing import Array
 
 __all__ = ["LoopBoundary", "LoopBoundarySet", "over_z"]

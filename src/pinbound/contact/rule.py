@@ -44,7 +44,7 @@ _TURN = 2.0 * math.pi
 
 def contact_distance(path: RelativePath, threshold: float, tolerance: float) -> float:
     """Return up to which separation there is contact, where contact is an area [m]; above a plane a signed height."""
-    return threshold if path.is_signed else max(threshold, tolerance)
+    return max(threshold, path.floor + tolerance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +150,8 @@ class ContactRule(Value):
         if found is None:
             return None
         coefficients, axis = found
-        across = [offset - axis * (axis @ offset) for offset in self.path.minimal.offsets]
-        lengths = float(np.linalg.norm(across[0])), float(np.linalg.norm(across[1]))
+        arms = [offset - axis * (axis @ offset) for offset in self.path.minimal.offsets]
+        lengths = float(np.linalg.norm(arms[0])), float(np.linalg.norm(arms[1]))
         p, s = self.path.minimal.offsets
         return coefficients, univariate.strip(p, s, axis, 0.0, math.inf), lengths
 
@@ -179,9 +179,9 @@ class ContactRule(Value):
         """Of a stop, the path whose norm is the size of the signed clearance: arms of `sqrt(|p| |s|)`, no miss."""
         chain = self.path.minimal
         axis = chain.axes[0]
-        across = np.array([offset - axis * (axis @ offset) for offset in chain.offsets])
-        across *= 0.5 * self.stop.amplitude / np.linalg.norm(across, axis=1)[:, None] if self.stop else 1.0
-        return replace(self.path, difference=HullChain(replace(chain, offsets=across)))
+        arms = np.array([offset - axis * (axis @ offset) for offset in chain.offsets])
+        arms *= 0.5 * self.stop.amplitude / np.linalg.norm(arms, axis=1)[:, None] if self.stop else 1.0
+        return replace(self.path, difference=HullChain(replace(chain, offsets=arms)))
 
     @property
     def is_stop(self) -> bool:
@@ -262,7 +262,7 @@ class ContactRule(Value):
         value = float(separation.separations(self.path, self.home[None])[0])
         if value > self.distance:
             return None
-        measured = f"has a {'height' if self.path.is_signed else 'distance'} of {_millimetres(value)}"
+        measured = f"has a {self.path.measure.quantity} of {_millimetres(value)}"
         least = _millimetres(self.distance)
         if self.error:
             off = _millimetres(self.error)

@@ -64,7 +64,7 @@ def check_points(robot: Robot, samples: int, rng: np.random.Generator) -> PointL
     Q, engine = sample(robot, samples, rng), point_engine(robot)
     worst = np.zeros(len(robot.boundaries))
     where = np.tile(robot.home, (len(robot.boundaries), 1))
-    floor = np.array([-np.inf if over_z(one).path.is_signed else -one.threshold for one in robot.boundaries])
+    floor = np.array([over_z(one).path.floor - one.threshold for one in robot.boundaries])
     for block in blocks(len(Q)):
         coal = np.maximum(engine.distances(Q[block]), floor)
         difference = np.abs(robot.boundaries.clearances(Q[block]) - coal)

@@ -21,6 +21,8 @@ import numpy as np
 
 from pinbound.evaluate import numeric, separation
 from pinbound.geometry.gjk import nearest_vertices
+from pinbound.path.chain import Chain
+from pinbound.path.kind import Case
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import DEPTH, EQUALLY_NEAR
 from pinbound.typing import Array, Indices
@@ -60,11 +62,11 @@ class _Deepest:
 
 @dataclass
 class _Placed:
-    """Bodies in the ancestor's frame: w (N, 3), edge vectors (k, N, 3), and the unit vector of a line (N, 3)."""
+    """Bodies in the ancestor's frame: w (N, 3), edge vectors (k, N, 3), and a line's chain and unit vectors (N, 3)."""
 
     w: Array
     edges: Array
-    unit: Array | None
+    line: tuple[Chain, Array] | None
 
 
 def signed_distances(path: RelativePath, radius: float, Q: Array) -> Array:
@@ -81,8 +83,9 @@ def penetrations(path: RelativePath, radius: float, Q: Array, is_plane_first: bo
     apart = separation.separations(path, Q)
     inside = _overlapping(path, apart)
     direction, is_unique = numeric.unit(separation.vectors(path, Q)), np.isfinite(apart)
-    if path.is_signed and path.normal is not None:
-        direction = (-1.0 if is_plane_first else 1.0) * numeric.positions(path.normal, Q)
+    line = _line(path, Q)
+    if line is not None and path.case is Case.PLANE:
+        direction = (-1.0 if is_plane_first else 1.0) * line[1]
     for row, deepest in _deepest_of(path, Q, inside):
         apart[row], direction[row], is_unique[row] = -deepest.depth, -deepest.normal, deepest.is_unique
     return Penetration(np.maximum(radius - apart, 0.0), direction, is_unique)
@@ -102,7 +105,14 @@ def signed_gradients(path: RelativePath, Q: Array) -> Array:
 
 
 def _overlapping(path: RelativePath, apart: Array) -> Indices:
-    return np.flatnonzero(apart == 0.0) if not path.is_signed else np.empty(0, dtype=np.intp)
+    """Return the rows in which a distance of zero hides a depth; a height goes on below zero itself."""
+    return np.flatnonzero(apart == path.floor)
+
+
+def _line(path: RelativePath, Q: Array) -> tuple[Chain, Array] | None:
+    """Return a line's direction, or a plane's normal, as a chain and as unit vectors (N, 3); None without one."""
+    normal = path.normal
+    return None if normal is None else (normal, numeric.positions(normal, Q))
 
 
 def _placed(path: RelativePath, Q: Array) -> _Placed:
@@ -114,8 +124,7 @@ def _placed(path: RelativePath, Q: Array) -> _Placed:
         for (chains, sign), (start, stop) in zip(sides, ((0, own[0]), (own[0], sum(own))), strict=True)
         for edge in chains[start:stop]
     ]
-    unit = None if path.normal is None else numeric.positions(path.normal, Q)
-    return _Placed(w, np.array(edges).reshape(len(edges), *w.shape), unit)
+    return _Placed(w, np.array(edges).reshape(len(edges), *w.shape), _line(path, Q))
 
 
 def _deepest_of(path: RelativePath, Q: Array, rows: Indices) -> list[tuple[int, _Deepest]]:
@@ -128,13 +137,13 @@ def _deepest_of(path: RelativePath, Q: Array, rows: Indices) -> list[tuple[int, 
     for place, row in enumerate(rows.tolist()):
         edges = placed.edges[:, place]
         a, b = placed.w[place] + corners[0] @ edges[:split], corners[1] @ edges[split:]
-        basis = np.eye(3) if placed.unit is None else _across(placed.unit[place])
+        basis = np.eye(3) if placed.line is None else _normal_plane(placed.line[1][place])
         found.append((row, _deepest(a @ basis.T, b @ basis.T, basis)))
     return found
 
 
-def _across(unit: Array) -> Array:
-    """Return two unit rows across a unit vector, and each other."""
+def _normal_plane(unit: Array) -> Array:
+    """Return two unit rows normal to a unit vector, and to each other."""
     one = np.asarray(np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))]), dtype=np.float64)
     one /= np.linalg.norm(one)
     return np.stack((one, np.asarray(np.cross(unit, one), dtype=np.float64)))
@@ -222,8 +231,8 @@ def _slope(path: RelativePath, q: Array, m: Array, depth: float) -> Array:
     w, edges = placed.w, placed.edges
     size = float(np.linalg.norm(w) + np.linalg.norm(edges, axis=2).sum())
     beyond = w + (depth + size) * m  # the point of the face below the origin is nearest to one far outside it
-    if placed.unit is not None:
-        unit = placed.unit
+    if placed.line is not None:
+        unit = placed.line[1]
         beyond = beyond - np.einsum("ni,ni->n", beyond, unit)[:, None] * unit
         edges = edges - np.einsum("kni,ni->kn", edges, unit)[:, :, None] * unit
     t = nearest_vertices(beyond, edges, corners)[0][0]
@@ -232,6 +241,7 @@ def _slope(path: RelativePath, q: Array, m: Array, depth: float) -> Array:
     for branch, sign, columns in ((path.branch_a, 1.0, range(split)), (path.branch_b, -1.0, range(split, len(t)))):
         for column in columns:
             slope = slope + sign * t[column] * (m @ numeric.derivative(branch.edges[column], q)[0])
-    if path.normal is not None and placed.unit is not None:  # m turns with the line
-        slope = slope - (placed.unit[0] @ r) * (m @ numeric.derivative(path.normal, q)[0])
+    if placed.line is not None:  # m turns with the line
+        direction, unit = placed.line
+        slope = slope - (unit[0] @ r) * (m @ numeric.derivative(direction, q)[0])
     return slope

@@ -1,4 +1,4 @@
-"""What a relative path is worth: distances of points and segments, across lines, and signed heights above planes.
+"""Distance along a relative path, of points, of bodies or across a line, or signed height; with its derivatives.
 
 With `r(q, t) = w + sum_i t_i e_i` the separation is `f = min_t |r|`, t in [0, 1]. At the least t* a free t has no slope
 and a t at its end does not move, so that with the Hessian H of |r| over (q, t) and the free t marked by f
@@ -15,12 +15,14 @@ and says where derivatives jump.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from pinbound.evaluate import numeric
 from pinbound.evaluate.closest import lowest, nearest, nearest_of_hulls
+from pinbound.path.kind import Case
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import OVERLAP, UNIT_ROUNDOFF
 from pinbound.typing import Array
@@ -36,34 +38,35 @@ _SINGULAR = 1e-14  # a determinant of unit rows: two edge vectors at 1e-7 rad
 
 def separations(path: RelativePath, Q: Array) -> Array:
     """Return the distance, or the signed height above a plane, (N,) [m]; NaN for a row that is not finite."""
-    if path.is_plain:
-        found = numeric.norm(numeric.positions(path.minimal, Q))
-    else:
-        w, edges = measured(path, Q)
-        r = _settled(path, w + np.einsum("nk,kni->ni", _parameters(path, w, edges), edges))
-        found = r[:, 0] if path.is_signed else numeric.norm(r)
+    found = _of(path).values(path, Q)
     return np.where(np.isfinite(found), found, np.nan)  # a slide at infinity is no clearance
+
+
+def gradients(path: RelativePath, Q: Array) -> Array:
+    """Return the gradient (N, n) of the separation; NaN where a distance is zero, for it has a kink there."""
+    return _of(path).gradients(path, Q)
+
+
+def hessians(path: RelativePath, Q: Array) -> Array:
+    """Return the Hessian (N, n, n) of the separation; NaN where a distance is zero, or segments are parallel."""
+    return _of(path).hessians(path, Q)
 
 
 def parameters(path: RelativePath, Q: Array) -> Array:
     """Return the t (N, k) in [0, 1], one a segment, at which the two marks are nearest."""
-    return _parameters(path, *measured(path, Q))
+    return _of(path).nearest(path, *measured(path, Q))
 
 
 def vectors(path: RelativePath, Q: Array) -> Array:
     """Return `r = x_a - x_b` (N, 3) [m] between the nearest points of the marks, in the ancestor's frame."""
     r = numeric.positions(path.branch_a.chain, Q) - numeric.positions(path.branch_b.chain, Q)
-    if path.is_plain:
-        return r
+    if not path.difference.directions:
+        return _left_of(path, r, Q)
     t = parameters(path, Q)
     for branch, sign in ((path.branch_a, 1.0), (path.branch_b, -1.0)):
         for column, edge in enumerate(branch.edges):
             r = r + sign * t[:, column, None] * numeric.positions(edge, Q)
-    if path.normal is None:
-        return r
-    unit = numeric.positions(path.normal, Q)
-    along = np.einsum("ni,ni->n", r, unit)[:, None] * unit
-    return path.left_of(r, along)
+    return _left_of(path, r, Q)
 
 
 def nearest_points(path: RelativePath, Q: Array) -> Array:
@@ -79,10 +82,7 @@ def nearest_points(path: RelativePath, Q: Array) -> Array:
             x = x + t[:, column, None] * numeric.positions(edge, Q)
         points.append(x)
     if path.normal is not None:
-        unit = numeric.positions(path.normal, Q)
-        r = points[0] - points[1]
-        along = np.einsum("ni,ni->n", r, unit)[:, None] * unit
-        r = path.left_of(r, along)
+        r = _left_of(path, points[0] - points[1], Q)
         if path.first_is_b:
             points[1] = points[0] - r
         else:
@@ -90,36 +90,104 @@ def nearest_points(path: RelativePath, Q: Array) -> Array:
     return np.stack(points, axis=1)
 
 
-def gradients(path: RelativePath, Q: Array) -> Array:
-    """Return the gradient (N, n) of the separation; NaN where a distance is zero, for it has a kink there."""
-    if path.is_plain:
+def _left_of(path: RelativePath, r: Array, Q: Array) -> Array:
+    """Return what counts of r (N, 3) in the ancestor's frame."""
+    normal = path.normal
+    if normal is None:
+        return r
+    unit = numeric.positions(normal, Q)
+    return path.left_of(r, np.einsum("ni,ni->n", r, unit)[:, None] * unit)
+
+
+class _Lengths:
+    """Distances of bodies, and across lines: the least |r|."""
+
+    @staticmethod
+    def values(path: RelativePath, Q: Array) -> Array:
+        w, edges = measured(path, Q)
+        r = w + np.einsum("nk,kni->ni", _Lengths.nearest(path, w, edges), edges)
+        return numeric.norm(_settled(path, r))
+
+    @staticmethod
+    def nearest(path: RelativePath, w: Array, edges: Array) -> Array:
+        corners = path.difference.corners
+        return nearest(w, edges) if path.difference.is_zonotope else nearest_of_hulls(w, edges, corners)
+
+    @staticmethod
+    def gradients(path: RelativePath, Q: Array) -> Array:
+        r, J, _, _ = _around(path, Q, order=1)
+        r = _settled(path, r)
+        return np.einsum("ni,nia->na", numeric.unit(r), J[:, :, : Q.shape[1]])
+
+    @staticmethod
+    def hessians(path: RelativePath, Q: Array) -> Array:
+        r, J, H, t = _around(path, Q, order=2)
+        r, n = _settled(path, r), Q.shape[1]
+        full = numeric.norm_hessian(r, J, H)
+        free = (t > 0.0) & (t < 1.0)
+        found = full[:, :n, :n].copy()
+        if not path.difference.is_zonotope:
+            return found - _follows(full, _faces(path, r, J[:, :, n:]), n)
+        patterns: Any = np.unique(free, axis=0)
+        for pattern in patterns:
+            rows, columns = np.flatnonzero(np.all(free == pattern, axis=1)), n + np.flatnonzero(pattern)
+            if len(columns):
+                inner = full[rows[:, None, None], columns[:, None], columns]
+                mixed = full[rows[:, None, None], columns[:, None], np.arange(n)]
+                found[rows] -= np.swapaxes(mixed, 1, 2) @ _solve(inner, mixed)
+        return found
+
+
+class _Points(_Lengths):
+    """Distances of two points: one smooth |r|."""
+
+    @staticmethod
+    def values(path: RelativePath, Q: Array) -> Array:
+        return numeric.norm(numeric.positions(path.minimal, Q))
+
+    @staticmethod
+    def gradients(path: RelativePath, Q: Array) -> Array:
         return numeric.gradient(path.minimal, Q)
-    r, J, _, _ = _around(path, Q, order=1)
-    n = Q.shape[1]
-    return J[:, 0, :n] if path.is_signed else np.einsum("ni,nia->na", numeric.unit(r), J[:, :, :n])
 
-
-def hessians(path: RelativePath, Q: Array) -> Array:
-    """Return the Hessian (N, n, n) of the separation; NaN where a distance is zero, or segments are parallel."""
-    if path.is_plain:
+    @staticmethod
+    def hessians(path: RelativePath, Q: Array) -> Array:
         return numeric.hessian(path.minimal, Q)
-    r, J, H, t = _around(path, Q, order=2)
-    n = Q.shape[1]
-    if path.is_signed:
-        return H[:, 0, :n, :n]
-    full = numeric.norm_hessian(r, J, H)
-    free = (t > 0.0) & (t < 1.0)
-    found = full[:, :n, :n].copy()
-    if not path.difference.is_zonotope:
-        return found - _follows(full, _faces(path, r, J[:, :, n:]), n)
-    patterns: Any = np.unique(free, axis=0)
-    for pattern in patterns:
-        rows, columns = np.flatnonzero(np.all(free == pattern, axis=1)), n + np.flatnonzero(pattern)
-        if len(columns):
-            inner = full[rows[:, None, None], columns[:, None], columns]
-            mixed = full[rows[:, None, None], columns[:, None], np.arange(n)]
-            found[rows] -= np.swapaxes(mixed, 1, 2) @ _solve(inner, mixed)
-    return found
+
+
+class _Heights:
+    """Heights above planes: the least n . r, which is linear in t."""
+
+    @staticmethod
+    def values(path: RelativePath, Q: Array) -> Array:
+        w, edges = measured(path, Q)
+        r: Array = w + np.einsum("nk,kni->ni", _Heights.nearest(path, w, edges), edges)
+        return r[:, 0]
+
+    @staticmethod
+    def nearest(path: RelativePath, w: Array, edges: Array) -> Array:
+        return lowest(edges, path.difference.corners)
+
+    @staticmethod
+    def gradients(path: RelativePath, Q: Array) -> Array:
+        return _around(path, Q, order=1)[1][:, 0, : Q.shape[1]]
+
+    @staticmethod
+    def hessians(path: RelativePath, Q: Array) -> Array:
+        n = Q.shape[1]
+        return _around(path, Q, order=2)[2][:, 0, :n, :n]
+
+
+_MEASURED: Mapping[Case, type[_Lengths] | type[_Heights]] = {
+    Case.POINTS: _Points,
+    Case.BODIES: _Lengths,
+    Case.LINE: _Lengths,
+    Case.PLANE: _Heights,
+}
+
+
+def _of(path: RelativePath) -> type[_Lengths] | type[_Heights]:
+    """Return how its separation is evaluated: the one place that asks for the case."""
+    return _MEASURED[path.case]
 
 
 def _faces(path: RelativePath, r: Array, edges: Array) -> Array:
@@ -176,17 +244,10 @@ def _solve(inner: Array, mixed: Array) -> Array:
 def measured(path: RelativePath, Q: Array) -> tuple[Array, Array]:
     """Return w (N, d) and the e (k, N, d) of what counts: d = 3, 2 across a line, 1 above a plane."""
     w = numeric.positions(path.minimal, Q)
-    edges = np.array([numeric.positions(edge, Q) for edge in path.difference.edges]).reshape(
-        len(path.difference.edges), *w.shape
-    )
+    chains = path.difference.edges
+    edges = np.array([numeric.positions(edge, Q) for edge in chains]).reshape(len(chains), *w.shape)
     with np.errstate(invalid="ignore"):
         return path.counted(w), path.counted(edges)
-
-
-def _parameters(path: RelativePath, w: Array, edges: Array) -> Array:
-    if path.is_signed:
-        return lowest(edges, path.difference.corners)
-    return nearest(w, edges) if path.difference.is_zonotope else nearest_of_hulls(w, edges, path.difference.corners)
 
 
 def _settled(path: RelativePath, r: Array) -> Array:
@@ -198,13 +259,12 @@ def _settled(path: RelativePath, r: Array) -> Array:
 
 def _around(path: RelativePath, Q: Array, order: int) -> tuple[Array, Array, Array, Array]:
     """Return r (N, d), its derivatives by (q, t), (N, d, n + k) and (N, d, n + k, n + k), and t, at the nearest t."""
-    parts = [numeric.derivatives(chain, Q, order) for chain in (path.minimal, *path.difference.edges)]
-    if path.projection is not None:
-        parts = [tuple(np.einsum("di,ni...->nd...", path.projection, part) for part in one) for one in parts]
+    chains = (path.minimal, *path.difference.edges)
+    parts = [path.counted_of_each(numeric.derivatives(chain, Q, order)) for chain in chains]
     (w, J, H), others = parts[0], parts[1:]
     n, k = Q.shape[1], len(others)
     edges = np.array([one[0] for one in others]).reshape(k, *w.shape)
-    t = _parameters(path, w, edges)
+    t = _of(path).nearest(path, w, edges)
     r, slope = w.copy(), np.concatenate((J, np.zeros((*w.shape, k))), axis=2)
     bend = np.pad(H, ((0, 0), (0, 0), (0, k), (0, k))) if order > 1 else H
     for i, (e, e_slope, e_bend) in enumerate(others):
@@ -215,4 +275,4 @@ def _around(path: RelativePath, Q: Array, order: int) -> tuple[Array, Array, Arr
         if order > 1:
             bend[:, :, :n, :n] += weight[:, :, None, None] * e_bend
             bend[:, :, :n, n + i] = bend[:, :, n + i, :n] = e_slope
-    return _settled(path, r), slope, bend, t
+    return r, slope, bend, t

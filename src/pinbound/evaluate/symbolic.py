@@ -18,6 +18,7 @@ import sympy
 
 from pinbound.exceptions import UnsupportedError
 from pinbound.path.chain import Chain, HullChain, are_parallel
+from pinbound.path.kind import Case
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import SYMBOLIC_DIGITS
 from pinbound.typing import Array
@@ -56,20 +57,18 @@ def minimal_vector(path: RelativePath, coordinates: Sequence[str]) -> Any:
     Of segments, between the points t_1, t_2; of a line or plane, the part of r that counts.
     """
     r = _sum_vector(path.difference, path.frame, coordinates)
-    if path.projection is None:
-        return r
-    rows = _constants(path.projection.T @ path.projection, 1.0)
-    return sp.expand(rows * r)
+    rows = path.projection
+    return r if rows is None else sp.expand(_constants(rows.T @ rows, 1.0) * r)
 
 
 def ancestor_vector(path: RelativePath, coordinates: Sequence[str]) -> Any:
     """Return `r = x_a - x_b` (3, 1) in the ancestor's frame: the paper's form."""
     r = _sum_vector(path.branch_a, 0, coordinates) - _sum_vector(path.branch_b, 0, coordinates)
-    if path.normal is None:
+    normal = path.normal
+    if normal is None:
         return r
-    unit = _vector(path.normal, 0, symbols(coordinates))
-    along = unit * unit.dot(r)
-    return path.left_of(r, along)
+    unit = _vector(normal, 0, symbols(coordinates))
+    return path.left_of(r, unit * unit.dot(r))
 
 
 def _sum_vector(points: HullChain, position: int, coordinates: Sequence[str]) -> Any:
@@ -194,7 +193,7 @@ def limit_expressions(path: RelativePath, index: int, coordinates: Sequence[str]
             segments or across a line.
     """
     chain = path.minimal
-    if path.difference.directions or (path.projection is not None and not path.is_signed):
+    if not path.is_harmonic:
         raise UnsupportedError("segments and lines have no closed form; limits(...) gives their values, all of them")
     turned = np.flatnonzero(chain.coefficients[:, index])
     name = coordinates[index]
@@ -204,30 +203,50 @@ def limit_expressions(path: RelativePath, index: int, coordinates: Sequence[str]
         raise UnsupportedError(
             f"no closed form for {name!r}: the path {how}; limits(...) gives its values, numerically and all of them"
         )
-    place, q = int(turned[0]), symbols(coordinates)
-    before, behind = chain.before(place), chain.behind(place)
-    axis = _constants(chain.axes[place], 1.0)
-    p, s = _vector(before, place, q), _vector(behind, 0, q)
-    c = [sp.Rational(f"{value:.{SYMBOLIC_DIGITS}g}") for value in chain.coefficients[place]]
-    rest = sum((c[i] * q[i] for i in range(len(q)) if i != index), sp.S.Zero)
-    t = sp.Rational(f"{threshold:.{SYMBOLIC_DIGITS}g}")
-    if path.projection is not None:
-        upright = np.zeros_like(before.offsets)
-        upright[0] = path.projection[0]
-        n = _vector(replace(before, offsets=upright, slides=np.zeros_like(before.slides)), place, q)
-        s_perpendicular = s - axis * axis.dot(s)
-        A, B, C = n.dot(p) + n.dot(axis) * axis.dot(s), n.dot(s_perpendicular), n.dot(axis.cross(s))
-        phi = sp.atan2(sp.expand(-C), sp.expand(-B))
-        width = sp.acos((sp.expand(A) - t) / sp.sqrt(sp.expand(B**2 + C**2)))
-        return LimitExpressions(name, (phi - rest) / c[index], width / abs(c[index]), 2 * sp.pi / abs(c[index]))
+    aligned, width = _STRIPS[path.case](path, int(turned[0]), symbols(coordinates), threshold)
+    c = [_decimal(value) for value in chain.coefficients[int(turned[0])]]
+    rest = sum((c[i] * q for i, q in enumerate(symbols(coordinates)) if i != index), sp.S.Zero)
+    return LimitExpressions(name, (aligned - rest) / c[index], width / abs(c[index]), 2 * sp.pi / abs(c[index]))
+
+
+def _distance_strip(path: RelativePath, place: int, q: Sequence[Any], threshold: float) -> tuple[Any, Any]:
+    """Return phi* and w of two points, the rotation at `place` turning."""
+    axis, p, s = _parts(path, place, q)
     height = sp.expand(axis.dot(p + s))
     p, s = p - axis * axis.dot(p), s - axis * axis.dot(s)
-    phi = sp.atan2(sp.expand(axis.dot(p.cross(s))), sp.expand(-p.dot(s)))
-    squares = sp.expand(p.dot(p)), sp.expand(s.dot(s))
-    width = sp.S.Zero
-    if threshold > 0.0:
-        width = sp.acos((height**2 + squares[0] + squares[1] - t**2) / (2 * sp.sqrt(squares[0] * squares[1])))
-    return LimitExpressions(name, (phi - rest) / c[index], width / abs(c[index]), 2 * sp.pi / abs(c[index]))
+    aligned = sp.atan2(sp.expand(axis.dot(p.cross(s))), sp.expand(-p.dot(s)))
+    squares, t = (sp.expand(p.dot(p)), sp.expand(s.dot(s))), _decimal(threshold)
+    if not threshold > 0.0:
+        return aligned, sp.S.Zero
+    return aligned, sp.acos((height**2 + squares[0] + squares[1] - t**2) / (2 * sp.sqrt(squares[0] * squares[1])))
+
+
+def _height_strip(path: RelativePath, place: int, q: Sequence[Any], threshold: float) -> tuple[Any, Any]:
+    """Return phi* and w of a point above a plane, the rotation at `place` turning."""
+    axis, p, s = _parts(path, place, q)
+    before = path.minimal.before(place)
+    offsets = np.zeros_like(before.offsets)
+    offsets[0] = path.height_row
+    n = _vector(replace(before, offsets=offsets, slides=np.zeros_like(before.slides)), place, q)
+    s_perpendicular = s - axis * axis.dot(s)
+    A, B, C = n.dot(p) + n.dot(axis) * axis.dot(s), n.dot(s_perpendicular), n.dot(axis.cross(s))
+    width = sp.acos((sp.expand(A) - _decimal(threshold)) / sp.sqrt(sp.expand(B**2 + C**2)))
+    return sp.atan2(sp.expand(-C), sp.expand(-B)), width
+
+
+_STRIPS = {Case.POINTS: _distance_strip, Case.PLANE: _height_strip}
+
+
+def _parts(path: RelativePath, place: int, q: Sequence[Any]) -> tuple[Any, Any, Any]:
+    """Return u, p and s of `r = p + R(u, phi) s`, R being the rotation at `place`."""
+    chain = path.minimal
+    axis = _constants(chain.axes[place], 1.0)
+    return axis, _vector(chain.before(place), place, q), _vector(chain.behind(place), 0, q)
+
+
+def _decimal(value: float) -> Any:
+    """Return the decimal that a number was most likely written as, as a rational."""
+    return sp.Rational(f"{value:.{SYMBOLIC_DIGITS}g}")
 
 
 def _vector(chain: Chain, position: int, q: Sequence[Any], merge: bool = True) -> Any:
@@ -255,7 +274,7 @@ def _factors(axes: Array, coefficients: Array, q: Sequence[Any], merge: bool) ->
             total = total + np.sign(axes[start] @ axes[stop]) * coefficients[stop]
             stop += 1
         angle = sum(
-            (sp.Rational(f"{c:.{SYMBOLIC_DIGITS}g}") * symbol for c, symbol in zip(total, q, strict=True)),
+            (_decimal(c) * symbol for c, symbol in zip(total, q, strict=True)),
             sp.S.Zero,
         )
         factors.append(_rotation(axes[start], angle))

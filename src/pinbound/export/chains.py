@@ -63,6 +63,7 @@ def _finite(value: float) -> float | None:
 
 def _boundary(name: str, marks: tuple[str, str], rule: ContactRule) -> dict[str, Any]:
     path, stop = rule.path, rule.stop
+    projection = path.projection
     if not path.difference.is_zonotope:
         said = f"boundary {name!r} has a hull or a cylinder, and readers of these chains take every t from [0, 1]"
         raise UnsupportedError(f"{said}; name the other boundaries, or mark a box, a sweep or a capsule instead")
@@ -71,7 +72,7 @@ def _boundary(name: str, marks: tuple[str, str], rule: ContactRule) -> dict[str,
         "marks": list(marks),
         "chain": _chain(path.minimal),
         "ways": [way.tolist() for way in path.difference.directions],
-        "across": None if path.projection is None else path.projection.tolist(),
+        "across": None if projection is None else projection.tolist(),
         "is_height": path.is_signed,
         "contact_distance": rule.distance,
         "stop": None

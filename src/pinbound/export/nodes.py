@@ -10,7 +10,7 @@ import numpy as np
 
 from pinbound.contact import ContactRule, Stop
 from pinbound.kernel import CommonMark, Pair
-from pinbound.kernel.outputs import MOST_WAYS, separation_nodes
+from pinbound.kernel.outputs import separation_nodes
 from pinbound.kernel.scalars import Graph
 
 __all__ = ["SignedNodes", "is_closed", "signed_nodes"]
@@ -37,8 +37,7 @@ class SignedNodes:
 
 def is_closed(rule: ContactRule) -> bool:
     """Return whether the nearest points have a closed form: those of boxes, prisms and hulls are searched for."""
-    difference = rule.path.difference
-    return rule.is_stop or (difference.is_zonotope and (rule.path.is_signed or len(difference.directions) <= MOST_WAYS))
+    return rule.is_stop or rule.path.is_expression
 
 
 def signed_nodes(

@@ -21,6 +21,8 @@ from pinbound.kernel.spheres import middle_of
 from pinbound.machine.compiled import MachineCode, compile_source, is_kept
 from pinbound.machine.hull_source import HEAD, NODE, PAIR, STATE, WORK, hull_source
 from pinbound.path.chain import Chain
+from pinbound.path.kind import Case
+from pinbound.path.relative import RelativePath
 from pinbound.tolerances import KERNEL_CONSTANT, OVERLAP, REDUCTION, UNIT_ROUNDOFF
 from pinbound.typing import Array, Ints
 
@@ -159,10 +161,7 @@ class _Writer:
             tables += [float(body.place), float(-(-len(around) // _LANES) * _LANES)]
             true_counts.append(float(len(around)))
             reach += float(np.linalg.norm(around @ matrix.T, axis=1).max())
-        measured, rows = 0.0, np.zeros(9)
-        if path.projection is not None:
-            measured = 2.0 if path.is_signed else 1.0
-            rows = path.projection[0] if path.is_signed else (path.projection.T @ path.projection).ravel()
+        measured, rows = _counted(path)
         where = [i for i in range(chain.rotations + 1) if np.any(np.abs(chain.slides[i]) > REDUCTION)]
         self.slides.append(
             [
@@ -245,6 +244,16 @@ class _Writer:
         root[2 * len(self.angles) :][[0, 4, 8]] = 1.0  # the first node turns nothing
         numbers = np.concatenate((head, *parts, root))
         return HullTables(numbers, middles + 4 * len(self.pairs) - len(numbers), tuple(sorted(self.used)))
+
+
+def _counted(path: RelativePath) -> tuple[float, Array]:
+    """Return what is measured, as the search reads it, and the numbers that take it from r."""
+    projection = path.projection
+    if projection is None:
+        return 0.0, np.zeros(9)
+    heights: tuple[float, Array] = 2.0, projection[0]
+    lengths: tuple[float, Array] = 1.0, (projection.T @ projection).ravel()
+    return {Case.LINE: lengths, Case.PLANE: heights}[path.case]
 
 
 def _numbers(array: Array) -> list[float]:

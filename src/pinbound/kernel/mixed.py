@@ -21,7 +21,6 @@ from pinbound.kernel.hulls import HullTables, is_ready, prepare_hulls, tables_of
 from pinbound.kernel.program import CommonMark, Pair, Reference
 from pinbound.kernel.union import UnionKernel
 from pinbound.machine.compiled import has_numba
-from pinbound.path.relative import Form
 from pinbound.tolerances import LONGEST, LONGEST_SINGLE
 from pinbound.typing import AnyArray as Array
 from pinbound.typing import Flags, Indices, Ints
@@ -46,7 +45,7 @@ def kernel_of(
     common: Callable[[], Mapping[str, CommonMark] | None],
 ) -> Kernel | UnionKernel | MixedKernel:
     """Return the kernel of a set; arguments as for `Kernel`."""
-    searched = [not _is_straight(pair) for pair in pairs]
+    searched = [not pair.path.is_expression for pair in pairs]
     if not any(searched):
         return _straight(pairs, n, reference, common)
     easy = [pair for pair, is_searched in zip(pairs, searched, strict=True) if not is_searched]
@@ -64,11 +63,6 @@ def _straight(
     kinds = [(kind, np.flatnonzero(which)) for kind, which in ((BallKernel, plain), (Kernel, ~plain)) if np.any(which)]
     parts = [(kind([pairs[k] for k in places.tolist()], n, reference, common), places) for kind, places in kinds]
     return parts[0][0] if len(parts) == 1 else UnionKernel(pairs, parts)
-
-
-def _is_straight(pair: Pair) -> bool:
-    """Return whether the separation is an expression: closed forms over t in [0, 1] alone."""
-    return pair.path.form is not Form.SEARCHED and pair.path.difference.is_zonotope
 
 
 class MixedKernel:

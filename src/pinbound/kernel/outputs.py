@@ -10,10 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pinbound.kernel.program import CommonMark, Pair, compile_program
 from pinbound.kernel.scalars import Graph
 
-__all__ = ["MOST_WAYS", "separation_nodes"]
-
-MOST_WAYS = 2
-"""Ways of a pair whose nearest points have a closed form; with more, they are searched for."""
+__all__ = ["separation_nodes"]
 
 
 def separation_nodes(

@@ -29,6 +29,7 @@ import numpy as np
 from pinbound.kernel.nearest import cross, lowest, nearest
 from pinbound.kernel.scalars import Graph, Vector
 from pinbound.path.chain import Chain
+from pinbound.path.kind import Case
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import KERNEL_CONSTANT, REDUCTION
 from pinbound.typing import Array
@@ -255,16 +256,26 @@ def _local_vector(angles: _Angles, path: RelativePath) -> Vector:
         w, *edges = (_planar(angles, one, f, basis) for one in chains)
     else:
         w, *edges = (_spatial(angles, one, f) for one in chains)
-    if path.projection is None:  # a segment keeps its length, so that q = 0 tells it
+    projection = path.projection
+    if projection is None:  # a segment keeps its length, so that q = 0 tells it
         squares = [g.constant(float(np.sum(np.sum(edge, axis=0) ** 2))) for edge in path.difference.directions]
         return nearest(g, w, edges, squares)
     rows = np.zeros((3, 3))
-    rows[: len(path.projection)] = path.projection @ basis
+    rows[: len(projection)] = projection @ basis
     w, *edges = (_change(g, vector, rows) for vector in (w, *edges))
-    if not path.is_signed:
-        return nearest(g, w, edges)
+    return _COUNTED[path.case](g, w, edges)
+
+
+def _height(g: Graph, w: Vector, edges: Sequence[Vector]) -> Vector:
+    """Return the height, first of three."""
     zero = g.constant(0.0)
     return lowest(g, w[0], [edge[0] for edge in edges]), zero, zero
+
+
+_COUNTED: Mapping[Case, Callable[[Graph, Vector, Sequence[Vector]], Vector]] = {
+    Case.LINE: nearest,
+    Case.PLANE: _height,
+}
 
 
 def _planar(angles: _Angles, chain: Chain, frame: int, basis: Array) -> Vector:
@@ -282,11 +293,11 @@ def _planar(angles: _Angles, chain: Chain, frame: int, basis: Array) -> Vector:
 
 def _basis(axis: Array, along: Array) -> Array:
     """Return a right-handed orthonormal basis (e1, e2, axis) as columns, e1 towards `along` where that has length."""
-    across = along - axis * (axis @ along)
-    if not np.linalg.norm(across) > 0.0:
+    first = along - axis * (axis @ along)
+    if not np.linalg.norm(first) > 0.0:
         unit = np.eye(3)[int(np.argmin(np.abs(axis)))]
-        across = unit - axis * (axis @ unit)
-    first = across / np.linalg.norm(across)
+        first = unit - axis * (axis @ unit)
+    first = first / np.linalg.norm(first)
     return np.column_stack((first, np.cross(axis, first), axis))
 
 
@@ -395,10 +406,10 @@ def _common_vector(
     flat = next((side for side in (0, 1) if kinds[side] is not None), None)
     if flat is None:
         return nearest(g, w, edges, squares)
-    upright, zero = (a, b)[flat][1], g.constant(0.0)
+    unit, zero = (a, b)[flat][1], g.constant(0.0)
     if kinds[flat] == "line":
-        return nearest(g, cross(g, w, upright), [cross(g, edge, upright) for edge in edges])
-    towards = upright if flat == 1 else _less(g, (zero, zero, zero), upright)
+        return nearest(g, cross(g, w, unit), [cross(g, edge, unit) for edge in edges])
+    towards = unit if flat == 1 else _less(g, (zero, zero, zero), unit)
     return lowest(g, g.dot(w, towards), [g.dot(edge, towards) for edge in edges]), zero, zero
 
 

@@ -15,6 +15,42 @@ from pinbound.typing import Array
 __all__ = ["arcs", "around"]
 
 
+class _Points:
+    """The roots of `|r|^2 - T^2`."""
+
+    @staticmethod
+    def arcs(
+        path: RelativePath, index: int, name: str, Q: Array, threshold: float, window: tuple[float, float] | None
+    ) -> tuple[list[Array], list[float], tuple[float, float]]:
+        rows = [isolation.arcs(path.minimal, index, name, q, threshold, window) for q in Q]
+        ends = rows[0][2] if rows else (-math.inf, math.inf)
+        return [row[0] for row in rows], [row[1] for row in rows], ends
+
+    @staticmethod
+    def around(
+        path: RelativePath, index: int, name: str, q: Array, threshold: float, domain: tuple[float, float]
+    ) -> tuple[float, float] | None:
+        return isolation.around(path.minimal, index, name, q, threshold, domain)
+
+
+class _Pieces:
+    """Pieces that are proven free, by bounds of the separation."""
+
+    @staticmethod
+    def arcs(
+        path: RelativePath, index: int, name: str, Q: Array, threshold: float, window: tuple[float, float] | None
+    ) -> tuple[list[Array], list[float], tuple[float, float]]:
+        found, period, ends = piecewise_isolation.arcs(path, index, name, Q, threshold, window)
+        return found, [period if len(one) and math.isfinite(one[0, 0]) else math.inf for one in found], ends
+
+    around = staticmethod(piecewise_isolation.around)
+
+
+def _of(path: RelativePath) -> type[_Points] | type[_Pieces]:
+    """Return how its contacts are isolated: the one place that asks for its case."""
+    return _Points if path.is_plain else _Pieces
+
+
 def arcs(
     path: RelativePath, index: int, name: str, Q: Array, threshold: float, window: tuple[float, float] | None
 ) -> tuple[list[Array], list[float], tuple[float, float]]:
@@ -23,12 +59,7 @@ def arcs(
     Raises:
         UnsupportedError: If nothing repeats and there is no finite window, or there are too many turns.
     """
-    if path.is_plain:
-        rows = [isolation.arcs(path.minimal, index, name, q, threshold, window) for q in Q]
-        ends = rows[0][2] if rows else (-math.inf, math.inf)
-        return [row[0] for row in rows], [row[1] for row in rows], ends
-    found, period, ends = piecewise_isolation.arcs(path, index, name, Q, threshold, window)
-    return found, [period if len(one) and math.isfinite(one[0, 0]) else math.inf for one in found], ends
+    return _of(path).arcs(path, index, name, Q, threshold, window)
 
 
 def around(
@@ -39,6 +70,4 @@ def around(
     Raises:
         UnsupportedError: If nothing is met over `isolation.MOST_TURNS` turns.
     """
-    if path.is_plain:
-        return isolation.around(path.minimal, index, name, q, threshold, domain)
-    return piecewise_isolation.around(path, index, name, q, threshold, domain)
+    return _of(path).around(path, index, name, q, threshold, domain)

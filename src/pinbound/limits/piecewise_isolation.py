@@ -122,7 +122,7 @@ def smallest(path: RelativePath) -> tuple[float, float]:
         left = (found.lower < best - PRECISION) & (found.upper - found.lower > 4.0 * error)
         proven = min(proven, float(found.lower[~left].min(initial=math.inf)))
         middle = middle[left]
-        if not len(middle) or len(middle) > _MOST_OPEN or (best == 0.0 and not path.is_signed):
+        if not len(middle) or len(middle) > _MOST_OPEN or best == path.floor:
             proven = min(proven, float(found.lower[left].min(initial=math.inf)))
             break
         half /= 2.0
@@ -169,7 +169,7 @@ def _free(
     cuts = 1
     kept: list[tuple[Ints, Ints, int]] = []
     undecided: list[tuple[Ints, Ints, int]] = []
-    reached = threshold if path.is_signed else max(threshold, 4.0 * error)  # a distance of zero is known to rounding
+    reached = max(threshold, path.floor + 4.0 * error)  # a distance of zero is known to rounding
     while len(row):
         half = size * step / 2.0
         middle: Any = low + step * start + half

@@ -13,12 +13,14 @@ its tangents; the last bits are halved. A height above a plane is affine in x. N
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from pinbound.evaluate import closest, numeric, separation
 from pinbound.evaluate.closest import nearest
 from pinbound.geometry import gjk
+from pinbound.path.kind import Case
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import CONTOUR_ROUNDING, REDUCTION, UNIT_ROUNDOFF
 from pinbound.typing import Array, Flags
@@ -49,18 +51,30 @@ def intervals(path: RelativePath, index: int, Q: Array, threshold: float) -> Arr
     rest[:, index] = 0.0
     w, edges = separation.measured(path, rest)
     d = path.counted(numeric.derivative(path.minimal, rest)[:, :, index])
+    return _INTERVALS[path.case](path, index, Q, (w, edges, d), threshold)
+
+
+def _of_heights(path: RelativePath, index: int, Q: Array, line: tuple[Array, Array, Array], threshold: float) -> Array:
+    """Return the free intervals of a height, which is affine."""
+    w, edges, d = line
+    moves, found = np.abs(d[:, 0]) > REDUCTION, np.full((len(Q), 2, 2), np.nan)
+    t = closest.lowest(edges, path.difference.corners)
+    height, rate = w[:, 0] + np.einsum("nk,kn->n", t, edges[:, :, 0]), d[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        end = (threshold - height) / rate
+    found[moves & (rate > 0.0), 0] = np.stack((end, np.full_like(end, math.inf)), axis=1)[moves & (rate > 0.0)]
+    found[moves & (rate < 0.0), 0] = np.stack((np.full_like(end, -math.inf), end), axis=1)[moves & (rate < 0.0)]
+    found[~moves & (height > threshold), 0] = -math.inf, math.inf
+    return found
+
+
+def _of_distances(
+    path: RelativePath, index: int, Q: Array, line: tuple[Array, Array, Array], threshold: float
+) -> Array:
+    """Return the free intervals of a distance, which is convex."""
+    w, edges, d = line
     speed = np.linalg.norm(d, axis=1)
-    moves = speed > REDUCTION
-    found = np.full((len(Q), 2, 2), np.nan)
-    if path.is_signed:
-        t = closest.lowest(edges, path.difference.corners)
-        height, rate = w[:, 0] + np.einsum("nk,kn->n", t, edges[:, :, 0]), d[:, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            end = (threshold - height) / rate
-        found[moves & (rate > 0.0), 0] = np.stack((end, np.full_like(end, math.inf)), axis=1)[moves & (rate > 0.0)]
-        found[moves & (rate < 0.0), 0] = np.stack((np.full_like(end, -math.inf), end), axis=1)[moves & (rate < 0.0)]
-        found[~moves & (height > threshold), 0] = -math.inf, math.inf
-        return found
+    moves, found = speed > REDUCTION, np.full((len(Q), 2, 2), np.nan)
     unit = np.divide(d, speed[:, None], out=np.zeros_like(d), where=moves[:, None])
     t = _nearest(path, *(x - np.einsum("...i,...i->...", x, unit)[..., None] * unit for x in (w, edges)))
     foot = w + np.einsum("nk,kni->ni", t, edges)
@@ -84,6 +98,13 @@ def intervals(path: RelativePath, index: int, Q: Array, threshold: float) -> Arr
             path, index, Q[rows], (w[rows], edges[:, rows], d[rows]), level, lowest, side * reach
         )
     return found
+
+
+_INTERVALS: Mapping[Case, Callable[[RelativePath, int, Array, tuple[Array, Array, Array], float], Array]] = {
+    Case.BODIES: _of_distances,
+    Case.LINE: _of_distances,
+    Case.PLANE: _of_heights,
+}
 
 
 def _nearest(path: RelativePath, w: Array, edges: Array) -> Array:

@@ -22,6 +22,7 @@ import numpy as np
 
 from pinbound.evaluate import numeric
 from pinbound.path.chain import Chain
+from pinbound.path.kind import Case
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import REDUCTION
 from pinbound.typing import Array
@@ -189,8 +190,8 @@ def height_strips(p: Array, s: Array, axis: Array, normal: Array, threshold: flo
         threshold: t [m].
     """
     along = s @ axis
-    across = s - np.outer(along, axis)
-    cosine, sine = np.einsum("ni,ni->n", normal, across), np.einsum("ni,ni->n", normal, np.cross(axis, s))
+    perpendicular = s - np.outer(along, axis)
+    cosine, sine = np.einsum("ni,ni->n", normal, perpendicular), np.einsum("ni,ni->n", normal, np.cross(axis, s))
     swing = np.hypot(cosine, sine)
     smallest = np.einsum("ni,ni->n", normal, p) + (normal @ axis) * along - swing
     angle = np.arctan2(-sine, -cosine)
@@ -221,35 +222,12 @@ def one_angle_strips(path: RelativePath, threshold: float, tolerance: float) -> 
     if found is None:
         return None
     coefficients, axis = found
-    p, s = path.minimal.offsets
-    if path.is_plain:
-        return coefficients, (strip(p, s, axis, threshold, tolerance),)
-    if path.is_signed and path.projection is not None and not path.difference.directions:
-        angle, half_width, m = (float(x[0]) for x in height_strips(p[None], s[None], axis, path.projection, threshold))
-        return coefficients, (Strip(angle, None if math.isnan(half_width) else half_width, m),)
-    from pinbound.limits.piecewise_isolation import smallest, turn_arcs
-
-    free, (_, m) = turn_arcs(path, threshold), smallest(path)
-    if not len(free):
-        return coefficients, (Strip(0.0, math.pi, m),)
-    if not math.isfinite(free[0, 0]):
-        return coefficients, (Strip(0.0, None, m),)
-    ends = np.stack((free[:, 1], np.append(free[1:, 0], free[0, 0] + 2.0 * math.pi)), axis=1)
-    middle, half = ends.mean(axis=1), 0.5 * (ends[:, 1] - ends[:, 0])
-    middle -= 2.0 * math.pi * np.ceil((middle - math.pi) / (2.0 * math.pi))
-    return coefficients, tuple(Strip(float(a), float(w), m) for a, w in zip(middle, half, strict=True))
+    return coefficients, _of(path).one_angle(path, axis, threshold, tolerance)
 
 
 def one_angle_smallest(path: RelativePath) -> float | None:
     """Return a lower bound of the separation over a turn [m], tight, if the path has one effective angle; else None."""
-    if one_angle(path.minimal) is None:
-        return None
-    if path.is_plain:
-        p, s = path.minimal.offsets
-        return strip(p, s, path.minimal.axes[0], 0.0, 0.0).smallest
-    from pinbound.limits.piecewise_isolation import smallest
-
-    return smallest(path)[0]
+    return None if one_angle(path.minimal) is None else _of(path).smallest(path)
 
 
 def one_angle_strip(chain: Chain, threshold: float, tolerance: float) -> tuple[Array, Strip] | None:
@@ -294,17 +272,8 @@ def allowed_arcs_table(
     slides = bool(np.any(chain.slides[:, :, index]))
     if len(turned) == 1 and not slides and path.is_harmonic:
         return _turning(path, index, int(turned[0]), name, Q, threshold, tolerance)
-    if not len(turned) and path.is_plain:
-        return _sliding(chain, index, name, Q, threshold, tolerance)
     if not len(turned):
-        from pinbound.limits.prismatic import intervals as sliding
-
-        found, never = sliding(path, index, Q, threshold), np.full(len(Q), math.inf)
-        if window is None:
-            return AllowedArcsTable(name, found, never)
-        found = np.clip(found, *window)
-        found[found[:, :, 0] >= found[:, :, 1]] = np.nan
-        return AllowedArcsTable(name, np.take_along_axis(found, np.argsort(found, axis=1), axis=1), never, window)
+        return _of(path).prismatic(path, index, name, Q, threshold, tolerance, window)
     from pinbound.limits import isolated
 
     found, periods, ends = isolated.arcs(path, index, name, Q, threshold, window)
@@ -321,14 +290,7 @@ def _turning(
     c = float(chain.coefficients[place, index])
     others = chain.coefficients[place].copy()
     others[index] = 0.0
-    p, s, axis = *_parts(chain, place, Q), chain.axes[place]
-    if path.projection is None:
-        angle, half_width, _ = strips(p, s, axis, threshold, tolerance)
-    else:
-        upright = np.zeros_like(chain.offsets)
-        upright[0] = path.projection[0]
-        normal = _parts(replace(chain, offsets=upright, slides=np.zeros_like(chain.slides)), place, Q)[0]
-        angle, half_width, _ = height_strips(p, s, axis, normal, threshold)
+    angle, half_width = _of(path).turning(path, place, Q, threshold, tolerance)
     period = 2.0 * math.pi / abs(c)
     lower = (angle - Q @ others) / c + half_width / abs(c)
     lower -= period * np.floor((lower + period / 2) / period)
@@ -339,8 +301,8 @@ def _turning(
     return AllowedArcsTable(name, intervals[:, None, :], np.where(free | blocked, math.inf, period))
 
 
-def _sliding(chain: Chain, index: int, name: str, Q: Array, threshold: float, tolerance: float) -> AllowedArcsTable:
-    """`r = p + d x`; with d zero, r is p and the norm decides."""
+def _point_intervals(chain: Chain, index: int, Q: Array, threshold: float, tolerance: float) -> Array:
+    """Return the free intervals (N, 2, 2) of `r = p + d x`; with d zero, r is p and the norm decides."""
     rest = Q.copy()
     rest[:, index] = 0.0
     p, J = numeric.jacobian(chain, rest)
@@ -358,7 +320,108 @@ def _sliding(chain: Chain, index: int, name: str, Q: Array, threshold: float, to
     cut = ~free & moves
     intervals[cut, 0, 0], intervals[cut, 0, 1] = -math.inf, (nearest - half_width)[cut]
     intervals[cut, 1, 0], intervals[cut, 1, 1] = (nearest + half_width)[cut], math.inf
-    return AllowedArcsTable(name, intervals, np.full(len(Q), math.inf))
+    return intervals
+
+
+class _Points:
+    """Closed forms of two points."""
+
+    @staticmethod
+    def turning(path: RelativePath, place: int, Q: Array, threshold: float, tolerance: float) -> tuple[Array, Array]:
+        p, s = _parts(path.minimal, place, Q)
+        return strips(p, s, path.minimal.axes[place], threshold, tolerance)[:2]
+
+    @staticmethod
+    def one_angle(path: RelativePath, axis: Array, threshold: float, tolerance: float) -> tuple[Strip, ...]:
+        p, s = path.minimal.offsets
+        return (strip(p, s, axis, threshold, tolerance),)
+
+    @staticmethod
+    def smallest(path: RelativePath) -> float:
+        p, s = path.minimal.offsets
+        return strip(p, s, path.minimal.axes[0], 0.0, 0.0).smallest
+
+    @staticmethod
+    def prismatic(
+        path: RelativePath,
+        index: int,
+        name: str,
+        Q: Array,
+        threshold: float,
+        tolerance: float,
+        window: tuple[float, float] | None,
+    ) -> AllowedArcsTable:
+        found = _point_intervals(path.minimal, index, Q, threshold, tolerance)
+        return AllowedArcsTable(name, found, np.full(len(Q), math.inf))
+
+
+class _Bodies:
+    """Marks whose contacts along an angle have no closed form: they are isolated with a proof."""
+
+    turning = _Points.turning  # of one rotation of points alone
+
+    @staticmethod
+    def one_angle(path: RelativePath, axis: Array, threshold: float, tolerance: float) -> tuple[Strip, ...]:
+        from pinbound.limits.piecewise_isolation import smallest, turn_arcs
+
+        free, (_, m) = turn_arcs(path, threshold), smallest(path)
+        if not len(free):
+            return (Strip(0.0, math.pi, m),)
+        if not math.isfinite(free[0, 0]):
+            return (Strip(0.0, None, m),)
+        ends = np.stack((free[:, 1], np.append(free[1:, 0], free[0, 0] + 2.0 * math.pi)), axis=1)
+        middle, half = ends.mean(axis=1), 0.5 * (ends[:, 1] - ends[:, 0])
+        middle -= 2.0 * math.pi * np.ceil((middle - math.pi) / (2.0 * math.pi))
+        return tuple(Strip(float(a), float(w), m) for a, w in zip(middle, half, strict=True))
+
+    @staticmethod
+    def smallest(path: RelativePath) -> float:
+        from pinbound.limits.piecewise_isolation import smallest
+
+        return smallest(path)[0]
+
+    @staticmethod
+    def prismatic(
+        path: RelativePath,
+        index: int,
+        name: str,
+        Q: Array,
+        threshold: float,
+        tolerance: float,
+        window: tuple[float, float] | None,
+    ) -> AllowedArcsTable:
+        from pinbound.limits.prismatic import intervals
+
+        found, never = intervals(path, index, Q, threshold), np.full(len(Q), math.inf)
+        if window is None:
+            return AllowedArcsTable(name, found, never)
+        found = np.clip(found, *window)
+        found[found[:, :, 0] >= found[:, :, 1]] = np.nan
+        return AllowedArcsTable(name, np.take_along_axis(found, np.argsort(found, axis=1), axis=1), never, window)
+
+
+class _Height(_Bodies):
+    """Closed forms of a point above a plane."""
+
+    @staticmethod
+    def turning(path: RelativePath, place: int, Q: Array, threshold: float, tolerance: float) -> tuple[Array, Array]:
+        chain = path.minimal
+        rows = np.zeros_like(chain.offsets)
+        rows[0] = path.height_row
+        normal = _parts(replace(chain, offsets=rows, slides=np.zeros_like(chain.slides)), place, Q)[0]
+        return height_strips(*_parts(chain, place, Q), chain.axes[place], normal, threshold)[:2]
+
+    @staticmethod
+    def one_angle(path: RelativePath, axis: Array, threshold: float, tolerance: float) -> tuple[Strip, ...]:
+        p, s = path.minimal.offsets
+        normal = path.height_row[None]
+        angle, half_width, m = (float(x[0]) for x in height_strips(p[None], s[None], axis, normal, threshold))
+        return (Strip(angle, None if math.isnan(half_width) else half_width, m),)
+
+
+def _of(path: RelativePath) -> type[_Points] | type[_Bodies]:
+    """Return the closed forms that a path has: the one place that asks for its case."""
+    return {Case.POINTS: _Points, Case.PLANE: _Height}[path.case] if path.is_harmonic else _Bodies
 
 
 def _parts(chain: Chain, place: int, Q: Array) -> tuple[Array, Array]:

@@ -10,9 +10,9 @@ more coordinate, and afterwards a *direction*, the chain's derivative by it. `do
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from functools import cached_property
 from typing import Any
 
@@ -25,37 +25,14 @@ from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
 from pinbound.model.urdf import MOVING_TYPES, Joint
 from pinbound.path.chain import Chain, HullChain, are_parallel, drop_head, reduce_chain, split
+from pinbound.path.kind import Case, Form, Kind
 from pinbound.tolerances import REDUCTION
 from pinbound.typing import Array, Ints
 from pinbound.values import Value
 
-__all__ = ["Form", "Kind", "RelativePath", "absolute_chain", "direction_chain", "minimal_chain", "relative_path"]
+__all__ = ["RelativePath", "absolute_chain", "direction_chain", "minimal_chain", "relative_path"]
 
 _CLOSED = 2  # directions up to which the nearest points have a closed form, over parallelograms
-
-
-class Kind(Enum):
-    """How two links lie to each other in the tree, helper links aside."""
-
-    CONSECUTIVE = "consecutive"
-    NON_CONSECUTIVE = "non-consecutive"
-    BRANCHED = "branched"
-    COINCIDENT_BRANCHED = "coincident branched"
-
-
-class Form(Enum):
-    """Which case a path is, decided once: how an interpreter gets its separation."""
-
-    CONSTANT = "constant"
-    """Of no coordinate: two points that nothing moves to each other."""
-    ONE_ANGLE = "one effective angle"
-    """Two points, or a point and a plane, and one effective angle, no slide."""
-    SMOOTH = "smooth"
-    """Two points, a point across a line, or a point above a plane."""
-    PIECEWISE = "piecewise"
-    """The least of smooth functions in closed form: two directions at most, or a height."""
-    SEARCHED = "searched"
-    """The nearest points are searched for, by their vertices."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +75,15 @@ class RelativePath(Value):
         return self.projection
 
     @cached_property
+    def case(self) -> Case:
+        """What is measured between what."""
+        if self.measure is not Measure.DISTANCE:
+            return Case.LINE if self.measure is Measure.ACROSS else Case.PLANE
+        return Case.BODIES if self.difference.directions else Case.POINTS
+
+    @cached_property
     def form(self) -> Form:
-        """Which case it is."""
+        """How an interpreter gets the separation."""
         if self.difference.directions:
             closed = self.is_signed or (len(self.difference.directions) <= _CLOSED and self.difference.is_zonotope)
             return Form.PIECEWISE if closed else Form.SEARCHED
@@ -107,7 +91,7 @@ class RelativePath(Value):
         if not chain.coordinates:
             return Form.CONSTANT
         turns_once = chain.rotations == 1 and not np.any(chain.slides)
-        return Form.ONE_ANGLE if turns_once and self.measure is not Measure.ACROSS else Form.SMOOTH
+        return Form.ONE_ANGLE if turns_once and self.case is not Case.LINE else Form.SMOOTH
 
     @property
     def minimal(self) -> Chain:
@@ -117,20 +101,40 @@ class RelativePath(Value):
     @property
     def is_plain(self) -> bool:
         """Whether it lies between two points."""
-        return not self.difference.directions and self.projection is None
+        return self.case is Case.POINTS
 
     @property
     def is_harmonic(self) -> bool:
         """Whether `|r|^2`, or the height, is `a + b cos phi + c sin phi` in all angles: points, a point and a plane."""
-        return not self.difference.directions and self.measure is not Measure.ACROSS
+        return not self.difference.directions and self.case is not Case.LINE
+
+    @property
+    def constants(self) -> tuple[Array, ...]:
+        """All arrays that the separation depends on, in an order that stays."""
+        chain, difference, projection = self.minimal, self.difference, self.projection
+        corners = () if difference.is_zonotope else difference.corners
+        rows = () if projection is None else (projection,)
+        return chain.offsets, chain.slides, chain.axes, chain.coefficients, *difference.directions, *corners, *rows
 
     def counted(self, r: Array) -> Array:
         """Return what counts of vectors (..., 3) in the frame at position 0: three numbers, two, or one."""
         return r if self.projection is None else r @ self.projection.T
 
+    def counted_of_each(self, parts: Sequence[Array]) -> tuple[Array, ...]:
+        """Return what counts of vectors (N, 3, ...), their derivatives for one, whose numbers are along axis 1."""
+        if self.projection is None:
+            return tuple(parts)
+        return tuple(np.einsum("di,ni...->nd...", self.projection, part) for part in parts)
+
     def left_of(self, r: Any, along: Any) -> Any:
         """Return what counts of r in the ancestor's frame, given its part along `normal`; arrays or expressions."""
-        return along if self.measure is Measure.HEIGHT else r - along
+        return along if self.case is Case.PLANE else r - along
+
+    @property
+    def height_row(self) -> Array:
+        """The row (3,) whose product with r, in the frame at position 0, is the height above the plane."""
+        assert self.projection is not None, "only a plane measures a height"
+        return self.projection[0]
 
     @property
     def is_solid(self) -> bool:
@@ -138,13 +142,23 @@ class RelativePath(Value):
 
         Across a line a body is seen as an area, which two directions span.
         """
-        spanned = 2 if self.measure is Measure.ACROSS else 3
-        return not self.is_signed and len(self.difference.directions) >= spanned
+        spanned = {Case.BODIES: 3, Case.LINE: 2}.get(self.case, math.inf)
+        return len(self.difference.directions) >= spanned
 
     @property
     def is_signed(self) -> bool:
         """Whether it measures a height above a plane, which may be negative, and not a distance."""
-        return self.projection is not None and len(self.projection) == 1
+        return self.case is Case.PLANE
+
+    @property
+    def floor(self) -> float:
+        """The least separation that there can be [m]: zero for a distance, minus infinity for a height."""
+        return -math.inf if self.case is Case.PLANE else 0.0
+
+    @property
+    def is_expression(self) -> bool:
+        """Whether the separation is a closed form over t in [0, 1]: that of boxes, prisms and hulls is searched for."""
+        return self.form is not Form.SEARCHED and self.difference.is_zonotope
 
 
 def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:

@@ -167,11 +167,11 @@ def smallest_clearance(slice_: Slice, polygon: Any, gap: float) -> SmallestClear
         path = restrict_path(rule.size_path if rule.stop else boundary.path, slice_.at, indices)
         threshold = 0.0 if rule.stop else rule.distance
         chain = path.minimal
-        found = one_angle_strip(chain, threshold, 0.0) if path.is_plain else None
+        bounds = _PointBounds(chain) if path.is_plain else _SeparationBounds(path)
+        found = bounds.one_angle(threshold)
         if found is not None:
             least, upper, point = _one_angle(chain, threshold, polygon, *found)
         else:
-            bounds = _PointBounds(chain) if path.is_plain else _SweptBounds(path)
             least, upper, point = _branch_and_bound(bounds, threshold, polygon, gap, best.upper)
         off = 0.5 * rule.stop.amplitude * rule.stop.play if rule.stop else 0.0  # the gap is narrower than the arms say
         lower = min(lower, least - off)
@@ -207,6 +207,10 @@ class _PointBounds:
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
 
+    def one_angle(self, threshold: float) -> tuple[Array, Strip] | None:
+        """Return the effective angle's coefficients and its contact strip; None if there are several angles."""
+        return one_angle_strip(self.chain, threshold, 0.0)
+
     def over(self, reach: Array) -> None:
         self.arms = lever_arms(self.chain, reach)
         self.weights, self.size = self.arms.first, self.arms.length
@@ -226,11 +230,14 @@ class _PointBounds:
         return np.maximum(length + least - 0.5 * float(half @ self.arms.second @ half), 0.0)
 
 
-class _SweptBounds:
-    """Values and lower bounds of the separation of a swept path, over boxes."""
+class _SeparationBounds:
+    """Values and lower bounds of a separation, over boxes."""
 
     def __init__(self, path: RelativePath) -> None:
         self.path = path
+
+    def one_angle(self, threshold: float) -> None:
+        """Return None: strips of bodies are left to the search."""
 
     def over(self, reach: Array) -> None:
         self.bundle = swept_bundle([self.path], -reach, reach)
@@ -247,7 +254,7 @@ class _SweptBounds:
 
 
 def _branch_and_bound(
-    bounds: _PointBounds | _SweptBounds, threshold: float, polygon: Any, gap: float, known: float
+    bounds: _PointBounds | _SeparationBounds, threshold: float, polygon: Any, gap: float, known: float
 ) -> tuple[float, float, Array]:
     """Return lower and upper bound of a clearance over a polygon, and where the upper is attained."""
     x0, y0, x1, y1 = polygon.bounds
@@ -278,7 +285,7 @@ def _branch_and_bound(
         kept = ~gis.is_empty(parts)
         middle, parts = middle[kept], parts[kept]
     else:
-        settled = -np.inf if isinstance(bounds, _SweptBounds) else -threshold
+        settled = -np.inf if isinstance(bounds, _SeparationBounds) else -threshold
     return min(settled, upper), upper, point
 
 

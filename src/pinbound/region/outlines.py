@@ -14,6 +14,7 @@ slides and coefficients.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, cast
@@ -28,6 +29,7 @@ from pinbound.boundaries.boundary import Boundary
 from pinbound.evaluate import separation
 from pinbound.exceptions import UnsupportedError
 from pinbound.path.chain import Chain
+from pinbound.path.kind import Case
 from pinbound.path.relative import RelativePath, relative_path
 from pinbound.path.restriction import restrict_path
 from pinbound.region.contours import ContactFunction, HeightFunction, Traced, trace
@@ -99,11 +101,22 @@ def is_searched(slice_: Slice, curve: Curve) -> bool:
     path = curve.path
     if not path.difference.directions or only_slides(path):
         return False
-    if path.is_signed:
-        return math.prod(len(corners) for corners in path.difference.corners) > _FEW
-    segments = _segments(slice_.robot.boundaries[curve.name])
-    known = len(segments) == len(path.difference.directions) and path.projection is None
-    return not known or (len(segments) > 1 and not _is_flat(path))
+    return _SEARCHED[path.case](path, _segments(slice_.robot.boundaries[curve.name]))
+
+
+def _has_many_vertices(path: RelativePath, segments: Sequence[Mark]) -> bool:
+    return math.prod(len(corners) for corners in path.difference.corners) > _FEW
+
+
+def _may_meet_edge_to_edge(path: RelativePath, segments: Sequence[Mark]) -> bool:
+    return len(segments) != len(path.difference.directions) or (len(segments) > 1 and not _is_flat(path))
+
+
+_SEARCHED: Mapping[Case, Callable[[RelativePath, Sequence[Mark]], bool]] = {
+    Case.BODIES: _may_meet_edge_to_edge,
+    Case.LINE: lambda path, segments: True,
+    Case.PLANE: _has_many_vertices,
+}
 
 
 def _segments(boundary: Boundary) -> list[Mark]:
@@ -150,11 +163,22 @@ def _scaled(slice_: Slice, chain: Chain) -> Chain:
 
 def _functions(slice_: Slice, curve: Curve, window: Array) -> list[Traced]:
     """Return the smooth functions whose zeros hold all contact curves, and all places where one takes over."""
+    return _FUNCTIONS[curve.path.case](slice_, curve, window)
+
+
+def _distance(slice_: Slice, curve: Curve, window: Array) -> list[Traced]:
+    path = curve.path
+    return [ContactFunction.over(_scaled(slice_, path.minimal), curve.threshold, window, path.projection)]
+
+
+def _heights(slice_: Slice, curve: Curve, window: Array) -> list[Traced]:
     path, T = curve.path, curve.threshold
-    if path.is_signed:
-        return [_height(path, _scaled(slice_, corner), T, window) for corner in path.difference.vertex_chains]
-    if not path.difference.directions:
-        return [ContactFunction.over(_scaled(slice_, path.minimal), T, window, path.projection)]
+    return [_height(path, _scaled(slice_, corner), T, window) for corner in path.difference.vertex_chains]
+
+
+def _features(slice_: Slice, curve: Curve, window: Array) -> list[Traced]:
+    """Return the distances of the ends of segments from each other and from lines, and where a foot is at an end."""
+    path, T = curve.path, curve.threshold
     boundary = slice_.robot.boundaries[curve.name]
     segments = _segments(boundary)
     found: list[Traced] = [
@@ -169,9 +193,17 @@ def _functions(slice_: Slice, curve: Curve, window: Array) -> list[Traced]:
             line = _seen(slice_, LineMark("", segment.link, tuple(first.tolist()), along), end)
             found.append(ContactFunction.over(_scaled(slice_, line.minimal), T, window, line.projection))
             for foot in (first, last):  # the foot on the line passes an end of the segment
-                upright = _seen(slice_, PlaneMark("", segment.link, tuple(foot.tolist()), along), end)
-                found.append(_height(upright, _scaled(slice_, upright.minimal), 0.0, window))
+                plane = _seen(slice_, PlaneMark("", segment.link, tuple(foot.tolist()), along), end)
+                found.append(_height(plane, _scaled(slice_, plane.minimal), 0.0, window))
     return [function for function in found if function.chain.coordinates]
+
+
+_FUNCTIONS: Mapping[Case, Callable[[Slice, Curve, Array], list[Traced]]] = {
+    Case.POINTS: _distance,
+    Case.BODIES: _features,
+    Case.LINE: _distance,
+    Case.PLANE: _heights,
+}
 
 
 def _seen(slice_: Slice, mark: Mark, end: Point) -> RelativePath:
@@ -182,15 +214,14 @@ def _seen(slice_: Slice, mark: Mark, end: Point) -> RelativePath:
 
 
 def _height(path: RelativePath, chain: Chain, threshold: float, window: Array) -> HeightFunction:
-    assert path.projection is not None
-    return HeightFunction.over(chain, path.projection[0], threshold, window)
+    return HeightFunction.over(chain, path.height_row, threshold, window)
 
 
 def _is_flat(path: RelativePath) -> bool:
-    """Return whether two segments stay across the one axis of all rotations: their lines are as far apart always."""
+    """Return whether two segments stay normal to the one axis of all rotations: their lines are as far apart always."""
     chain = path.minimal
-    across = [float(np.abs(np.sum(edge, axis=0) @ chain.axes[0])) for edge in path.difference.directions]
-    return chain.is_planar and max(across) <= REDUCTION
+    along = [float(np.abs(np.sum(edge, axis=0) @ chain.axes[0])) for edge in path.difference.directions]
+    return chain.is_planar and max(along) <= REDUCTION
 
 
 def _between(slice_: Slice, curve: Curve, lines: tuple[Line, ...], window: Array) -> tuple[Line, ...]:

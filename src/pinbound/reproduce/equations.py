@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
-from pinbound.path.relative import Kind
+from pinbound.path.kind import Kind
 from pinbound.reproduce.findings import Equation
 from pinbound.reproduce.printed import BOUNDARIES
 from pinbound.reproduce.study import SEED, Study
