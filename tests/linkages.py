@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import mpmath
 import numpy as np
+from scipy import sparse
+
+from pinbound import InputError
 
 mpmath.mp.dps = 50
 
@@ -104,6 +109,31 @@ class Mechanism:
                 raise ArithmeticError("Newton did not converge")
         return values
 
+    def toggled(self, theta: dict[str, float], active: str) -> mpmath.mpf:
+        """Return the value of a joint, near `theta`, at which the first pin moves one way only, whatever turns.
+
+        Newton on three equations at 50 digits: the pin closes, and its derivatives by both passive joints are parallel.
+        Only the given joint and the two passive ones move.
+        """
+        (pin, *_), step = self.pins, mpmath.mpf(10) ** -16
+        names = [active, *self.passive[pin[0]]]
+        values = {name: mpmath.mpf(value) for name, value in theta.items()}
+
+        def asked(values: dict[str, mpmath.mpf]) -> mpmath.matrix:
+            gap, tiny = self.gap(pin, values), mpmath.mpf(10) ** -25
+            p, q = ((self.gap(pin, {**values, n: values[n] + tiny}) - gap) / tiny for n in names[1:])
+            return mpmath.matrix([gap.real, gap.imag, p.real * q.imag - p.imag * q.real])
+
+        for _ in range(80):
+            at = asked(values)
+            if mpmath.norm(at) < mpmath.mpf(10) ** -22:
+                return values[active]
+            columns = [(asked({**values, name: values[name] + step}) - at) / step for name in names]
+            moved = mpmath.lu_solve(mpmath.matrix([[c[i] for c in columns] for i in range(3)]), at)
+            for name, by in zip(names, moved, strict=True):
+                values[name] -= by
+        raise ArithmeticError("Newton did not converge")
+
 
 def _turn(rng: np.random.Generator) -> complex:
     return complex(np.exp(1j * rng.uniform(-np.pi, np.pi)))
@@ -167,3 +197,62 @@ def cylinder(rng: np.random.Generator) -> Mechanism:
 
 
 KINDS = {"four-bar": four_bar, "five-bar": five_bar, "slider-crank": slider_crank, "cylinder": cylinder}
+
+
+def scene(kind: str, rng: np.random.Generator, load: Callable[[str], Any]) -> Any:
+    """Return a random robot of two coordinates or more: a linkage, a tool that turns on it, marks, joint limits.
+
+    Limits of passive joints lie around the values that they have at home, some so near that they bind before the loop
+    toggles.
+    """
+    while True:
+        mechanism = KINDS[kind](rng)
+        mechanism.home = {part.name: float(rng.uniform(-1.5, 1.5)) for part in mechanism.parts}
+        link = str(rng.choice([part.child for part in mechanism.parts]))
+        mechanism.parts.append(Part("T", link, "tool", complex(*rng.uniform(-0.3, 0.3, 2)), None, 1))
+        try:
+            at_home = load(mechanism.urdf())
+        except InputError:
+            continue
+        for part in mechanism.parts:
+            (value,) = at_home.coupling.expand(at_home.home)[[at_home.coupling.joints.index(part.name)]]
+            near = 0.15 if part.way is not None else 0.5
+            part.lower = float(value - rng.uniform(near, 5.0 * near))
+            part.upper = float(value + rng.uniform(near, 5.0 * near))
+        links, marks = ["base", *(part.child for part in mechanism.parts)], list[str]()
+        for k in range(3):
+            a, b = rng.choice(links, 2, replace=False)
+            x, y, u, v, p, q = (float(c) for c in rng.uniform(-0.5, 0.5, 6))
+            r, s = (float(c) for c in rng.uniform(0.0, 0.08, 2))
+            marks.append(
+                f'<pinbound:segment name="a{k}" link="{a}" xyz_a="{x} {y} 0" xyz_b="{u} {v} 0" radius="{r}"/>'
+                if k % 2
+                else f'<pinbound:point name="a{k}" link="{a}" xyz="{x} {y} 0" radius="{r}"/>'
+            )
+            marks.append(f'<pinbound:point name="b{k}" link="{b}" xyz="{p} {q} 0" radius="{s}"/>')
+            marks.append(f'<pinbound:boundary name="beta_{k}" a="a{k}" b="b{k}" min_distance="0.002"/>')
+        try:
+            return load(mechanism.urdf("".join(marks)))
+        except InputError:
+            continue
+
+
+def flooded(region: Any, grid: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return points of a grid (g * g, 2) over a window, which are free, and which a flood from home reaches."""
+    slice_ = region.slice
+    low, high = slice_.window
+    axes = [low[i] + (high[i] - low[i]) * (np.arange(grid) + 0.5) / grid for i in (0, 1)]
+    X = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    free = np.asarray(slice_.robot.boundaries.free(slice_.lift(X)))
+    robot = slice_.robot
+    turns = robot.lift(slice_.lift(X))[:, [robot.lift.names.index(n) for n in robot.lift.names if n.endswith(" turn")]]
+    index = np.arange(grid * grid).reshape(grid, grid)
+    pairs = [(index[1:], index[:-1]), (index[:, 1:], index[:, :-1])]
+    a, b = (np.concatenate([pair[k].ravel() for pair in pairs]) for k in (0, 1))
+    joined = free[a] & free[b] & np.all(np.abs(turns[a] - turns[b]) < np.pi, axis=1)  # no way leads across a cut
+    graph = sparse.coo_matrix((np.ones(joined.sum(), dtype=np.int8), (a[joined], b[joined])), shape=(grid * grid,) * 2)
+    labels = np.where(free, sparse.csgraph.connected_components(graph, directed=False)[1] + 1, 0).reshape(grid, grid)
+    place = np.clip(((slice_.start - low) / (high - low) * grid).astype(int), 0, grid - 1)
+    near = labels[max(place[0] - 1, 0) : place[0] + 2, max(place[1] - 1, 0) : place[1] + 2]
+    home = labels[tuple(place)] or int(near.max())
+    return X, free, (labels.ravel() == home) & (home > 0)

@@ -324,26 +324,50 @@ def bends_over_box(chains: Bundle, arms: Array, which: Indices, half: Array) -> 
     return _second(arms[which], wide, slid), wide
 
 
-def box_terms(chains: Bundle, arms: Array, which: Indices, centre: Array, half: Array) -> Terms:
-    """Return the terms of chains `which` (N,) on the boxes `centre +- half` (N, n)."""
+def box_terms(
+    chains: Bundle,
+    arms: Array,
+    which: Indices,
+    centre: Array,
+    half: Array,
+    steps: Array | None = None,
+    off: Array | None = None,
+) -> Terms:
+    """Return the terms of chains `which` (N,) on the boxes `centre +- half` (N, n).
+
+    Args:
+        chains: The chains.
+        arms: (m, k) lever arms.
+        which: (N,).
+        centre: (N, n).
+        half: (N, n), how far each coordinate can be from the centre.
+        steps: (p, N, n): the coordinates are `centre + sum_p s_p steps_p + e`, s_p in [-1, 1]; None: each by itself.
+        off: (N, n) bounds of |e|.
+    """
     C = chains.coefficients[which]
     phi = np.einsum("nki,ni->kn", C, centre)
     wide = np.einsum("nki,ni->nk", np.abs(C), half)
     slides = chains.slides[which] if chains.slides is not None else None
-    slid = _slid(slides, np.zeros((len(which), 1, half.shape[1])), half)
+    nothing = np.zeros((len(which), 1, half.shape[1]))
+    slid = _slid(slides, nothing, half)
     rho, (count, n) = arms[which], half.shape
-    steps = np.zeros((n, count, n))  # half across in each coordinate alone, all of them in one go
-    steps[np.arange(n), :, np.arange(n)] = half.T
-    turns = np.einsum("nki,jni->kjn", C, steps).reshape(len(phi), n * count)
-    again, many = np.tile(which, n), np.tile(phi, (1, n))
-    r, v = _value_and_rate(chains, again, np.tile(centre, (n, 1)), steps.reshape(n * count, n), many, turns)
-    r, rates = r[:, :count], v.reshape(3, n, count).transpose(1, 0, 2)
+    if steps is None:
+        steps = np.zeros((n, count, n))  # half across in each coordinate alone, all of them in one go
+        steps[np.arange(n), :, np.arange(n)] = half.T
+    p = len(steps)
+    turns = np.einsum("nki,jni->kjn", C, steps).reshape(len(phi), p * count)
+    again, many = np.tile(which, p), np.tile(phi, (1, p))
+    r, v = _value_and_rate(chains, again, np.tile(centre, (p, 1)), steps.reshape(p * count, n), many, turns)
+    r, rates = r[:, :count], v.reshape(3, p, count).transpose(1, 0, 2)
+    aside = np.zeros(len(which))
+    if off is not None:
+        aside = np.einsum("nk,nk->n", rho, _spread(np.abs(C), off)) + _slid(slides, nothing, off).sum(axis=1)
     return Terms(
         r=r,
         rates=tuple(rates),
         moved=np.einsum("nk,nk->n", rho, wide) + slid.sum(axis=1),
         second=_second(rho, wide, slid),
-        aside=np.zeros(len(which)),
+        aside=aside,
         wide=wide.sum(axis=1),
         most=wide,
         bend=None,

@@ -249,11 +249,23 @@ def along_motion(swept: SweptBundle, which: Indices, piece: Expansion, error: Ar
     return _bounds(swept, which, rows, terms, error, share=0.5, curvature=0.125)
 
 
-def over_box(swept: SweptBundle, which: Indices, centre: Array, half: Array, error: Array) -> Bounds:
-    """Return bounds of separations `which` (N,) over the boxes `centre +- half` (N, n)."""
+def over_box(
+    swept: SweptBundle,
+    which: Indices,
+    centre: Array,
+    half: Array,
+    error: Array,
+    steps: Array | None = None,
+    off: Array | None = None,
+) -> Bounds:
+    """Return bounds of separations `which` (N,) over the boxes `centre +- half` (N, n).
+
+    With `steps` (p, N, n) and `off` (N, n) over `centre + sum_p s_p steps_p + e`, `s_p` in [-1, 1], `|e| <= off`.
+    """
     rows = _Rows(swept, which)
-    terms = box_terms(swept.chains, swept.arms, rows.chain, centre[rows.asked], half[rows.asked])
-    return _bounds(swept, which, rows, terms, error, share=1.0, curvature=0.5)
+    along = (None, None) if steps is None or off is None else (steps[:, rows.asked], off[rows.asked])
+    terms = box_terms(swept.chains, swept.arms, rows.chain, centre[rows.asked], half[rows.asked], *along)
+    return _bounds(swept, which, rows, terms, error, share=1.0, curvature=0.5, corners=steps is not None)
 
 
 def all_rows(swept: SweptBundle, which: Indices) -> Indices:
@@ -286,7 +298,14 @@ class _Rows:
 
 
 def _bounds(
-    swept: SweptBundle, which: Indices, rows: _Rows, terms: Terms, error: Array, share: float, curvature: float
+    swept: SweptBundle,
+    which: Indices,
+    rows: _Rows,
+    terms: Terms,
+    error: Array,
+    share: float,
+    curvature: float,
+    corners: bool = False,
 ) -> Bounds:
     r = rows.of(terms.r.T)
     value, n, depth, t = separated(swept, which, r)
@@ -306,10 +325,13 @@ def _bounds(
         steps = [share * rate[:, 1:] for rate in rates]
         slack = swept.corners.slack(which, along[:, 1:], steps, bent[:, 1:], spun[:, 1:])
         lower = np.maximum(lower, corner - (share * swing + bent[:, 0]) * INFLATION + slack)
-        if len(vectors) == 1:  # the points that are nearest in the middle, along the piece
-            here, step = (x[:, 0] + np.einsum("nk,nki->ni", t, x[:, 1:]) for x in (r, vectors[0]))
-            ends = [_measure(swept, which, here + sign * share * step, n) for sign in (-1.0, 1.0)]
-            upper = np.minimum(upper, np.maximum(*ends) + bent[:, 0] * INFLATION)
+        if len(vectors) == 1 or corners:  # the points that are nearest in the middle, at both ends or all corners
+            here, *moves = (x[:, 0] + np.einsum("nk,nki->ni", t, x[:, 1:]) for x in (r, *vectors))
+            ends = [here]
+            for step in moves:
+                ends = [end + sign * share * step for end in ends for sign in (-1.0, 1.0)]
+            farthest: Array = np.max([_measure(swept, which, end, n) for end in ends], axis=0)
+            upper = np.minimum(upper, farthest + bent[:, 0] * INFLATION)
     off = _spread_of(swept, which, rows.of(terms.aside)) * INFLATION
     off = off + error * (1.0 + rows.of(terms.wide).max(axis=1))
     return Bounds(value, lower - off, upper + off)

@@ -14,16 +14,19 @@ from pinbound.bounds.bounds import Expansion, bundle
 from pinbound.bounds.intervals import Interval, hull
 from pinbound.bounds.rounding import rounding_bound, walks
 from pinbound.certificates.enclosures import Enclosure, Family
+from pinbound.certificates.one_angle import OneAngleBoundaries
 from pinbound.certificates.polynomials import Trajectory
 from pinbound.certificates.records import Certificate, Contact, Findings
 from pinbound.loops.jets import Jet
 from pinbound.loops.lift import Lift
 from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
-from pinbound.tolerances import UNIT_ROUNDOFF
+from pinbound.tolerances import INFLATION, UNIT_ROUNDOFF
 from pinbound.typing import Array, Indices
 
-__all__ = ["LiftedFamily", "LiftedTrajectory", "closed_only", "loop_errors", "lowered"]
+__all__ = ["LiftedFamily", "LiftedTrajectory", "closed_only", "loop_errors", "lowered", "told"]
+
+_NEAR = 1e-6  # m or rad: of clearances beyond it nobody asks what rounding of F may do to their sign
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +156,31 @@ class LiftedFamily:
         Z, n = self.lift(centre), half.shape[1]
         wide = np.maximum(found.upper - Z, Z - found.lower) * (1.0 + 4.0 * UNIT_ROUNDOFF)
         wide[:, :n] = half
-        return self.family.enclose_box(which, Z, np.where(np.isfinite(wide), wide, 1e30))
+        enclosure = self.family.enclose_box(which, Z, np.where(np.isfinite(wide), wide, 1e30))
+        if not np.any(enclosure.violated | ~enclosure.clear & (enclosure.value < _NEAR)):
+            return enclosure
+        near = self.lift.linear(centre, np.zeros_like(centre), (), self.errors.tolist())
+        return told(enclosure, self.family, which, near.off)
+
+
+def told(found: Enclosure, family: Family, which: Indices, radius: Array) -> Enclosure:
+    """Return an enclosure in which the middle is violated only if it is so at every z that rounding of F may mean.
+
+    Where a signed clearance in the middle is nearer to zero than that, nothing finer can tell: the part is settled.
+
+    Args:
+        found: Of constraints `which` (N,).
+        family: The constraints, over z.
+        which: (N,).
+        radius: (N, n + k), how far z in the middle may be from what is computed.
+    """
+    off = np.einsum("nz,nz->n", family.weights[which], radius) * INFLATION
+    if isinstance(family, OneAngleBoundaries):  # its weights are those of the angle
+        off = off * np.maximum(family.chains.arm, 0.5 * family.amplitude)[which]
+    error = found.error + off
+    near = np.abs(found.value) <= error
+    settled = found.settled | (near & (found.value - found.lower <= 4.0 * error))
+    return replace(found, error=error, violated=found.violated & ~near, settled=settled)
 
 
 def loop_errors(robot: LoopRobot, lower: Array, upper: Array, degree: int) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 from pinbound.bounds.bounds import Expansion
 from pinbound.certificates.distances import ManyAngleBoundaries
 from pinbound.certificates.enclosures import Enclosure, Family
+from pinbound.certificates.lifted import LiftedTrajectory, told
 from pinbound.certificates.limits import Limits
 from pinbound.certificates.one_angle import OneAngleBoundaries
 from pinbound.certificates.polynomials import Polynomials, Trajectory, is_straight
@@ -194,7 +195,10 @@ class Search:
 
     def _enclose(self, parts: _Parts) -> Enclosure:
         self.meter.boxes += len(parts)
-        found = self.family.enclose(parts.which, *_expanded(self.trajectory, parts))
+        expansion, rows = _expanded(self.trajectory, parts)
+        found = self.family.enclose(parts.which, expansion, rows)
+        if isinstance(self.trajectory, LiftedTrajectory):
+            found = told(found, self.family, parts.which, expansion.take(rows).middle_radius)
         middle = 0.5 * (parts.a + parts.b)
         upper = found.value + found.error
         self._smallest(parts, middle, upper)

@@ -19,14 +19,15 @@ from pinbound.loops.jets import Jet
 from pinbound.loops.linkages import Linkage
 from pinbound.model.coupling import as_configurations
 from pinbound.tolerances import UNIT_ROUNDOFF
-from pinbound.typing import Array
+from pinbound.typing import Array, Indices
 from pinbound.values import Value
 
-__all__ = ["Lift", "lifted_names", "places"]
+__all__ = ["Lift", "LinearParts", "lifted_names", "places"]
 
 
 _TOGGLE, _TURN = " toggle", " turn"
 _BLOCK = 1 << 12  # rows at a time: they stay in the cache
+_FAR = 1e30  # of z where nothing is known of it; times any length it is more than any path
 
 
 def lifted_names(names: Sequence[str], linkages: Sequence[Linkage]) -> tuple[str, ...]:
@@ -48,6 +49,27 @@ def places(names: Sequence[str], linkages: Sequence[Linkage]) -> list[int]:
     """Return where each of the names is in z."""
     lifted = lifted_names(names, linkages)
     return [lifted.index(name) for name in names]
+
+
+@dataclass(frozen=True, eq=False)
+class LinearParts:
+    """What holds z over N boxes of q: `z = centre + sum_a s_a steps_a + e`, `s_a` in [-1, 1], `|e| <= off`.
+
+    Attributes:
+        centre: (N, n + k), F at the middles of the boxes, as computed.
+        half: (N, n + k), how far z can be from the centre.
+        steps: (p, N, n + k), of the p coordinates that were asked for.
+        off: (N, n + k).
+    """
+
+    centre: Array
+    half: Array
+    steps: Array
+    off: Array
+
+    def take(self, rows: Indices) -> LinearParts:
+        """Return some of the boxes, in that order."""
+        return LinearParts(self.centre[rows], self.half[rows], self.steps[:, rows], self.off[rows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,3 +196,49 @@ class Lift(Value):
                 low[:, index] = np.fmax(low[:, index], near.lower)
                 high[:, index] = np.fmin(high[:, index], near.upper)
         return Interval(low, high)
+
+    def linear(
+        self, centre: Array, half: Array, along: Sequence[int], errors: Sequence[float] | None = None
+    ) -> LinearParts:
+        """Return what holds z while q is in boxes `centre +- half` (N, n); `errors` as in `jets`.
+
+        By the mean value theorem: `z - F(c) = sum_a F'_a(x) d_a` with x in the box. Its steps are the middles of the
+        intervals that hold F'_a, times the half-width; what they are off by is `off`. Where F itself, by intervals, is
+        known better than that, its steps are zero and `off` is all.
+
+        Args:
+            centre: (N, n).
+            half: (N, n).
+            along: Indices of the p coordinates that are not held: the others have a half-width of zero.
+            errors: Of each loop [m].
+        """
+        (count, n), size = centre.shape, len(self.names)
+        zero, one = Interval.at(np.zeros(count)), Interval.at(np.ones(count))
+        box = [Interval.at(centre[:, k], half[:, k]) for k in range(n)]
+        steps, off = np.zeros((len(along), count, size)), np.zeros((count, size))
+        low, high = np.full((count, size), -np.inf), np.full((count, size), np.inf)
+        middle = self(centre)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            at = self.jets([Jet(Interval.at(centre[:, k]), zero, zero) for k in range(n)], errors)
+            for index in range(n, size):
+                value, computed = at[index].value, middle[:, index]
+                off[:, index] = np.maximum(value.upper - computed, computed - value.lower)
+            for place, a in enumerate(along):
+                steps[place, :, a] = half[:, a]
+                if a not in self.inputs:
+                    continue
+                jets = self.jets([Jet(box[k], one if k == a else zero, zero) for k in range(n)], errors)
+                for index in range(n, size):
+                    rate, value = jets[index].first, jets[index].value
+                    known = np.isfinite(rate.lower) & np.isfinite(rate.upper)
+                    steps[place, :, index] = np.where(known, rate.middle, 0.0) * half[:, a]
+                    off[:, index] += np.where(known, rate.radius * half[:, a], np.inf)
+                    low[:, index] = np.fmax(low[:, index], value.lower)
+                    high[:, index] = np.fmin(high[:, index], value.upper)
+        wide = (np.abs(steps).sum(axis=0) + off) * (1.0 + 8.0 * len(along) * UNIT_ROUNDOFF)
+        natural = np.maximum(high - middle, middle - low) * (1.0 + 4.0 * UNIT_ROUNDOFF)
+        reach = np.fmin(wide, np.where(np.isnan(natural), np.inf, natural))
+        loose = off >= reach  # next to toggles slopes say less than values do: z is within `reach` of the centre
+        steps[:, loose] = 0.0
+        off = np.where(loose, reach, off * (1.0 + 8.0 * UNIT_ROUNDOFF))
+        return LinearParts(middle, np.minimum(reach, _FAR), steps, np.minimum(off, _FAR))

@@ -75,6 +75,7 @@ class Linkage(Value):
         rows: (2, n).
         offset: (2,) [rad or m], whole turns so that home's values are those that are given there.
         ahead: Index of the term that is longer than all others together, so that X cannot go round zero; -1: none is.
+            Not used of SLIDE.
         reference: [rad], of the angle of X where none is.
     """
 

@@ -31,7 +31,7 @@ def refuse_linear(what: str, lift: Lift) -> NoReturn:
     message = f"{what}: loop {names} is no parallelogram, so that its passive joints are no linear functions of q"
     raise UnsupportedError(
         f"{message}. Supported through it are: values, gradients, Hessians, signed clearances, free, certify, "
-        "certify_box, certified_box, cross_check of points and bodies, coupling.expand, to_pinocchio"
+        "certify_box, certified_box, feasible_region, cross_check of points and bodies, coupling.expand, to_pinocchio"
     )
 
 
@@ -155,5 +155,7 @@ def toggle_limits(lift: Lift, home: Array) -> tuple[LinearLimit, ...]:
         for first, last in at.kept:
             turns = 2.0 * np.pi * np.floor((value - first) / (2.0 * np.pi))
             if first + turns <= value <= last + turns:
-                found.append(LinearLimit(names[0], at.row, 0.0, first + turns, last + turns))
+                sign = float(np.sign(at.row[np.flatnonzero(at.row)[0]]))  # "upper" is that of its first coordinate
+                ends = sorted((sign * (first + turns), sign * (last + turns)))
+                found.append(LinearLimit(names[0], sign * at.row + 0.0, 0.0, ends[0], ends[1]))
     return tuple(found)

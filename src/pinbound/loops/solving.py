@@ -279,7 +279,7 @@ def _assembled(closure: Closure, closed: _Closed, names: Sequence[str], guess: A
         mix=np.round(inverse).astype(np.float64),
         rows=-inverse @ closed.rows + 0.0,
         offset=-inverse @ closed.angles + 0.0,
-        ahead=far if is_ahead else -1,
+        ahead=far if is_ahead or closed.form is Form.SLIDE else -1,  # SLIDE asks for no angle of X
         reference=math.atan2(at_home.imag, at_home.real),
     )
     solved = found.solve([Jet(np.array([value]), np.zeros(1), np.zeros(1)) for value in guess.tolist()])

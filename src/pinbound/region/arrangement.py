@@ -33,6 +33,7 @@ from pinbound.region.outlines import check_turns, is_searched, outline
 from pinbound.region.settling import Settled, settle
 from pinbound.region.slice import Slice, Strips
 from pinbound.region.tubes import Tubes
+from pinbound.region.turn_cuts import cuts_of
 from pinbound.tolerances import REGION_WIDTH, VERTEX
 from pinbound.typing import Array, Ints
 from pinbound.values import Value
@@ -219,6 +220,10 @@ def _arranged(slice_: Slice, accuracy: float, tubes: Tubes | None, deadline: Dea
         for side, ends in obstacle_sides(obstacle, wide, slice_.scales):
             lines.append(Line(side.name, side.source, False, ends, side))
     error, blocks = 0.0, list[tuple[Any, str]]()
+    if slice_.lifted is not None:
+        for cut in cuts_of(slice_.lifted, slice_.scales, wide, accuracy, deadline):
+            lines.append(Line(cut.name, cut.name, False, cut.points, cut.function))
+            error = max(error, cut.chord_error)
     for curve in slice_.curves if deadline is None else deadline.each(slice_.curves):
         if tubes is not None and curve in tubes.searched.curves:
             continue

@@ -26,6 +26,7 @@ from pinbound.exceptions import UnsupportedError
 from pinbound.path.relative import RelativePath
 from pinbound.region.deadline import Deadline
 from pinbound.region.slice import Curve, Slice
+from pinbound.region.through_loops import LoopBounds, LoopContact, LoopFunction, LoopLimit
 from pinbound.tolerances import CONTOUR_ROUNDING
 from pinbound.typing import Array, Flags, Indices, Ints
 from pinbound.values import Value
@@ -152,23 +153,33 @@ class Cells(Value):
 class Searched:
     """The boundaries of a plane whose contact is searched for, with proven bounds over cells."""
 
-    def __init__(self, slice_: Slice, curves: tuple[Curve, ...], grid: Grid) -> None:
-        """Put paths of as many edge vectors side by side."""
+    def __init__(self, slice_: Slice, curves: tuple[Curve | LoopContact | LoopLimit, ...], grid: Grid) -> None:
+        """Put paths of as many edge vectors side by side, and what is through loops by itself."""
         self.slice, self.curves, self.grid = slice_, curves, grid
-        self.functions = tuple(SeparationFunction(one.path, one.threshold, slice_.scales) for one in curves)
+        self.functions = tuple(
+            SeparationFunction(one.path, one.threshold, slice_.scales)
+            if isinstance(one, Curve)
+            else LoopFunction(one, slice_.scales)
+            for one in curves
+        )
         far = grid.places(np.array([[0, 0], np.array(grid.roots) << FINEST])) * slice_.scales
         lower, upper = far
-        counts = np.array([len(curve.path.difference.directions) for curve in curves])
-        self._group = np.zeros(len(curves), dtype=np.int64)
+        plain = {row: one for row, one in enumerate(curves) if isinstance(one, Curve)}
+        counts = np.full(len(curves), -1)
+        counts[list(plain)] = [len(one.path.difference.directions) for one in plain.values()]
+        self._group = np.full(len(curves), -1, dtype=np.int64)
         self._place = np.zeros(len(curves), dtype=np.intp)
         self._bundles: list[tuple[SweptBundle, Array, Array]] = []
-        for number, count in enumerate(np.unique(counts).tolist()):
+        for number, count in enumerate(np.unique(counts[counts >= 0]).tolist()):
             rows = np.flatnonzero(counts == count)
             self._group[rows], self._place[rows] = number, np.arange(len(rows))
-            bundle = swept_bundle([curves[int(row)].path for row in rows], lower, upper)
+            bundle = swept_bundle([plain[int(row)].path for row in rows], lower, upper)
             error = rounding_bound(bundle, None, lower, upper) + CONTOUR_ROUNDING * bundle.reach
-            threshold = np.array([curves[int(row)].threshold for row in rows])
+            threshold = np.array([plain[int(row)].threshold for row in rows])
             self._bundles.append((bundle, error, threshold))
+        through = [one for one in curves if not isinstance(one, Curve)]
+        self._place[counts < 0] = np.arange(len(through))
+        self._through = LoopBounds(through, lower, upper) if through else None
 
     def bounds(self, which: Ints, low: Array, high: Array, deadline: Deadline | None = None) -> tuple[Array, Array]:
         """Return proven bounds (P,) of `f - T` of boundaries `which` over boxes with corners (P, 2)."""
@@ -182,6 +193,11 @@ class Searched:
                 place = self._place[which[rows]]
                 found = over_box(bundle, place, middle[rows], half[rows], error[place])
                 lower[rows], upper[rows] = found.lower - threshold[place], found.upper - threshold[place]
+        if self._through is not None:
+            for rows in _chunks(np.flatnonzero(self._group[which] == -1)):
+                if deadline is not None:
+                    deadline.check()
+                lower[rows], upper[rows] = self._through.bounds(self._place[which[rows]], middle[rows], half[rows])
         return lower, upper
 
 

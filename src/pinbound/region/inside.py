@@ -108,14 +108,7 @@ def read_points(slice_: Slice, Q: ArrayLike, order: Order | None = None) -> Read
     fixed = [coordinates.index(name) for name in slice_.fixed]
     elsewhere = np.zeros(rows.shape, dtype=bool)
     elsewhere[:, fixed] = (rows[:, fixed] != slice_.at[fixed]) & finite[:, None]
-    within = np.ones(len(rows), dtype=bool)
-    for limit in slice_.robot.linear_limits:
-        if not np.any(limit.coefficients[indices]):
-            within &= limit.holds(rows)
-    for one in slice_.robot.guarded_limits:
-        if not np.any(one.uses[indices]):
-            within &= one.holds(rows)
-    return Reading(rows[:, indices].copy(), elsewhere, within, finite)
+    return Reading(rows[:, indices].copy(), elsewhere, slice_.keeps_held(rows), finite)
 
 
 def refuse_elsewhere(slice_: Slice, reading: Reading) -> None:
@@ -129,11 +122,8 @@ def refuse_elsewhere(slice_: Slice, reading: Reading) -> None:
         return
     index = int(np.flatnonzero(reading.elsewhere[rows[0]])[0])
     name, value = slice_.robot.coordinates[index], float(slice_.at[index])
-    users = [boundary.name for boundary in slice_.robot.boundaries if name in boundary.coordinates]
-    users += [f"the rule {one.rule}" for one in slice_.robot.guarded_limits if one.uses[index]]
-    users += [f"the limit of {limit.joint}" for limit in slice_.robot.linear_limits if limit.coefficients[index]]
     raise DimensionError(
-        f"the region is the slice at {name} = {value:.9g}, and {users[0]} depends on {name}: {len(rows)} "
+        f"the region is the slice at {name} = {value:.9g}, and {slice_.users(index)[0]} depends on {name}: {len(rows)} "
         f"configuration(s) with another {name} are not answered by it (first: row {rows[0]}); derive it again "
         f"with at=..., or ask for points of the plane, ({', '.join(slice_.coordinates)})"
     )

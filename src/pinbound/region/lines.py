@@ -13,6 +13,8 @@ from pinbound.region.cells import SeparationFunction
 from pinbound.region.contours import Traced
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.sliding import SlidingFunction
+from pinbound.region.through_loops import LoopFunction
+from pinbound.region.turn_cuts import TurnFunction
 from pinbound.typing import Array, Ints
 from pinbound.values import Value
 
@@ -29,7 +31,7 @@ class Line(Value):
     source: str
     is_contact: bool
     points: Array
-    function: Traced | SlidingFunction | SeparationFunction | HalfPlane | None
+    function: Traced | SlidingFunction | SeparationFunction | LoopFunction | TurnFunction | HalfPlane | None
 
     def value_gradient(self, x: Array) -> tuple[float, Array]:
         """Return the function's value and gradient at one point."""

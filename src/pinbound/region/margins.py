@@ -10,8 +10,11 @@ import numpy as np
 import shapely
 from shapely import affinity
 
+from pinbound.boundaries.boundary import Boundary
+from pinbound.boundaries.looped import over_z
 from pinbound.bounds.derivative_bounds import lever_arms
 from pinbound.bounds.swept_bounds import over_box, rounding_bound, swept_bundle
+from pinbound.contact.rule import signed_share
 from pinbound.evaluate import numeric, separation
 from pinbound.exceptions import DimensionError, LeavesRegionError
 from pinbound.limits.univariate import Strip, one_angle_strip
@@ -22,7 +25,10 @@ from pinbound.region import convex
 from pinbound.region.arrangement import Corner, Edge
 from pinbound.region.deadline import Deadline
 from pinbound.region.halfplanes import HalfPlane
+from pinbound.region.loop_slice import contacts_through, lifted_plane, moved_columns, over
 from pinbound.region.slice import Slice
+from pinbound.region.through_loops import LoopBounds
+from pinbound.robot.loop_robot import LoopRobot
 from pinbound.tolerances import CONTOUR_ROUNDING, IMPLIED
 from pinbound.typing import Array
 from pinbound.values import Value
@@ -162,9 +168,19 @@ def smallest_clearance(slice_: Slice, polygon: Any, gap: float) -> SmallestClear
     indices = [slice_.robot.coordinates.index(name) for name in slice_.coordinates]
     best = SmallestClearance(np.inf, np.inf, "", np.full(len(slice_.at), np.nan))
     lower = np.inf
-    for boundary in slice_.robot.boundaries:
+    _, at = over(slice_.robot, slice_.at)
+    moved = moved_columns(slice_.robot, indices)
+    for one in slice_.robot.boundaries:
+        boundary = over_z(one)
+        if np.any(moved[list(boundary.path.minimal.coordinates)]):
+            through = _ThroughLoops(boundary, slice_, indices)
+            least, upper, point = _branch_and_bound(through, 0.0, polygon, gap, best.upper)
+            lower = min(lower, least)
+            if upper < best.upper:
+                best = SmallestClearance(lower, upper, boundary.name, slice_.lift(point[None])[0])
+            continue
         rule = boundary.rule  # in the region a stop's signed clearance is its size
-        path = restrict_path(rule.size_path if rule.stop else boundary.path, slice_.at, indices)
+        path = restrict_path(rule.size_path if rule.stop else boundary.path, at, indices)
         threshold = 0.0 if rule.stop else rule.distance
         chain = path.minimal
         bounds = _PointBounds(chain) if path.is_plain else _SeparationBounds(path)
@@ -253,8 +269,34 @@ class _SeparationBounds:
         return over_box(self.bundle, which, middle, np.tile(half, (len(middle), 1)), self.error[which]).lower
 
 
+class _ThroughLoops:
+    """Signed clearances of a boundary through loops that are no parallelograms, and lower bounds of them over boxes."""
+
+    def __init__(self, boundary: Boundary, slice_: Slice, indices: Sequence[int]) -> None:
+        self.boundary, self.weights = boundary, np.ones(2)
+        robot = slice_.robot
+        assert isinstance(robot, LoopRobot)
+        self.plane = lifted_plane(robot, slice_.at, indices, slice_.window)
+        curves = contacts_through(boundary, self.plane, 0.0)
+        self.bounds, self.size = LoopBounds(curves, *slice_.window), float(boundary.path.minimal.scale)
+
+    def over(self, reach: Array) -> None:
+        """Do nothing: the bounds hold for the whole window."""
+
+    def values(self, X: Array) -> Array:
+        return self.boundary.rule.signed(self.plane.lifted(X))
+
+    def lower(self, middle: Array, half: Array, parts: Array) -> Array:
+        count, wide = len(self.bounds.curves), np.tile(half, (len(middle), 1)) * (1.0 + 1e-9)
+        which = np.repeat(np.arange(count), len(middle))
+        found = self.bounds.bounds(which, np.tile(middle, (count, 1)), np.tile(wide, (count, 1)))[0]
+        least = found.reshape(count, -1).min(axis=0)
+        stop = self.boundary.rule.stop
+        return least if stop is None else stop.amplitude * signed_share(least)
+
+
 def _branch_and_bound(
-    bounds: _PointBounds | _SeparationBounds, threshold: float, polygon: Any, gap: float, known: float
+    bounds: _PointBounds | _SeparationBounds | _ThroughLoops, threshold: float, polygon: Any, gap: float, known: float
 ) -> tuple[float, float, Array]:
     """Return lower and upper bound of a clearance over a polygon, and where the upper is attained."""
     x0, y0, x1, y1 = polygon.bounds
@@ -285,7 +327,7 @@ def _branch_and_bound(
         kept = ~gis.is_empty(parts)
         middle, parts = middle[kept], parts[kept]
     else:
-        settled = -np.inf if isinstance(bounds, _SeparationBounds) else -threshold
+        settled = -threshold if isinstance(bounds, _PointBounds) else -np.inf
     return min(settled, upper), upper, point
 
 

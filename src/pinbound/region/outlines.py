@@ -35,8 +35,10 @@ from pinbound.path.restriction import restrict_path
 from pinbound.region.contours import ContactFunction, HeightFunction, Traced, trace
 from pinbound.region.deadline import Deadline
 from pinbound.region.lines import Line, segment_owners, vertex_owners
+from pinbound.region.loop_slice import over
 from pinbound.region.slice import Curve, Slice
 from pinbound.region.sliding import SlidingFunction, only_slides, sliding_curves
+from pinbound.region.through_loops import LoopContact, LoopLimit
 from pinbound.tolerances import CONTOUR_ROUNDING, REDUCTION
 from pinbound.typing import Array, Ints
 
@@ -93,11 +95,14 @@ def outline(slice_: Slice, curve: Curve, window: Array, accuracy: float, deadlin
     return Outline(lines, error, unresolved, contours[0].step)
 
 
-def is_searched(slice_: Slice, curve: Curve) -> bool:
+def is_searched(slice_: Slice, curve: Curve | LoopContact | LoopLimit) -> bool:
     """Return whether no smooth functions are known whose zeros hold the contact curves: bodies may meet edge to edge.
 
-    So it is of boxes, prisms and skew segments that turn by several angles; they are left to `cells`.
+    So it is of boxes, prisms and skew segments that turn by several angles; they are left to `cells`. So is what goes
+    through loops that are no parallelograms, whose derivatives have no bound for the whole window.
     """
+    if not isinstance(curve, Curve):
+        return True
     path = curve.path
     if not path.difference.directions or only_slides(path):
         return False
@@ -141,9 +146,13 @@ def _near_contact(slice_: Slice, curve: Curve, centres: Array, step: Array) -> A
     return centres[np.abs(values - curve.threshold) <= reach]
 
 
-def check_turns(slice_: Slice, curve: Curve) -> None:
+def check_turns(slice_: Slice, curve: Curve | LoopContact | LoopLimit) -> None:
     """Raise if a window holds so many turns that the contacts, which repeat every turn, cannot all be drawn."""
-    most: Array = np.asarray(np.max(np.abs(curve.path.minimal.coefficients), axis=0, initial=0.0), dtype=np.float64)
+    most = (
+        curve.fastest
+        if not isinstance(curve, Curve)
+        else np.abs(curve.path.minimal.coefficients).max(axis=0, initial=0.0)
+    )
     turns: Array = (slice_.window[1] - slice_.window[0]) * most / (2.0 * np.pi)
     if float(np.prod(np.maximum(turns, 1.0))) > _MOST_TURNS:
         axis = int(np.argmax(turns))
@@ -208,9 +217,9 @@ _FUNCTIONS: Mapping[Case, Callable[[Slice, Curve, Array], list[Traced]]] = {
 
 def _seen(slice_: Slice, mark: Mark, end: Point) -> RelativePath:
     """Return the path between a line or plane and a point, in the plane of the two coordinates."""
-    robot = slice_.robot
+    robot, at = over(slice_.robot, slice_.at)
     path = relative_path(robot.tree, robot.coupling, mark, end)
-    return restrict_path(path, slice_.at, [robot.coordinates.index(name) for name in slice_.coordinates])
+    return restrict_path(path, at, [robot.coordinates.index(name) for name in slice_.coordinates])
 
 
 def _height(path: RelativePath, chain: Chain, threshold: float, window: Array) -> HeightFunction:

@@ -24,6 +24,7 @@ from functools import cached_property
 import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
+from pinbound.boundaries.looped import over_z
 from pinbound.evaluate import separation
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.limits.univariate import gap_around, one_angle_strips
@@ -31,8 +32,11 @@ from pinbound.model.coupling import Intervals
 from pinbound.path.relative import RelativePath
 from pinbound.path.restriction import restrict_path
 from pinbound.region.halfplanes import HalfPlane
+from pinbound.region.loop_slice import curves_through, lifted_plane, moved_columns, over
 from pinbound.region.obstacles import Obstacle, obstacle_of
+from pinbound.region.through_loops import LiftedPlane, LoopContact, LoopLimit
 from pinbound.region.window import box_of, slab
+from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array, Flags
 from pinbound.values import Value, read_only
@@ -93,6 +97,13 @@ class Curve:
     path: RelativePath
     threshold: float
 
+    is_contact = True
+
+    @property
+    def source(self) -> str:
+        """The boundary."""
+        return self.name
+
     def free(self, X: Array) -> Flags:
         """Return whether points (N, 2) are out of contact."""
         return separation.separations(self.path, X) > self.threshold
@@ -110,10 +121,11 @@ class Slice(Value):
             a mimic joint, or the window, whichever is tightest.
         limits: All other limits of joints, mimic joints or not, that bind the two.
         strips: Boundaries of one effective angle in the plane.
-        curves: Boundaries of several.
+        curves: Boundaries of several; and boundaries, limits and rules through loops that are no parallelograms.
         fixed: Held coordinates that some boundary or limit depends on.
         margin: [m] added to every threshold.
         obstacles: What rules forbid that bind where conditions hold.
+        lifted: What takes points of the plane through loops that are no parallelograms, if its coordinates move any.
     """
 
     robot: Robot
@@ -122,10 +134,11 @@ class Slice(Value):
     box: tuple[HalfPlane, ...]
     limits: tuple[HalfPlane, ...]
     strips: tuple[Strips, ...]
-    curves: tuple[Curve, ...]
+    curves: tuple[Curve | LoopContact | LoopLimit, ...]
     fixed: tuple[str, ...]
     margin: float
     obstacles: tuple[Obstacle, ...] = ()
+    lifted: LiftedPlane | None = None
 
     @cached_property
     def start(self) -> Array:
@@ -135,8 +148,7 @@ class Slice(Value):
     @cached_property
     def window(self) -> Array:
         """(2, 2), rows lower and upper: the box."""
-        ends = [side.bound / float(side.normal[index % 2]) for index, side in enumerate(self.box)]
-        return read_only(np.array([[ends[2], ends[3]], [ends[0], ends[1]]]))
+        return read_only(_ends(self.box))
 
     @cached_property
     def units(self) -> tuple[str, str]:
@@ -163,6 +175,28 @@ class Slice(Value):
     def _intervals(self) -> Intervals:
         return self.robot.intervals
 
+    def keeps_held(self, Q: Array) -> Flags:
+        """Return which configurations (N, n) keep all limits on which the plane's two coordinates have no influence."""
+        indices = [self.robot.coordinates.index(name) for name in self.coordinates]
+        whole, moved = over(self.robot, self.at)[0], moved_columns(self.robot, indices)
+        moved[indices] = True
+        Z, found = over(self.robot, Q)[1], np.ones(len(Q), dtype=np.bool_)
+        for limit in whole.linear_limits:
+            if not np.any(limit.coefficients[moved]):
+                found &= limit.holds(Z)
+        for one in whole.guarded_limits:
+            if not np.any(one.uses[moved]):
+                found &= one.holds(Z)
+        return found
+
+    def users(self, index: int) -> list[str]:
+        """Return which boundaries, rules and limits depend on a coordinate of q, for people."""
+        whole = over(self.robot, self.at)[0]
+        found = [one.name for one in self.robot.boundaries if self.robot.coordinates[index] in one.coordinates]
+        rules = [one for one in whole.guarded_limits if index in _inputs(self.robot, one.uses)]
+        limits = [one for one in whole.linear_limits if index in _inputs(self.robot, one.coefficients)]
+        return found + [f"the rule {one.rule}" for one in rules] + [f"the limit of {one.joint}" for one in limits]
+
     def within(self, X: Array) -> Flags:
         """Return whether points (N, 2) keep the limits of all joints, by the one rule (`Intervals`), and the window."""
         found = self._intervals.hold(self.lift(X))
@@ -176,6 +210,39 @@ class Slice(Value):
         for contact in (*self.strips, *self.curves):
             found &= contact.free(X)
         return found
+
+
+def _ends(box: Sequence[HalfPlane]) -> Array:
+    """Return the box, rows lower and upper (2, 2)."""
+    ends = [side.bound / float(side.normal[index % 2]) for index, side in enumerate(box)]
+    return np.array([[ends[2], ends[3]], [ends[0], ends[1]]])
+
+
+def _half_planes(whole: Robot, place: Array, indices: Sequence[int], moved: Flags) -> list[HalfPlane]:
+    """Return the limits that bind the plane's two coordinates through no loop."""
+    found: list[HalfPlane] = []
+    for limit in whole.linear_limits:
+        c = limit.coefficients[list(indices)]
+        if np.any(c) and not np.any(limit.coefficients[moved]):
+            rest = limit.offset + float(limit.coefficients @ place) - float(c @ place[list(indices)])
+            found += slab(limit.joint, c, limit.lower - rest, limit.upper - rest)
+    return found
+
+
+def _of_the_plane(whole: Robot, moving: Flags) -> list[Array | Flags]:
+    """Return what each limit uses on which the plane has an influence, and each guarded one."""
+    limits = [one.coefficients for one in whole.linear_limits if np.any(one.coefficients[moving])]
+    return [*limits, *(one.uses for one in whole.guarded_limits)]
+
+
+def _inputs(robot: Robot, uses: Array | Flags) -> set[int]:
+    """Return the coordinates of q that something depends on that uses coordinates (n,), or of z (n + k,)."""
+    used = set(np.flatnonzero(uses).tolist())
+    if isinstance(robot, LoopRobot):
+        for one, columns in zip(reversed(robot.lift.linkages), reversed(robot.lift.columns), strict=True):
+            if used & set(columns):
+                used |= set(one.inputs)
+    return {index for index in used if index < len(robot.coordinates)}
 
 
 def slice_of(
@@ -204,34 +271,41 @@ def slice_of(
     _check_rules(robot, start)
     indices = [robot.coordinates.index(name) for name in names]
     used = {robot.coordinates.index(name) for boundary in robot.boundaries for name in boundary.coordinates}
-    limits: list[HalfPlane] = []
-    for limit in robot.linear_limits:
-        c = limit.coefficients[indices]
-        if not np.any(c):
-            continue
-        used |= set(np.flatnonzero(limit.coefficients).tolist())
-        rest = limit.offset + float(limit.coefficients @ start) - float(c @ start[indices])
-        limits += slab(limit.joint, c, limit.lower - rest, limit.upper - rest)
+    whole, place = over(robot, start)
+    moved = moved_columns(robot, indices)
+    limits = _half_planes(whole, place, indices, moved)
     obstacles: list[Obstacle] = []
-    for one in robot.guarded_limits:
-        found = obstacle_of(one, start, indices, robot.coordinates)
-        used |= set(np.flatnonzero(one.uses).tolist())
+    for one in whole.guarded_limits:
+        if np.any(one.uses[moved]):
+            continue
+        found = obstacle_of(one, place, indices, whole.coordinates)
         if isinstance(found, Obstacle):
             obstacles.append(found)
         else:
             limits += found
+    for uses in _of_the_plane(whole, np.isin(np.arange(len(moved)), indices) | moved):
+        used |= _inputs(robot, uses)
+    box = box_of(names, limits, window)
     strips: list[Strips] = []
-    curves: list[Curve] = []
+    curves: list[Curve | LoopContact | LoopLimit] = []
+    through = [b for b in robot.boundaries if np.any(moved[list(over_z(b).path.minimal.coordinates)])]
     for boundary in robot.boundaries:
-        for contact in _contacts(boundary, start, indices, margin):
+        if any(boundary is one for one in through):
+            continue
+        for contact in _contacts(over_z(boundary), place, indices, margin):
             if isinstance(contact, Strips):
                 strips.append(contact)
             else:
                 curves.append(contact)
+    plane: LiftedPlane | None = None
+    if isinstance(robot, LoopRobot) and np.any(moved):
+        plane = lifted_plane(robot, start, indices, _ends(box))
+        curves += curves_through(robot, moved, through, plane, margin)
     fixed = tuple(robot.coordinates[index] for index in sorted(used - set(indices)))
-    box = box_of(names, limits, window)
     others = tuple(limit for limit in limits if not any(limit is side for side in box))
-    slice_ = Slice(robot, names, start, box, others, tuple(strips), tuple(curves), fixed, margin, tuple(obstacles))
+    slice_ = Slice(
+        robot, names, start, box, others, tuple(strips), tuple(curves), fixed, margin, tuple(obstacles), plane
+    )
     _check_start(slice_)
     return slice_
 
@@ -297,11 +371,12 @@ def _contacts(
 
 def _check_limits(robot: Robot, start: Array) -> None:
     """Raise if the start is out of the limits of any joint, mimic joints and held coordinates included."""
-    for limit in robot.linear_limits:
-        if not limit.holds(start[None])[0]:
-            theta = float(limit.values(start[None])[0])
+    whole, place = over(robot, start)
+    for limit in whole.linear_limits:
+        if not limit.holds(place[None])[0]:
+            theta = float(limit.values(place[None])[0])
             what = limit.joint
-            if what not in robot.coordinates:
+            if what not in robot.coordinates and what in robot.coupling.joints:
                 what += f" = {robot.coupling.text(limit.joint)}"
             raise DimensionError(
                 f"the start point {start.tolist()} is out of limits: {what} is {theta:.9g} there, and the limits of "
@@ -310,11 +385,12 @@ def _check_limits(robot: Robot, start: Array) -> None:
 
 
 def _check_rules(robot: Robot, start: Array) -> None:
-    for one in robot.guarded_limits:
-        if not one.holds(start[None])[0]:
+    whole, place = over(robot, start)
+    for one in whole.guarded_limits:
+        if not one.holds(place[None])[0]:
             raise DimensionError(
                 f"the start point {start.tolist()} is out of limits: the rule {one.rule!r} forbids it, for its "
-                f"conditions hold there and its sum is {float(one.limit.values(start[None])[0]):.9g}; start elsewhere"
+                f"conditions hold there and its sum is {float(one.limit.values(place[None])[0]):.9g}; start elsewhere"
             )
 
 

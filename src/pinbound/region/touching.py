@@ -8,9 +8,11 @@ from itertools import groupby
 
 import numpy as np
 
+from pinbound.boundaries.looped import over_z
 from pinbound.evaluate.touching import Feature, nearest_features
 from pinbound.exceptions import UnknownNameError
 from pinbound.region.arrangement import Edge
+from pinbound.region.loop_slice import over
 from pinbound.region.slice import Slice
 from pinbound.values import Value
 
@@ -49,8 +51,8 @@ def touches(slice_: Slice, edge: Edge, contacts: Sequence[str]) -> tuple[Touch, 
     """
     if not edge.is_contact:
         raise UnknownNameError("contact edge", edge.name, contacts)
-    Q = slice_.lift(np.asarray(edge.points))
-    told = nearest_features(slice_.robot.boundaries[edge.source].path, Q)
+    Z = over(slice_.robot, slice_.lift(np.asarray(edge.points)))[1]
+    told = nearest_features(over_z(slice_.robot.boundaries[edge.source]).path, Z)
     found: list[Touch] = []
     for pair, group in groupby(enumerate(told), key=lambda one: one[1]):
         places = [place for place, _ in group]

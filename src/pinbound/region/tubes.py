@@ -20,6 +20,7 @@ from pinbound.region.cells import Searched, SeparationFunction, decided, pave
 from pinbound.region.contours import STRIDE, box_sides, chain_up
 from pinbound.region.deadline import Deadline
 from pinbound.region.lines import Line
+from pinbound.region.through_loops import LoopFunction
 from pinbound.typing import Array, Flags, Ints
 
 __all__ = ["Doubts", "Part", "Tubes"]
@@ -93,13 +94,13 @@ class Tubes:
             mine = self.cells.cell[self.cells.which == which]
             if len(mine):
                 drawn, seen = self._trace(which, function, self.cells.corners[mine], self.cells.sizes[mine])
-                found += [Line(curve.name, curve.name, True, points, function) for points in drawn]
+                found += [Line(curve.name, curve.source, curve.is_contact, points, function) for points in drawn]
                 hidden.append(mine[~seen])
-        self.hidden = np.unique(np.concatenate(hidden)) if hidden else self.hidden
+        self.hidden = np.unique(np.concatenate(hidden)) if hidden else np.empty(0, dtype=np.int64)
         return found
 
     def _trace(
-        self, which: int, function: SeparationFunction, corners: Ints, sizes: Ints
+        self, which: int, function: SeparationFunction | LoopFunction, corners: Ints, sizes: Ints
     ) -> tuple[tuple[Array, ...], Flags]:
         """Return the contours of one boundary, and whether there is one next to each of its cells, or contact."""
         if self.deadline is not None:
@@ -141,7 +142,7 @@ class Tubes:
         seen[owner[_crumbs(pairs, len(points))]] = False
         return chain_up(pairs, points[pairs], np.arange(len(pairs))), seen
 
-    def _contact(self, which: int, function: SeparationFunction, nodes: Ints) -> Flags:
+    def _contact(self, which: int, function: SeparationFunction | LoopFunction, nodes: Ints) -> Flags:
         """Return whether corners are in contact; each is evaluated once."""
         known, values = self._signs.get(which, (np.empty(0, dtype=np.int64), np.empty(0, dtype=bool)))
         new = nodes[~np.isin(nodes, known)]
@@ -153,7 +154,7 @@ class Tubes:
             self._signs[which] = known, values
         return values[np.searchsorted(known, nodes)]
 
-    def _crossings(self, which: int, function: SeparationFunction, free: Ints, hit: Ints) -> Array:
+    def _crossings(self, which: int, function: SeparationFunction | LoopFunction, free: Ints, hit: Ints) -> Array:
         """Return where contact begins between free corners and those in contact: points (N, 2) that are free still."""
         keys = _short(free) + 1j * _short(hit)
         known, points = self._roots.get(which, (np.empty(0, dtype=complex), np.empty((0, 2))))
@@ -267,10 +268,12 @@ class Tubes:
         polygons = [gis.Polygon(part.exterior) for part in tree_of]
         owner = np.asarray(gis.STRtree(polygons).query(self.boxes(chosen), predicate="intersects"))
         found: list[tuple[Any, str]] = []
+        curves = self.searched.curves
         for number, polygon in enumerate(polygons):
-            cell = int(chosen[owner[0][owner[1] == number][0]])
-            which = int(self.cells.which[np.searchsorted(self.cells.cell, cell)])
-            found.append((polygon, self.searched.curves[which].name))
+            mine = chosen[owner[0][owner[1] == number]]
+            open_ = np.unique(self.cells.which[np.isin(self.cells.cell, mine)]).tolist()
+            first = min(open_, key=lambda which: curves[which].is_contact)  # a limit that is open: it ends all there is
+            found.append((polygon, curves[first].name))
         return found
 
     def network(self, faces: Sequence[Any], index: int, sides: Sequence[Any], room: Any) -> tuple[Ints, list[int]]:
@@ -351,7 +354,7 @@ def _between(graph: Any, count: int, allowed: Flags, sources: Ints, targets: Int
     return np.flatnonzero(total <= least + 4.0) if np.isfinite(least) else np.empty(0, dtype=np.int64)
 
 
-def _first_contact(function: SeparationFunction, free: Array, hit: Array) -> Array:
+def _first_contact(function: SeparationFunction | LoopFunction, free: Array, hit: Array) -> Array:
     """Return the free end of a bracket of contact between free points and points in contact, (N, 2) each.
 
     Beyond contact f may stay at zero, so guesses come from the free side: by Newton, then by a secant through the last

@@ -1,0 +1,164 @@
+"""Where the angle of a loop's X is cut, in a plane of two coordinates: walls that limits `"LOOP turn"` stand on.
+
+Where X can go round zero, its angle is taken within half a turn of home's, and passive joints jump by a turn across the
+cut `Im(X e^(-i r)) = 0, Re(X e^(-i r)) < 0`, r being the reference. `Im(X e^(-i r))` is a sum of
+sines of linear forms, whose derivatives have bounds over the whole window, so that its zeros are traced as other smooth
+curves (`contours`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinbound.bounds.derivative_bounds import LeverArms
+from pinbound.exceptions import UnsupportedError
+from pinbound.loops.linkages import Linkage
+from pinbound.region.contours import trace
+from pinbound.region.deadline import Deadline
+from pinbound.region.through_loops import LiftedPlane
+from pinbound.typing import Array
+
+__all__ = ["Cut", "TurnFunction", "cuts_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class TurnFunction:
+    """`g(x) = Im(X(x) e^(-i r))` over the plane in units of its scales.
+
+    `X = sum_k (v_k + L_k x) e^(i (c_k x + p_k))`.
+
+    Attributes:
+        rates: (m, 2) c.
+        phases: (m,) p [rad], less r.
+        vectors: (m,) complex v [m].
+        slides: (m, 2) complex L [m].
+        arms: Bounds over the window.
+        threshold: 0.
+    """
+
+    rates: Array
+    phases: Array
+    vectors: Array
+    slides: Array
+    arms: LeverArms
+    threshold: float = 0.0
+
+    @classmethod
+    def over(cls, one: Linkage, plane: LiftedPlane, scales: Array, window: Array) -> TurnFunction:
+        """Bound the derivatives over a window (2, 2), rows lower and upper, in units of the scales."""
+        held, indices = plane.at.copy(), list(plane.indices)
+        held[indices] = 0.0
+        n = len(held)
+        rates, phases = one.angles[:, indices] * scales, one.angles[:, :n] @ held - one.reference
+        vectors = (one.vectors + one.slides[:, :, :n] @ held) @ np.array([1.0, 1j])
+        slides = np.einsum("kcn,c->kn", one.slides[:, :, indices], np.array([1.0, 1j])) * scales
+        far = np.max(np.abs(window), axis=0)
+        long, turned, slid = np.abs(vectors) + np.abs(slides) @ far, np.abs(rates), np.abs(slides)
+        cross = np.einsum("ki,kj->ij", slid, turned)
+        second = np.einsum("k,ki,kj->ij", long, turned, turned) + cross + cross.T
+        arms = LeverArms(float(long.sum()), long @ turned + slid.sum(axis=0), second)
+        return cls(rates, phases, vectors, slides, arms)
+
+    @property
+    def scale(self) -> float:
+        """The largest length of X [m]: what rounding is relative to."""
+        return self.arms.length
+
+    def _parts(self, X: Array) -> tuple[Array, Array]:
+        turned = np.exp(1j * (X @ self.rates.T + self.phases))
+        return self.vectors + X @ self.slides.T, turned
+
+    def moved(self, X: Array) -> Array:
+        """Return `X e^(-i r)` (N,), complex [m]."""
+        long, turned = self._parts(X)
+        return np.einsum("nk,nk->n", long, turned)
+
+    def value(self, X: Array) -> Array:
+        """Return g (N,) [m]."""
+        return self.moved(X).imag
+
+    def value_gradient(self, X: Array) -> tuple[Array, Array]:
+        """Return g (N,) and its gradient (N, 2)."""
+        long, turned = self._parts(X)
+        gradient = np.einsum("nk,ki->ni", turned, self.slides) + 1j * np.einsum("nk,ki->ni", long * turned, self.rates)
+        return np.einsum("nk,nk->n", long, turned).imag, gradient.imag
+
+    def parts(self, X: Array) -> tuple[Array, Array, Array, Array]:
+        """Return g, its gradient, g again, and the gradient's sizes."""
+        value, gradient = self.value_gradient(X)
+        return value, gradient, value, np.abs(gradient)
+
+    def curvature(self, length: Array, slopes: Array, half: Array) -> Array:
+        """Return bounds (N, 2, 2) of g's Hessian."""
+        return np.broadcast_to(self.arms.second, (len(half), 2, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """One piece of a cut.
+
+    Attributes:
+        name: ``"LOOP turn"``.
+        points: (k, 2), in units of the scales.
+        function: What is zero on it.
+        chord_error: No point of it is further than this from the polyline.
+    """
+
+    name: str
+    points: Array
+    function: TurnFunction
+    chord_error: float
+
+
+def cuts_of(
+    plane: LiftedPlane, scales: Array, window: Array, accuracy: float, deadline: Deadline | None = None
+) -> tuple[Cut, ...]:
+    """Return the cuts in a window (2, 2), in units of the scales, to an accuracy.
+
+    Raises:
+        UnsupportedError: If another loop moves X, and its angle may reach the cut in the window; or time is up.
+    """
+    found: list[Cut] = []
+    lower, upper = plane.configurations(window * scales)
+    box = plane.lift.over(lower[None], upper[None])
+    for one, columns in zip(plane.lift.linkages, plane.lift.columns, strict=True):
+        moves = [index for index in one.inputs if np.any(one.angles[:, index]) or np.any(one.slides[:, :, index])]
+        if one.ahead >= 0 or not _reaches(moves, plane):
+            continue
+        low, high = float(box.lower[0, columns[3]]), float(box.upper[0, columns[3]])
+        if -math.pi < low and high < math.pi:
+            continue
+        if max(moves) >= len(plane.at):
+            raise UnsupportedError(
+                f"loop {one.name!r} is moved by another loop, and its arms may go round in this window, where the "
+                "angle that they are counted from is not traced; give a smaller window (window=, --window)"
+            )
+        function = TurnFunction.over(one, plane, scales, window)
+        contour = trace(function, window, accuracy, deadline)
+        for line in contour.lines:
+            name = plane.lift.names[columns[3]]
+            found += [Cut(name, part, function, contour.chord_error) for part in _behind(function, line)]
+    return tuple(found)
+
+
+def _reaches(moves: Sequence[int], plane: LiftedPlane) -> bool:
+    """Return whether one of the plane's coordinates moves X, by itself or through another loop."""
+    moved = set(plane.indices)
+    for one, columns in zip(plane.lift.linkages, plane.lift.columns, strict=True):
+        if moved & set(one.inputs):
+            moved |= set(columns)
+    return bool(moved & set(moves))
+
+
+def _behind(function: TurnFunction, line: Array) -> list[Array]:
+    """Return the pieces of a zero line on which X points away from the reference, each a chord longer at its ends."""
+    away = function.moved(line).real < 0.0
+    kept = away.copy()
+    kept[1:] |= away[:-1]
+    kept[:-1] |= away[1:]
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], kept, [False])).astype(int)))
+    return [line[a:b] for a, b in edges.reshape(-1, 2).tolist() if b - a > 1]

@@ -1,0 +1,192 @@
+"""Regions through loops that are no parallelograms: floods of exact clearances, toggles as edges, bounds that hold."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import shapely
+
+import pinbound as pb
+from linkages import KINDS, Mechanism, Part, flooded, scene
+from pinbound.region.loop_slice import contacts_through, lifted_plane, limits_through
+from pinbound.region.through_loops import LoopBounds, LoopContact
+from pinbound.robot.loop_robot import LoopRobot
+from test_lifted import linkage
+
+Load = Callable[..., pb.Robot]
+
+WALL = """<pinbound:point name="p" link="rocker" xyz="0.4 0.05 0"/>
+<pinbound:point name="w" link="base" xyz="0.32 0.42 0" radius="0.05"/>
+<pinbound:boundary name="p_w" a="p" b="w"/>"""
+
+
+def five_bar(load_text: Load, marks: str = "", limit: float = 9.0) -> LoopRobot:
+    """Return cranks 0.3 m long on the ground, 0.4 m apart, and arms of 0.35 m between them."""
+    parts = [
+        Part("A", "base", "left", 0j, lower=-0.2, upper=2.9),
+        Part("B", "left", "near", 0.3 + 0j, lower=-limit, upper=limit),
+        Part("D", "base", "right", 0.4 + 0j, lower=0.2, upper=3.2),
+        Part("E", "right", "far", 0.3 + 0j),
+    ]
+    pin = ("five", "near", 0.35 + 0j, "far", 0.35 + 0j)
+    home = {"A": 2.0, "B": -1.0, "D": 1.1, "E": 1.0}
+    robot = load_text(Mechanism(parts, [pin], {"five": ("B", "E")}, home).urdf(marks))
+    assert isinstance(robot, LoopRobot)
+    return robot
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("four-bar", 3), ("five-bar", 0), ("slider-crank", 4), ("cylinder", 2)])
+def test_the_region_is_what_a_flood_reaches(load_text: Load, kind: str, seed: int) -> None:
+    robot = scene(kind, np.random.default_rng(seed), load_text)
+    region = pb.feasible_region(robot, robot.coordinates[:2], width=0.04)
+    X, free, reached = flooded(region, 301)
+    inside = np.asarray(region.contains(X, order="region"))
+    assert not np.any(inside & ~free)
+    differ = inside != reached
+    away = shapely.distance(shapely.points(X[differ]), region.polygon.boundary)
+    assert np.all(away <= region.accuracy)
+    lower, upper = region.area_interval
+    assert lower <= region.area <= upper
+    sides = region.slice.window[1] - region.slice.window[0]
+    rim = region.polygon.length * float(sides.max()) / 301
+    assert lower - rim <= reached.mean() * float(np.prod(sides)) <= upper + rim
+
+
+def test_edges_through_a_loop_are_where_its_functions_are_zero(load_text: Load) -> None:
+    """Points of a contact edge have no clearance; of a toggle, arms in line: cranks' ends 0.7 m apart.
+
+    Where the cranks' ends meet, the arms fold onto each other: a toggle in one point, which stays open with its name.
+    """
+    robot = five_bar(load_text, WALL.replace("rocker", "near"))
+    region = pb.feasible_region(robot, width=0.05)
+    (place,) = region.unresolved
+    assert place.name == "five toggle lower"
+    left, right = 0.3 * np.exp(1j * place.point[0]), 0.4 + 0.3 * np.exp(1j * place.point[1])
+    assert abs(left - right) < place.width
+    seen = set()
+    for edge in region.edges:
+        middle = edge.points[1:-1]
+        middle = middle[np.abs(middle - place.point).max(axis=1) > place.width]
+        if not len(middle):
+            continue
+        Q = region.slice.lift(middle)
+        if edge.name == "p_w":
+            # a crossing is known to 1e-4 of a side of 0.05 rad, and nothing moves faster than 20 m or rad a radian
+            assert np.abs(robot.boundaries["p_w"].signed_clearance(Q)).max() < 1e-4
+        elif edge.source == "five toggle":
+            ends = [(0.3 * np.exp(1j * Q[:, 0])), 0.4 + 0.3 * np.exp(1j * Q[:, 1])]
+            assert np.abs(np.abs(ends[0] - ends[1]) - 0.7).max() < 1e-4
+            assert not edge.is_contact
+        seen.add(edge.source)
+    assert {"p_w", "five toggle"} <= seen
+    with pytest.raises(pb.UnknownNameError):
+        region.touching(next(edge for edge in region.edges if not edge.is_contact))
+    (touch, *_) = region.touching(next(edge for edge in region.edges if edge.name == "p_w"))
+    assert str(touch) == "point on point"
+
+
+def test_limits_of_passive_joints_and_rules_over_them_bound_the_region(load_text: Load) -> None:
+    free = pb.feasible_region(five_bar(load_text), width=0.05)
+    tight = pb.feasible_region(five_bar(load_text, limit=1.9), width=0.05)
+    assert "B lower" in {edge.name for edge in tight.edges}
+    assert tight.area_interval[1] < free.area_interval[0]
+    for edge in tight.edges:
+        if edge.name == "B lower":
+            theta = tight.slice.robot.coupling.expand(tight.slice.lift(edge.points[1:-1]))
+            assert np.abs(theta[:, 1] + 1.9).max() < 1e-4
+    rule = (
+        '<pinbound:rule name="low" lower="-1.5" coefficients="B: 1"><pinbound:where upper="1.5" coefficients="A: 1"/>'
+        "</pinbound:rule>"
+    )
+    ruled = pb.feasible_region(five_bar(load_text, rule), width=0.05)
+    slice_ = ruled.slice
+    X = np.random.default_rng(4).uniform(*slice_.window, (4000, 2))
+    theta = slice_.robot.coupling.expand(slice_.lift(X))
+    forbidden = (theta[:, 0] <= 1.5) & (theta[:, 1] < -1.5)
+    held = np.asarray(ruled.contains(X, order="region"))
+    assert not np.any(held & forbidden)
+    assert np.any(forbidden & np.asarray(free.contains(X, order="region")))
+    assert "low lower" in {edge.name for edge in ruled.edges}
+
+
+def test_a_toggle_in_closed_form_is_a_straight_edge(load_text: Load) -> None:
+    """Ground 0.4, crank 0.3, coupler 0.2, rocker 0.25: the crank stops by the law of cosines."""
+    robot = load_text(linkage())
+    region = pb.feasible_region(robot, ("A", "T"), window={"T": (-0.5, 0.5)}, width=0.05)
+    flat = math.acos((0.4**2 + 0.3**2 - 0.45**2) / (2 * 0.4 * 0.3))
+    assert region.slice.window[1, 0] == pytest.approx(flat, abs=1e-8)
+    alone = load_text(linkage().replace('name="s_w" a="s" b="w"', 'name="s_w" a="s" b="floor"'))
+    wide = pb.feasible_region(alone, ("A", "T"), window={"T": (-0.5, 0.5)}, width=0.05)
+    ends = [edge for edge in wide.edges if edge.name.startswith("bar toggle")]
+    assert ends
+    for edge in ends:
+        assert len(edge.points) == 2
+        assert np.abs(np.abs(edge.points[:, 0]) - flat).max() < 1e-8
+
+
+def test_bounds_over_boxes_hold_all_samples(load_text: Load) -> None:
+    rng = np.random.default_rng(1)
+    for kind in KINDS:
+        robot = scene(kind, rng, load_text)
+        assert isinstance(robot, LoopRobot)
+        box = np.stack((robot.home[:2] - 0.3, robot.home[:2] + 0.3))
+        plane = lifted_plane(robot, robot.home, (0, 1), box)
+        curves = [c for b in robot.boundaries for c in contacts_through(b, plane, 0.0)]
+        curves += [c for one in robot.opened.linear_limits for c in limits_through(one, plane)]
+        bounds = LoopBounds(curves, *box)
+        for half in (0.1, 0.01):
+            middle = robot.home[:2] + rng.uniform(-1.0, 1.0, (4, 2)) * (0.3 - half)
+            which = np.tile(np.arange(len(curves)), len(middle))
+            rows = np.repeat(middle, len(curves), axis=0)
+            lower, upper = bounds.bounds(which, rows, np.full_like(rows, half))
+            for _ in range(25):
+                X = middle + half * rng.uniform(-1.0, 1.0, middle.shape)
+                kept = robot.intervals.hold(plane.configurations(X))
+                values = np.stack([one.value(X) for one in curves], axis=1).ravel()
+                known = np.repeat(kept, len(curves))
+                assert np.all((lower <= values + 1e-12)[known])
+                assert np.all((values <= upper + 1e-12)[known])
+
+
+def test_the_smallest_clearance_over_a_region_is_bounded(load_text: Load) -> None:
+    robot = five_bar(load_text, WALL.replace("rocker", "near").replace('radius="0.05"', 'radius="0.01"'))
+    region = pb.feasible_region(robot, width=0.05).inset(0.2)
+    found = region.clearance(gap=1e-3)
+    inside = region.slice.lift(np.array([edge.points[0] for edge in region.edges]))
+    assert found.lower <= robot.boundaries["p_w"].signed_clearance(inside).min()
+    assert found.upper == pytest.approx(float(robot.boundaries["p_w"].signed_clearance(found.q)), abs=1e-12)
+    assert found.upper - found.lower < 2e-3
+
+
+def test_points_of_another_slice_and_held_limits_are_told(load_text: Load) -> None:
+    robot = load_text(linkage())
+    assert isinstance(robot, LoopRobot)
+    more = scene("five-bar", np.random.default_rng(9), load_text)
+    region = pb.feasible_region(more, more.coordinates[:2], width=0.05)
+    assert region.contains(more.home)
+    away = more.home.copy()
+    away[2] += 100.0
+    with pytest.raises(pb.DimensionError, match="is the slice at"):
+        region.contains(away)
+    assert isinstance(region.slice.curves[0].free(region.slice.start[None])[0], np.bool_)
+    assert any(isinstance(curve, LoopContact) for curve in region.slice.curves)
+
+
+def test_a_contact_that_only_rounding_sees_is_no_violation(load_text: Load) -> None:
+    """The clearance through a loop is known to some 1e-14 m: less than that decides nothing."""
+    verdicts = []
+    for missing in (1e-9, 1e-16):
+        bare = load_text(linkage())
+        q = np.array([0.4, 1.0])
+        distance = float(bare.boundaries["t_w"].norm(q)) - 0.07 + missing
+        text = linkage().replace('name="t_w" a="t" b="w"', f'name="t_w" a="t" b="w" min_distance="{distance!r}"')
+        try:
+            robot = load_text(text)
+        except pb.InputError:
+            pytest.fail("home is in contact")
+        assert robot.boundaries["t_w"].signed_clearance(q) < 1e-15
+        found = pb.certify(robot, [q, q], boundaries=["t_w"], limits=False)
+        box = pb.certify_box(robot, q, q, boundaries=["t_w"], limits=False)
+        verdicts.append((found.verdict, box.verdict))
+    assert verdicts == [(pb.Verdict.VIOLATED,) * 2, (pb.Verdict.UNDECIDED,) * 2]
