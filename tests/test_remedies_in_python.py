@@ -1254,6 +1254,16 @@ def others() -> Iterator[Entry]:
     paved = lambda *names, **more: lambda _: pb.free_volume(planar(), names, **({"decided": 0.5} | more))
     yield one("give two to four coordinates, each once", paved("q1", "q1"), paved("q1", "q2"))
     yield one("give above 0, at most 1", paved("q1", "q2", decided=0.0), paved("q1", "q2"))
+    cast_on = lambda *names: lambda _: pb.free_projection(minerva(), names, decided=0.5)
+    yield one("give two of {}", cast_on("q1", "q2", "q3"), cast_on("q1", "q2"))
+
+    def drawn(*names: str) -> Do:
+        from pinbound.figures.free_figure import draw_free
+
+        robot = zoo("spatial_4r")
+        return lambda _: draw_free(robot, pb.free_volume(robot, names, decided=0.01))
+
+    yield one("hold some", drawn(*zoo("spatial_4r").coordinates), drawn("j1", "j2"))
     covered = lambda **more: lambda _: pb.certified_cover(bare(), **more)
     yield one("give limits_only=True", covered(), covered(limits_only=True))
 

@@ -7,6 +7,7 @@ from pinbound.freespace.faces import Face
 from pinbound.freespace.paving import FreeVolume, free_volume
 from pinbound.freespace.planning import Plan, plan
 from pinbound.freespace.polytope import certified_polytope
+from pinbound.freespace.projection import FreeProjection, free_projection
 from pinbound.freespace.records import FreePolytope
 
 __all__ = [
@@ -14,10 +15,12 @@ __all__ = [
     "Face",
     "FreeCover",
     "FreePolytope",
+    "FreeProjection",
     "FreeVolume",
     "Plan",
     "certified_cover",
     "certified_polytope",
+    "free_projection",
     "free_volume",
     "load_cover",
     "plan",

@@ -169,3 +169,18 @@ class FreeCover(Value):
         header = {name: getattr(self, name) for name in (*TEXTS, *NUMBERS)}
         header["reason"] = None if self.reason is None else self.reason.name
         return write_file(Path(path), header, {**arrays, "counts": counts})
+
+    def export_drake(self, path: str | Path) -> Path:
+        """Write all sets as YAML of Drake's `HPolyhedron`s, named set_0, set_1, ..., over `coordinates` in this order.
+
+        `pydrake.geometry.optimization.LoadIrisRegionsYamlFile` reads it, for `GraphOfConvexSets` and trajectory
+        optimisation. Drake's `PointInSet` has a tolerance of 1e-8: what is proven is `A x <= b` itself, so give it
+        `tol=0.0`. Coordinates that the cover holds are not in the file: they must stay at `at`.
+
+        Raises:
+            OSError: If the file cannot be written.
+        """
+        from pinbound.export.half_spaces import write_half_spaces
+
+        sets = {f"set_{index}": one for index, one in enumerate(self.half_spaces)}
+        return write_half_spaces(Path(path), sets, self.coordinates)

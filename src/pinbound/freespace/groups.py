@@ -1,9 +1,11 @@
-"""Pairs of spheres of the same two links as a tree, so that one bound clears many.
+"""Pairs of spheres whose chains turn alike as a tree, so that one bound clears many.
 
-Let two pairs have their points on the same two links, d_a and d_b apart on them. Then the vectors between them differ
-by at most `d_a + d_b` in every configuration, so that with the thresholds T and rounding bounds E
+Let two pairs have chains `b_0 + R_1(b_1 + ... R_k b_k)` with the same axes and coefficients, as those of the same two
+links have, and those of links that are fixed to these. Their vectors differ by at most `d = sum_i |b_i - b'_i|` in
+every configuration, and, on the same two links, by at most as much as their points are apart on these. So with
+thresholds T and rounding bounds E
 
-    f_other(q) >= |r(q)| - T - extra,    extra = T_other - T + d_a + d_b + E_other.
+    f_other(q) >= |r(q)| - T - extra,    extra = T_other - T + d + E_other.
 
 A group is represented by the pair for which the largest extra of its members is least; what clears it by that much
 clears them all. Where it is too coarse, its two halves are asked.
@@ -45,12 +47,12 @@ class Groups:
     def of(cls, boundaries: Sequence[Boundary], error: Array, grouped: Sequence[int]) -> Groups:
         """Return the tree of boundaries; `grouped` are between two points, `error` (m,) bounds their rounding [m]."""
         found = _Builder(boundaries, error)
-        links: dict[tuple[str, str], list[int]] = {}
+        alike: dict[tuple[bytes, bytes], list[int]] = {}
         for pair in grouped:
-            one = boundaries[pair]
-            links.setdefault((one.point_a.link, one.point_b.link), []).append(pair)
+            chain = boundaries[pair].path.minimal
+            alike.setdefault((chain.axes.tobytes(), chain.coefficients.tobytes()), []).append(pair)
         single = sorted(set(range(len(boundaries))) - set(grouped))
-        roots = [*single, *(found.node(np.array(members)) for members in links.values())]
+        roots = [*single, *(found.node(np.array(members)) for members in alike.values())]
         return cls(
             np.array(found.pair, dtype=np.intp),
             np.array(found.extra, dtype=np.float64),
@@ -72,10 +74,15 @@ class _Builder:
         """Return the node of some pairs of the same two links."""
         if len(members) == 1:
             return int(members[0])
-        places = np.array([self._place(self.boundaries[int(pair)]) for pair in members])
+        some = [self.boundaries[int(pair)] for pair in members]
+        blocks = np.array([one.path.minimal.offsets for one in some])
+        places = blocks.reshape(len(blocks), -1)
         threshold = np.array([self.boundaries[int(pair)].rule.placed_distance for pair in members])
-        apart = np.linalg.norm(places[:, None, :3] - places[None, :, :3], axis=2)
-        apart = apart + np.linalg.norm(places[:, None, 3:] - places[None, :, 3:], axis=2)
+        apart = np.linalg.norm(blocks[:, None] - blocks[None], axis=3).sum(axis=2)
+        links = {(one.point_a.link, one.point_b.link) for one in some}
+        if len(links) == 1:
+            ends = np.array([[one.point_a.shape.origin, one.point_b.shape.origin] for one in some])
+            apart = np.minimum(apart, np.linalg.norm(ends[:, None] - ends[None], axis=3).sum(axis=2))
         extra = (threshold + self.error[members] - threshold[:, None] + apart * INFLATION).max(axis=1)
         best = int(np.argmin(extra))
         wide = int(np.argmax(places.max(axis=0) - places.min(axis=0)))
@@ -87,6 +94,3 @@ class _Builder:
         self.halves.append(halves)
         self.members.append(tuple(int(pair) for pair in members))
         return len(self.pair) - 1
-
-    def _place(self, one: Boundary) -> Array:
-        return np.concatenate([one.point_a.shape.origin, one.point_b.shape.origin])

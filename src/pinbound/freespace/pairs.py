@@ -1,8 +1,9 @@
 """Clearances of many pairs over many boxes as affine lower bounds: `f(q) >= value + slope . (q - centre) - rest`.
 
 The proof is that of `certify_box` (docs/certificates.md, Boxes): along the unit vector n of the middle, which stands
-still, `|r| >= n . r`, the linear part of which is exact and the rest at most `K / 2`. Only the linear part is kept
-apart here, so that it can be weighed against the faces of a polytope.
+still, `|r| >= n . r`, the linear part of which is exact and the rest at most `K / 2`, or, by the second derivatives at
+the middle, at most theirs and a rest of third order (docs/free-space.md). Only the linear part is kept apart here, so
+that it can be weighed against the faces of a polytope.
 """
 
 from __future__ import annotations
@@ -137,15 +138,23 @@ def _points(family: ManyAngleBoundaries, which: Indices, centre: Array, half: Ar
         r = r + offsets[:, i].T
     norm = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
     w = np.divide(r, norm, out=np.zeros_like(r), where=norm > 0.0)
-    rates = np.empty((count, k))
+    rates, across = np.empty((count, k)), list[Array]()
+    bent_down, bent = np.zeros(count), np.zeros(count)
     for i in range(k):
         u = axes[:, i].T
         x = tails[k - 1 - i]
         rates[:, i] = (
             w[0] * (u[1] * x[2] - u[2] * x[1]) + w[1] * (u[2] * x[0] - u[0] * x[2]) + w[2] * (u[0] * x[1] - u[1] * x[0])
         )
+        speed = _cross(u, x)
+        across.append(_cross(w, u))
+        for other, m in enumerate(across):  # H_ji = (n x u_j) . (u_i x X_i), in the frame before rotation i
+            second = np.einsum("in,in->n", m, speed) * wide[:, i] * wide[:, other]
+            bent += np.abs(second) * (0.5 if other == i else 1.0)
+            bent_down += 0.5 * np.maximum(-second, 0.0) if other == i else np.abs(second)
         if i + 1 < k:
             w = _turned(u, cos[:, i], -sin[:, i], w)
+            across = [_turned(u, cos[:, i], -sin[:, i], m) for m in across]
     slope = np.matmul(rates[:, None], C)[:, 0]
     rho = family.arms[which]
     total = np.cumsum(wide, axis=1)
@@ -153,14 +162,17 @@ def _points(family: ManyAngleBoundaries, which: Indices, centre: Array, half: Ar
     K = np.einsum("nk,nk->n", rho, np.diff(square, axis=1, prepend=0.0))
     error = family.error[which]
     off = error * (1.0 + total[:, -1]) if k else error
+    third = np.einsum("nk,nk->n", rho, np.diff(square * total, axis=1, prepend=0.0)) / 6.0
+    third += error * square[:, -1] if k else 0.0  # the rounding of H
     value = norm - family.threshold[which] - error
     moved = np.einsum("nk,nk->n", rho, wide) * INFLATION
-    rest = 0.5 * K * INFLATION + (off - error)
+    rest = np.minimum(0.5 * K, bent_down + third) * INFLATION + (off - error)
     linear = np.einsum("ni,ni->n", np.abs(slope), half) * INFLATION
     lower = value - np.minimum(moved + (off - error), rest + linear)
     # |r_0 + J d| has a part along n of at most |r_0| + sum |g_j| h_j, and one across of at most what r moves.
-    bent = np.hypot(norm + linear, moved) * INFLATION + rest
-    upper = np.minimum(norm + moved + (off - error), bent) - family.threshold[which] + error
+    both = np.minimum(0.5 * K, bent + third) * INFLATION + (off - error)
+    most = np.hypot(norm + linear, moved) * INFLATION + both
+    upper = np.minimum(norm + moved + (off - error), most) - family.threshold[which] + error
     return Affine(value, slope, rest, moved, lower, upper)
 
 
@@ -175,6 +187,10 @@ def _upper(family: Family, which: Indices, centre: Array, half: Array, value: Ar
     beyond = (middle + wide + slack < gap[:, 0]) | (middle - wide - slack > gap[:, 1])
     stopped = np.where(beyond, -np.finfo(float).tiny, np.inf)
     return np.where(family.is_stop[which], stopped, far - family.threshold[which] + family.error[which])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.stack((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))
 
 
 def _turned(u: Array, cos: Array, sin: Array, x: Array) -> Array:

@@ -229,7 +229,7 @@ class Paving:
                 part = slice(start, start + _ROWS)
                 if start and self.meter.spent():
                     break
-                lower, upper = self._bounds(item[part], boxes[box[part]])
+                lower, upper = self.bounds(item[part], boxes[box[part]])
                 open_rows[part] = lower <= 0.0
                 is_contact[box[part][upper < 0.0]] = True
                 order = np.argsort(-lower, kind="stable")
@@ -250,7 +250,7 @@ class Paving:
             box, item = np.concatenate([box, box + count]), np.concatenate([item, item])
         return None
 
-    def _bounds(self, item: Indices, boxes: Array) -> tuple[Array, Array]:
+    def bounds(self, item: Indices, boxes: Array) -> tuple[Array, Array]:
         """Return lower bounds, above zero where proven kept, and upper ones, below zero where proven not to be."""
         centre = np.tile(self.at, (len(item), 1))
         half = np.zeros_like(centre)

@@ -101,7 +101,7 @@ class ProofTables:
         head = np.array([budget, room, len(stack.rows), len(b), *numbers], dtype=np.float64)
         assert len(head) == PROOF_HEAD
         question = np.concatenate((head, seed, far, np.zeros(n), np.column_stack([A, b]).ravel()))
-        queue, size = 8 + 4 * n + 5 * self.turns, 1 + 2 * n
+        queue, size = 8 + 4 * n + 9 * self.turns, 1 + 2 * n
         out = np.empty(queue + size * room)
         out[queue : queue + stack.rows.size] = stack.rows.ravel()
         boxes = _PROOFS.run(question, out, 0, 0, self.table, 1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -117,6 +118,22 @@ class FreePolytope(Value):
         else:
             found = np.zeros(len(rows), dtype=np.bool_)
         return found if array.ndim > 1 else bool(found[0])
+
+    def export_drake(self, path: str | Path, name: str = "free") -> Path:
+        """Write `{A q <= b}` as YAML of one Drake `HPolyhedron`, which `LoadIrisRegionsYamlFile` reads.
+
+        Drake's `PointInSet` has a tolerance of 1e-8: what is proven is `A q <= b` itself, so give it `tol=0.0`.
+
+        Args:
+            path: The file.
+            name: Of the set in it.
+
+        Raises:
+            OSError: If the file cannot be written.
+        """
+        from pinbound.export.half_spaces import write_half_spaces
+
+        return write_half_spaces(Path(path), {name: (self.A, self.b)}, self.coordinates)
 
     @cached_property
     def factors(self) -> tuple[Factor, ...]:

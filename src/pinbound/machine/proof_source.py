@@ -46,16 +46,18 @@ axes = coefficients + k * n
 offsets = axes + 3 * k
 arms = offsets + 3 * k + 3
 weights = arms + k
-total, second, moved = 0.0, 0.0, 0.0
+total, second, moved, third, down = 0.0, 0.0, 0.0, 0.0, 0.0
 for i in range(k):
     phi, wide, c = 0.0, 0.0, coefficients + i * n
     for j in range(n):
         phi += w[c + j] * out[centre + j]
         wide += abs(w[c + j]) * out[half + j]
     out[cosines + i], out[sines + i] = math.cos(phi), math.sin(phi)
-    before = total * total
+    out[paces + i] = wide
+    before = total
     total += wide
-    second += w[arms + i] * (total * total - before)
+    second += w[arms + i] * (total * total - before * before)
+    third += w[arms + i] * (total * total * total - before * before * before)
     moved += w[arms + i] * wide
 rx, ry, rz = w[offsets + 3 * k], w[offsets + 3 * k + 1], w[offsets + 3 * k + 2]
 for back in range(k):
@@ -80,7 +82,20 @@ for i in range(k):
     rate = rx * (y * tz - z * ty) + ry * (z * tx - x * tz) + rz * (x * ty - y * tx)
     for j in range(n):
         out[slopes + j] += rate * w[c + j]
+    px, py, pz = y * tz - z * ty, z * tx - x * tz, x * ty - y * tx
+    out[crosses + 3 * i], out[crosses + 3 * i + 1] = ry * z - rz * y, rz * x - rx * z
+    out[crosses + 3 * i + 2] = rx * y - ry * x
     cos, sin = out[cosines + i], 0.0 - out[sines + i]
+    for a in range(i + 1):
+        m = crosses + 3 * a
+        ax, ay, az = out[m], out[m + 1], out[m + 2]
+        bend = (ax * px + ay * py + az * pz) * out[paces + i] * out[paces + a]
+        sunk = 0.5 * (0.0 - bend if bend < 0.0 else 0.0)
+        down += sunk if a == i else abs(bend)
+        along = (x * ax + y * ay + z * az) * (1.0 - cos)
+        out[m] = ax * cos + along * x + sin * (y * az - z * ay)
+        out[m + 1] = ay * cos + along * y + sin * (z * ax - x * az)
+        out[m + 2] = az * cos + along * z + sin * (x * ay - y * ax)
     along = (x * rx + y * ry + z * rz) * (1.0 - cos)
     tx = rx * cos + along * x + sin * (y * rz - z * ry)
     ty = ry * cos + along * y + sin * (z * rx - x * rz)
@@ -89,7 +104,8 @@ for i in range(k):
 linear = 0.0
 for j in range(n):
     linear += abs(out[slopes + j]) * out[half + j]
-rest = 0.5 * second * $INFLATION + error * total
+third = third / 6.0 + error * total * total + down
+rest = (0.5 * second if 0.5 * second < third else third) * $INFLATION + error * total
 value = norm - threshold - error - extra
 sunk = moved * $INFLATION + error * total
 bent = rest + linear * $INFLATION
@@ -152,8 +168,10 @@ seed, far = $HEAD, $HEAD + n
 centre, half, slopes, tilted = 8, 8 + n, 8 + 2 * n, 8 + 3 * n
 cosines = 8 + 4 * n
 sines = cosines + most_turns
-tails = sines + most_turns
-queue = tails + 3 * most_turns
+paces = sines + most_turns
+tails = paces + most_turns
+crosses = tails + 3 * most_turns
+queue = crosses + 3 * most_turns
 size, boxes, stop = 1 + 2 * n, 0, 0
 while filled > 0:
     if boxes >= budget or filled + 2 > room:
