@@ -134,11 +134,11 @@ def test_skew_segments_in_the_plane_of_several_angles_are_searched_for(load_text
 
 
 def test_bounds_over_boxes_of_the_plane_hold(planar: pb.Robot) -> None:
-    from pinbound.region.margins import _SweptBounds  # pyright: ignore[reportPrivateUsage]
+    from pinbound.region.margins import _SeparationBounds  # pyright: ignore[reportPrivateUsage]
 
     rng = np.random.default_rng(3)
     for boundary in planar.boundaries:
-        bounds = _SweptBounds(boundary.path)
+        bounds = _SeparationBounds(boundary.path)
         bounds.over(np.full(2, 3.5))
         for half in (np.array([0.01, 0.02]), np.array([0.3, 0.1])):
             middle = rng.uniform(-3, 3, (30, 2))

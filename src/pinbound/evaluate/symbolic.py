@@ -226,7 +226,7 @@ def _height_strip(path: RelativePath, place: int, q: Sequence[Any], threshold: f
     axis, p, s = _parts(path, place, q)
     before = path.minimal.before(place)
     offsets = np.zeros_like(before.offsets)
-    offsets[0] = path.height_row
+    offsets[0] = path.height_row()
     n = _vector(replace(before, offsets=offsets, slides=np.zeros_like(before.slides)), place, q)
     s_perpendicular = s - axis * axis.dot(s)
     A, B, C = n.dot(p) + n.dot(axis) * axis.dot(s), n.dot(s_perpendicular), n.dot(axis.cross(s))

@@ -407,14 +407,14 @@ class _Height(_Bodies):
     def turning(path: RelativePath, place: int, Q: Array, threshold: float, tolerance: float) -> tuple[Array, Array]:
         chain = path.minimal
         rows = np.zeros_like(chain.offsets)
-        rows[0] = path.height_row
+        rows[0] = path.height_row()
         normal = _parts(replace(chain, offsets=rows, slides=np.zeros_like(chain.slides)), place, Q)[0]
         return height_strips(*_parts(chain, place, Q), chain.axes[place], normal, threshold)[:2]
 
     @staticmethod
     def one_angle(path: RelativePath, axis: Array, threshold: float, tolerance: float) -> tuple[Strip, ...]:
         p, s = path.minimal.offsets
-        normal = path.height_row[None]
+        normal = path.height_row()[None]
         angle, half_width, m = (float(x[0]) for x in height_strips(p[None], s[None], axis, normal, threshold))
         return (Strip(angle, None if math.isnan(half_width) else half_width, m),)
 

@@ -130,9 +130,8 @@ class RelativePath(Value):
         """Return what counts of r in the ancestor's frame, given its part along `normal`; arrays or expressions."""
         return along if self.case is Case.PLANE else r - along
 
-    @property
     def height_row(self) -> Array:
-        """The row (3,) whose product with r, in the frame at position 0, is the height above the plane."""
+        """Return the row (3,) whose product with r, in the frame at position 0, is the height above the plane."""
         assert self.projection is not None, "only a plane measures a height"
         return self.projection[0]
 

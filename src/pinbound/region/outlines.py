@@ -223,7 +223,7 @@ def _seen(slice_: Slice, mark: Mark, end: Point) -> RelativePath:
 
 
 def _height(path: RelativePath, chain: Chain, threshold: float, window: Array) -> HeightFunction:
-    return HeightFunction.over(chain, path.height_row, threshold, window)
+    return HeightFunction.over(chain, path.height_row(), threshold, window)
 
 
 def _is_flat(path: RelativePath) -> bool:
