@@ -13,11 +13,14 @@ import pinbound as pb
 from pinbound.cli import app
 from pinbound.coverage import Status
 from pinbound.coverage.covers import covers
-from pinbound.coverage.excess import Near, excess_of, surface_of
+from pinbound.coverage.cuts import cut_by_plane
+from pinbound.coverage.excess import excess_of
 from pinbound.coverage.mesh_covers import cover_meshes
 from pinbound.coverage.mesh_proof import JOINTLY, away_from, prove
+from pinbound.coverage.near import Near
 from pinbound.coverage.parts import FITS, outline
 from pinbound.coverage.polytopes import Polytope, split_polygon
+from pinbound.coverage.surfaces import surface_of
 from pinbound.meshes import Mesh, read_mesh
 
 L_FACES = "f 6 5 4 3 2 1\nf 7 8 9 10 11 12\n" + "\n".join(f"f {i} {i % 6 + 1} {i % 6 + 7} {i + 6}" for i in range(1, 7))
@@ -272,3 +275,59 @@ def test_a_cover_that_is_wider_than_asked_for_is_told_with_what_to_type(tmp_path
     assert "20 of 20" in said
     found = json.loads(CliRunner().invoke(app, ["mark", path, "--json"]).stdout)["covers"]
     assert [(one["triangles"], one["triangles_held"]) for one in found] == [(20, 20), (20, 20)]
+
+
+def prism(outline_of: Any, rows: Any, height: float = 0.1) -> Mesh:
+    """Return the prism over a polygon (n, 2), its ends cut into the triangles (m, 3)."""
+    plan, rows = np.array(outline_of, dtype=np.float64), np.array(rows)
+    n = len(plan)
+    vertices = np.vstack([np.column_stack((plan, np.full(n, z))) for z in (0.0, height)])
+    sides = [face for i in range(n) for face in ((i, (i + 1) % n, n + i), ((i + 1) % n, n + (i + 1) % n, n + i))]
+    faces = np.vstack((rows[:, ::-1], rows + n, sides))
+    return Mesh(vertices, faces, np.arange(len(faces)))
+
+
+def test_how_two_surfaces_are_cut_into_triangles_does_not_matter() -> None:
+    """A disc in a fan of slivers is its own hull, which Qhull cuts otherwise."""
+    turns = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
+    mesh = prism(0.1 * np.column_stack((np.cos(turns), np.sin(turns))), [(0, i, i + 1) for i in range(1, 63)])
+    (cover,) = cover_meshes([("m", "l", mesh)], 0.002)
+    assert len(cover.marks) == 1
+    (near, surface) = Near(mesh), surface_of(mesh.vertices, 0.0)
+    (found,) = excess_of([surface], near, 1e-9, 1e-6, range(1))
+    assert found.bound <= 1e-6
+
+
+def test_two_boxes_set_together_are_two_boxes() -> None:
+    """The plane of a face is where they meet: with two parts nothing sticks out but the ball that fills clefts."""
+    (cover,) = cover_meshes([("m", "l", prism(L_PLAN, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)], 0.05))], 0.005)
+    assert len(cover.marks) == 2
+    assert cover.excess <= 0.001
+    assert cover.proof.is_complete
+
+
+def test_a_section_is_closed_over_the_body_alone() -> None:
+    """Of an angle it is the angle, of a tube the ring, and where a wider body begins each side has its own."""
+    corner = np.array(L_PLAN)
+    mesh = prism(corner, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)])
+    group, up = mesh.vertices[mesh.triangles], np.array([0.0, 0.0, 1.0])
+    for turned in (group, group[:, ::-1]):  # inside out, too
+        for side in cut_by_plane(turned, up, 0.04):
+            assert flat_area(side, 0.04) == pytest.approx(0.05, rel=1e-9)
+    square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    outer, inner = (prism(size * square + at, [(0, 1, 2), (0, 2, 3)]) for size, at in ((0.3, 0.0), (0.1, 0.1)))
+    tube = np.concatenate((outer.vertices[outer.triangles], inner.vertices[inner.triangles][:, ::-1]))
+    assert flat_area(cut_by_plane(tube, up, 0.04)[0], 0.04) == pytest.approx(0.08, rel=1e-9)
+    overlapping = np.concatenate((outer.vertices[outer.triangles], inner.vertices[inner.triangles]))
+    assert flat_area(cut_by_plane(overlapping, up, 0.04)[0], 0.04) == pytest.approx(0.09, rel=1e-9)
+    wide = prism(2.0 * corner, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)])
+    step = np.concatenate((group, wide.vertices[wide.triangles] + (0.0, 0.0, 0.1)))
+    below, above = cut_by_plane(step, up, 0.1)
+    assert below[..., 0].max() == pytest.approx(0.3)
+    assert above[..., 0].max() == pytest.approx(0.6)
+    assert above[..., 2].min() == pytest.approx(0.1)
+
+
+def flat_area(group: Any, at: float) -> float:
+    flat = group[np.all(np.abs(group[..., 2] - at) <= 1e-12, axis=1)]
+    return float(0.5 * np.linalg.norm(np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]), axis=1).sum())

@@ -11,45 +11,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.coverage.parts import directions
 from pinbound.tolerances import SAME_BODY
 
-__all__ = ["best_cut", "cut_by_plane"]
+__all__ = ["cut_by_plane", "on_plane"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
-_CUTS = (0.25, 0.5, 0.75)
-"""Where a part is cut, of its extent, beside the place where it sticks out furthest."""
-_LOOKED = 60  # directions in which a part's extent is looked at for the volume of its hull
+_FLUSH = 1e-7  # of a surface's extent: corners this near to a plane are on it, for files have seven digits
+_MOST_PAIRS = 4_000_000  # of a place and a side of a section that are looked at; of larger sections the hull is taken
 
 
-def best_cut(group: Array, place: Array, thick: float) -> tuple[Array, Array] | None:
-    """Return a surface (n, 3, 3) in two, by the plane that leaves the smallest hulls; None if no plane cuts it.
-
-    Args:
-        group: Triangles [m].
-        place: (3,) [m]: a plane through this place is tried along each axis of the surface.
-        thick: [m], what the area of a hull counts for: hulls that are flat have no volume.
-    """
-    points = group.reshape(-1, 3)
-    axes: Any = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
-    best: tuple[float, tuple[Array, Array]] | None = None
-    for axis in np.vstack((axes, np.eye(3))):
-        extent = points @ axis
-        low, high = float(extent.min()), float(extent.max())
-        for at in (float(place @ axis), *(low + share * (high - low) for share in _CUTS)):
-            if not low + SAME_BODY < at < high - SAME_BODY:
-                continue
-            sides = cut_by_plane(group, axis, at)
-            cost = sum(_volume(one.reshape(-1, 3), thick) for one in sides)
-            if best is None or cost < best[0]:
-                best = cost, sides
-    return None if best is None else best[1]
+def on_plane(height: Array) -> Array:
+    """Return heights above a plane, those that are zero but for the digits of a file being zero."""
+    least = max(SAME_BODY, _FLUSH * float(np.ptp(height))) if height.size else SAME_BODY
+    return np.where(np.abs(height) <= least, 0.0, height)
 
 
 def cut_by_plane(group: Array, axis: Array, at: float) -> tuple[Array, Array]:
     """Return the triangles (n, 3, 3) below and above the plane `axis . x = at`, those across it cut, the cut closed.
+
+    Triangles in the plane are the surface of what is behind them.
 
     Example:
         >>> corner = np.array([[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]])
@@ -57,10 +40,9 @@ def cut_by_plane(group: Array, axis: Array, at: float) -> tuple[Array, Array]:
         >>> float(below[..., 0].max()), float(above[..., 0].min()), len(above)
         (1.0, 1.0, 1)
     """
-    height = group @ axis - at
-    height[np.abs(height) <= SAME_BODY] = 0.0
+    height = on_plane(group @ axis - at)
     below, above = np.all(height <= 0.0, axis=1), np.all(height >= 0.0, axis=1)
-    across = ~below & ~above
+    across, lying = ~below & ~above, below & above
     corners, heights = group[across], height[across]
     signs = np.sign(heights)
     # The corner that is alone on its side comes first; if one is on the plane, the one below it does.
@@ -75,13 +57,18 @@ def cut_by_plane(group: Array, axis: Array, at: float) -> tuple[Array, Array]:
     rest = np.concatenate((np.stack((one, b, c), axis=1), np.stack((one, c, two), axis=1)))
     low = alone < 0.0
     both = np.concatenate((low, low))
-    flat = height == 0.0
-    lying = np.argwhere((flat.sum(axis=1) == 2) & ~across)[:, 0]
-    on = group[lying][flat[lying]].reshape(-1, 2, 3)
-    lids = _lids(np.concatenate((np.stack((one, two), axis=1), on)), axis)
+    # Seen from above, the body is on the right of its section's sides.
+    sides = np.where(low[:, None, None], np.stack((one, two), axis=1), np.stack((two, one), axis=1))
+    normals: Any = np.cross(group[lying, 1] - group[lying, 0], group[lying, 2] - group[lying, 0])
+    up = np.zeros(len(group), dtype=np.bool_)
+    up[lying] = normals @ axis > 0.0
+    own = below & (~lying | up), above & (~lying | ~up)
+    lids = (
+        _lids(np.concatenate((sides, _edges(group, height, flags & ~lying, axis))), axis) for flags in (below, above)
+    )
     return (
-        np.concatenate((group[below], tips[low], rest[~both], lids)),
-        np.concatenate((group[above & ~below], tips[~low], rest[both], lids)),
+        np.concatenate((group[own[0]], tips[low], rest[~both], next(lids))),
+        np.concatenate((group[own[1]], tips[~low], rest[both], next(lids))),
     )
 
 
@@ -94,45 +81,42 @@ def _crossing(a: Array, b: Array, p: Array, q: Array) -> Array:
     return start + share[:, None] * (end - start)
 
 
-def _lids(segments: Array, axis: Array) -> Array:
-    """Return triangles over each connected piece of a section (n, 2, 3): the hull of its points."""
-    from scipy.sparse import coo_matrix, csgraph
-    from scipy.spatial import ConvexHull, QhullError
+def _edges(group: Array, height: Array, flags: Flags, axis: Array) -> Array:
+    """Return the sides (n, 2, 3) that lie in the plane of triangles on one side of it, the body on their right."""
+    rows = np.flatnonzero(flags & (np.sum(height == 0.0, axis=1) == 2))
+    apex = np.argmax(height[rows] != 0.0, axis=1)
+    start, end = group[rows, (apex + 1) % 3], group[rows, (apex + 2) % 3]
+    turn = (height[rows, apex] > 0.0)[:, None]
+    return np.stack((np.where(turn, end, start), np.where(turn, start, end)), axis=1)
 
-    if not len(segments):
-        return np.zeros((0, 3, 3))
-    keys, index = np.unique(np.round(segments.reshape(-1, 3) / SAME_BODY), axis=0, return_inverse=True)
-    ends = index.reshape(-1, 2)
-    matrix: Any = coo_matrix
-    library: Any = csgraph
-    graph = matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(keys), len(keys)))
-    label: NDArray[Any] = library.connected_components(graph, directed=False)[1][ends[:, 0]]
+
+def _lids(sides: Array, axis: Array) -> Array:
+    """Return triangles over a section with these sides (n, 2, 3): over what its sides go round.
+
+    Those of Delaunay are taken whose middles are inside, by the number of sides to the one direction, or by the turns
+    that the sides make about it: bodies may overlap, and triangles be turned over.
+    """
+    from scipy.spatial import Delaunay, QhullError
+
     least = np.eye(3)[int(np.argmin(np.abs(axis)))]
     u: Any = np.cross(axis, least)
     u /= np.linalg.norm(u)
-    frame = np.stack((u, np.cross(axis, u)), axis=1)
-    found: list[Array] = [np.zeros((0, 3, 3))]
-    for piece in np.unique(label).tolist():
-        points = np.unique(segments[label == piece].reshape(-1, 3), axis=0)
-        if len(points) < 3:
-            continue
-        try:
-            ring = points[ConvexHull(points @ frame).vertices]
-        except QhullError:  # it has no area
-            continue
-        found.append(np.stack((np.repeat(ring[:1], len(ring) - 2, axis=0), ring[1:-1], ring[2:]), axis=1))
-    return np.concatenate(found)
-
-
-def _volume(points: Array, thick: float) -> float:
-    """Return about the volume of a hull [m^3], and its area times `thick`, so that flat ones count, too."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    if not len(points):
-        return 0.0
-    chosen = points[np.unique(np.argmax(points @ directions(_LOOKED).T, axis=0))]
+    flat = sides @ np.stack((u, np.cross(axis, u)), axis=1)
+    sides, flat = sides[np.any(flat[:, 0] != flat[:, 1], axis=1)], flat[np.any(flat[:, 0] != flat[:, 1], axis=1)]
+    if len(sides) < 3:
+        return np.zeros((0, 3, 3))
+    points, place = np.unique(np.round(flat.reshape(-1, 2), 9), axis=0, return_index=True)
     try:
-        hull = ConvexHull(chosen)
-    except QhullError:  # flat
-        return thick * float(np.sort(np.ptp(chosen, axis=0))[1:].prod())
-    return float(hull.volume + thick * hull.area)
+        rows: Ints = Delaunay(points).simplices
+    except QhullError:  # it has no area
+        return np.zeros((0, 3, 3))
+    triangles = sides.reshape(-1, 3)[place][rows]
+    if len(rows) * len(flat) > _MOST_PAIRS:
+        return triangles
+    middles = points[rows].mean(axis=1)
+    (x0, y0), (x1, y1) = flat[:, 0].T, flat[:, 1].T
+    rises = (y0 <= middles[:, 1:]).astype(np.int64) - (y1 <= middles[:, 1:])
+    share = np.divide(middles[:, 1:] - y0, y1 - y0, out=np.zeros(rises.shape), where=rises != 0)
+    right = (rises != 0) & (x0 + share * (x1 - x0) > middles[:, :1])
+    inside = (np.count_nonzero(right, axis=1) % 2 == 1) | (np.sum(np.where(right, rises, 0), axis=1) != 0)
+    return triangles[inside]

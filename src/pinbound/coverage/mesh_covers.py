@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.annotations import Mark
-from pinbound.coverage.cuts import best_cut
-from pinbound.coverage.excess import Excess, Near, Surface, excess_of, surface_of
+from pinbound.coverage.excess import UNKNOWN, Excess, excess_of, guess_of
 from pinbound.coverage.mesh_proof import NONE, MeshProof, away_from, prove
+from pinbound.coverage.near import Near
 from pinbound.coverage.parts import FITS, Fit, outline
+from pinbound.coverage.planes import best_cut
+from pinbound.coverage.surfaces import Surface, surface_of
 from pinbound.exceptions import UnsupportedError
 from pinbound.meshes import Mesh
 from pinbound.tolerances import FEELER
@@ -30,7 +32,6 @@ Ints = NDArray[np.int64]
 
 _SIMPLER = 0.1  # of the accuracy: what vertices that are left out may cost, and pockets that count as filled
 _ATTEMPTS = 6
-_FINE, _ROUGH = 0.05, 0.4  # of a bound: what is not told apart at the end, and while parts are cut
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,27 +63,46 @@ class _Work:
     marks: list[Mark] = field(default_factory=list[Mark])
     surfaces: list[Surface] = field(default_factory=list[Surface])
     excess: list[Excess] = field(default_factory=list[Excess])
+    guessed: list[bool] = field(default_factory=list[bool])
+    around: float = 0.0
+    stuck: bool = False
 
     def __post_init__(self) -> None:
         self.near = Near(self.mesh)
         self._add(self.mesh.vertices[self.mesh.triangles])
-        self.measure(range(1))
+        self._guess(range(1))
 
     def _add(self, group: Array) -> None:
         mark = FITS[self.fit](self.name, self.link, _points(group), _SIMPLER * self.accuracy)
         self.groups.append(group)
         self.marks.append(mark)
         self.surfaces.append(surface_of(*outline(mark)))
+        self.excess.append(UNKNOWN)
+        self.guessed.append(True)
 
-    def measure(self, asked: Sequence[int], within: float = _FINE) -> None:
-        """Bound the excess of some parts."""
+    def _place(self) -> None:
+        """Set how wide the ball is about all parts; if it changes, nothing is known of any part."""
         around = max(one.radius + one.slack for one in self.surfaces)
         if len(self.surfaces) > 1:
             around = max(around + FEELER, _SIMPLER * self.accuracy)
-        found = excess_of(self.surfaces, self.near, around, self.accuracy, asked, within)
-        self.excess += [found[0]] * (len(self.surfaces) - len(self.excess))
-        for place, one in zip(asked, found, strict=True):
-            self.excess[place] = one
+        if around != self.around:
+            self.around, self.guessed = around, [True] * len(self.surfaces)
+
+    def _guess(self, asked: Sequence[int]) -> None:
+        """Look how far some parts stick out, which proves nothing: it says where to cut."""
+        self._place()
+        for part in asked:
+            self.excess[part] = guess_of(self.surfaces, part, self.near, self.around)
+            self.guessed[part] = True
+
+    def measure(self) -> None:
+        """Bound the excess of all parts of which there is a guess only."""
+        self._place()
+        asked = [part for part, is_guess in enumerate(self.guessed) if is_guess]
+        for part, one in zip(
+            asked, excess_of(self.surfaces, self.near, self.around, self.accuracy, asked), strict=True
+        ):
+            self.excess[part], self.guessed[part] = one, False
 
     @property
     def worst(self) -> int:
@@ -97,34 +117,31 @@ class _Work:
     def can_be_cut(self) -> bool:
         return self.bound > self.accuracy and not self.stuck
 
-    stuck: bool = False
-
     def cut(self) -> None:
-        """Cut the part that sticks out furthest, by the plane that leaves the smallest hulls."""
+        """Cut the part that sticks out furthest, by the plane that leaves the best hulls."""
         place = self.worst
         old = self.surfaces[place]
-        sides = best_cut(self.groups[place], self.excess[place].place, self.accuracy)
+        sides = best_cut(self.groups[place], self.excess[place].place, self.accuracy, self.near)
         if sides is None:
             self.stuck = True
             return
-        del self.groups[place], self.marks[place], self.surfaces[place], self.excess[place]
+        del self.groups[place], self.marks[place], self.surfaces[place], self.excess[place], self.guessed[place]
         for side in sides:
             self._add(side)
         last = len(self.groups)
         touched = [i for i in range(last - 2) if _meet(self.surfaces[i], old)]
-        self.measure([*touched, last - 2, last - 1], _ROUGH)
+        self._guess([*touched, last - 2, last - 1])
 
     def finished(self) -> MeshCover:
         """Return the marks under their names, proven; parts take in what they were not proven to hold."""
         several = len(self.marks) > 1
         names = [f"{self.name}.{place}" if several else self.name for place in range(len(self.marks))]
         left = 0
-        for attempt in range(_ATTEMPTS):
+        for _ in range(_ATTEMPTS):
             marks = [_named(mark, name) for mark, name in zip(self.marks, names, strict=True)]
             proof = prove(self.mesh, marks)
             if proof.is_complete:
-                if attempt or several:
-                    self.measure(range(len(marks)))
+                self.measure()
                 return MeshCover(tuple(marks), proof, self.bound)
             left = len(proof.part_of) - proof.held
             self._take_in(np.flatnonzero(proof.part_of == NONE))
@@ -146,7 +163,7 @@ class _Work:
                 continue
             group: Array = np.concatenate((self.groups[place], triangles[nearest == place]))
             mark = FITS[self.fit](self.name, self.link, _points(group), 0.0)
-            self.groups[place] = group
+            self.groups[place], self.guessed = group, [True] * len(self.marks)
             self.marks[place], self.surfaces[place] = mark, surface_of(*outline(mark))
 
 
@@ -166,10 +183,13 @@ def cover_meshes(
     """
     works = [_Work(name, link, mesh, fit, accuracy) for name, link, mesh in named]
     while sum(len(one.marks) for one in works) < most:
+        if not any(one.can_be_cut for one in works):
+            for one in works:  # what was a guess may be more
+                one.measure()
         open_ones = [one for one in works if one.can_be_cut]
         if not open_ones:
             break
-        max(open_ones, key=lambda one: one.excess[one.worst].bound).cut()
+        max(open_ones, key=lambda one: one.bound).cut()
     return tuple(one.finished() for one in works)
 
 
@@ -180,8 +200,7 @@ def _named(mark: Mark, name: str) -> Mark:
 
 
 def _meet(one: Surface, two: Surface) -> bool:
-    a, b = (np.concatenate([corners.reshape(-1, 3) for corners, _ in part.pieces]) for part in (one, two))
-    return bool(np.all((a.min(axis=0) <= b.max(axis=0)) & (b.min(axis=0) <= a.max(axis=0))))
+    return bool(np.all((one.low <= two.high) & (two.low <= one.high)))
 
 
 def _points(group: Array) -> Array:

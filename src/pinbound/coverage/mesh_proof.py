@@ -31,6 +31,7 @@ NONE, JOINTLY = -1, -2
 
 _BLOCK = 20_000  # points whose nearest points are searched for at once
 _MOST_CUTS = 60  # of one triangle
+_DOUBTFUL = 1e-9  # metres: what is further outside is not searched for a place that is nearer
 _SLIVER = 1e-9  # of a polygon's area: a mark that holds less of it is no help
 _MOST_JOINTLY = 20_000  # triangles that are cut into pieces; a mesh that needs more is not proven to be held
 
@@ -135,10 +136,10 @@ class _Holder:
             return None
         rest: list[Array] = []
         for _ in range(_MOST_CUTS):
-            if np.all(self.holds(polygon)):
-                return polygon, rest
             height = self.polytope.heights(polygon)
             worst = int(np.argmax(height.max(axis=0)))
+            if height[:, worst].max() <= self.limit + _DOUBTFUL and np.all(self.holds(polygon)):
+                return polygon, rest
             kept, gone = split_polygon(polygon, height[:, worst])
             if len(kept) < 3 or len(gone) < 3:
                 return None
@@ -175,10 +176,13 @@ def _area(polygon: Array) -> float:
 def away_from(shape: Shape, points: Array, limit: float = 0.0, polytope: Polytope | None = None) -> Array:
     """Return upper bounds (N,) of how far points (N, 3) are from a shape, its radius left out [m].
 
-    Those that are within `limit` of its polytope, if one is given, are not searched for any nearer place.
+    If its polytope is given, those that are within `limit` of it, or clearly not, are not searched for a nearer place.
     """
     away = np.full(len(points), np.inf) if polytope is None else polytope.away(points)
     rows = np.flatnonzero(away > limit)
+    if polytope is not None and len(rows):
+        away[rows] = np.minimum(away[rows], polytope.beyond(points[rows]))
+        rows = rows[(away[rows] > limit) & (away[rows] <= limit + polytope.slack + _DOUBTFUL)]
     own = shape.corners, np.zeros((1, 0))
     for start in range(0, len(rows), _BLOCK):
         block = rows[start : start + _BLOCK]

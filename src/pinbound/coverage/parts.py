@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pinbound.annotations import Box, Hull, Mark, Point, Segment
 from pinbound.annotations.shapes import extreme_vertices
 from pinbound.coverage.mesh_proof import away_from
+from pinbound.coverage.polytopes import Polytope
 from pinbound.tolerances import HELD
 
 __all__ = ["FITS", "Fit", "directions", "outline"]
@@ -51,8 +52,14 @@ def _hull(name: str, link: str, points: Array, budget: float) -> Mark:
         chosen = np.unique(np.argmax(centred @ directions(count).T, axis=0))
         if 3 * len(chosen) > 2 * len(extreme):
             break
-        mark = Hull(name, link, _rows(extreme[chosen]))
+        polytope = Polytope.of(extreme[chosen])
+        if polytope is None:
+            continue
         rest = np.setdiff1d(np.arange(len(extreme)), chosen)
+        outside = extreme[rest[polytope.away(extreme[rest]) > budget]]
+        if len(outside) and polytope.beyond(outside).max() > budget:
+            continue
+        mark = Hull(name, link, _rows(extreme[chosen]))
         radius = float(away_from(mark.shape, extreme[rest]).max(initial=0.0)) * _LARGER + HELD
         if radius <= budget:
             return Hull(name, link, mark.vertices, radius)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.coverage.triangles import Triangles
 from pinbound.tolerances import UNIT_ROUNDOFF
 from pinbound.values import Value, read_only
 
@@ -96,6 +97,24 @@ class Polytope(Value):
             length = np.linalg.norm(block, axis=1)
             found[start : start + step] = np.maximum(1.0 - 1.0 / np.maximum(gauge, 1.0), 0.0) * length
         return found
+
+    def beyond(self, points: Array) -> Array:
+        """Return how far points are from the nearest triangle that sees them (N,) [m]; infinite where none does.
+
+        A triangle is in the hull, so that it is an upper bound of the distance from that. It is the distance, but for
+        rounding and `slack`, as the place of a hull that is nearest to a point outside is on such a triangle.
+        """
+        found = np.full(len(points), np.inf)
+        step = max(1, _BLOCK // len(self.facets))
+        for start in range(0, len(points), step):
+            block = points[start : start + step]
+            rows, facets = np.nonzero(self.heights(block) >= 0.0)
+            np.minimum.at(found, start + rows, self._triangles.away(block[rows], facets))
+        return found
+
+    @cached_property
+    def _triangles(self) -> Triangles:
+        return Triangles(self.vertices[self.facets])
 
     def inside(self, points: Array, depth: float) -> NDArray[np.bool_]:
         """Return which points (N,) are inside, `depth` (of the way from the centre) before the surface."""

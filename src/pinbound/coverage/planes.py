@@ -1,0 +1,177 @@
+"""Which plane a part is cut by: the one that leaves the hulls nearest to the surface.
+
+Tried are planes across the axes in which the surface spreads and those of the link; planes of its own large faces,
+which are where solids are set upon each other; and planes through the bottom of the pocket that sticks out most. All
+are compared by the volume of the two hulls; the best of them by how far the surfaces of these are from the mesh.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.coverage.cuts import cut_by_plane, on_plane
+from pinbound.coverage.near import Near, lay_points
+from pinbound.coverage.parts import directions
+
+__all__ = ["best_cut"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Plane = tuple[Array, float]
+
+_LEVELS = 7  # planes across an axis, beside the one through the place that sticks out most
+_FACES = 12  # planes of own faces, those of the largest area
+_TURNS = 4  # planes through the bottom of a pocket, about the way out of it
+_LOOKED = 60  # directions in which a part's extent is looked at for its hull
+_COMPARED = 8  # planes that are compared by distances
+_ALIKE = 0.999  # cosine between axes that need not both be tried
+_APART = 1e-3  # of the extent: planes that are nearer to each other are one, and none is nearer to the rim
+_CELLS = 40.0  # of the extent: corners in one cell of this size are one while planes are compared
+_DENSE = 16.0  # of a hull's extent: how far points are apart at which distances are looked at
+
+
+def best_cut(group: Array, place: Array, thick: float, near: Near) -> tuple[Array, Array] | None:
+    """Return a surface (n, 3, 3) in two, by the plane that leaves the best hulls; None if no plane cuts it.
+
+    Args:
+        group: Triangles [m].
+        place: (3,) [m], where the part sticks out.
+        thick: [m], what the area of a hull counts for: hulls that are flat have no volume.
+        near: The mesh.
+    """
+    sketch = _Sketch(group)
+    planes = _planes(group, sketch.points, place, near)
+    if not planes:
+        return None
+    sides = [sketch.sides(*plane) for plane in planes]
+    costs = [sum(_volume(one, thick) for one in pair) for pair in sides]
+    order = np.argsort(costs, kind="stable")[:_COMPARED].tolist()
+    order += [row for row in range(len(planes) - _TURNS, len(planes)) if row >= 0 and row not in order]
+    best = min(order, key=lambda row: sum(_air(one, planes[row], near) for one in sides[row]))
+    return cut_by_plane(group, *planes[best])
+
+
+def _planes(group: Array, points: Array, place: Array, near: Near) -> list[Plane]:
+    axes: Any = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)[2]
+    rows: list[Array] = [np.eye(3)[row] for row in range(3)]
+    rows += [axis for axis in axes if np.max(np.abs(axis)) < _ALIKE]
+    tried = [
+        (axis, float(at))
+        for axis in rows
+        for low, high in ((float((points @ axis).min()), float((points @ axis).max())),)
+        for at in (float(place @ axis), *np.linspace(low, high, _LEVELS + 2)[1:-1])
+    ]
+    tried += _of_faces(group)
+    bottom = near.nearest(place[None])[0]
+    out = place - bottom
+    length = float(np.linalg.norm(out))
+    if length > 0.0:
+        first = np.linalg.svd(out[None] / length)[2][1:]
+        angles = np.pi * np.arange(_TURNS) / _TURNS
+        tried += [(axis, float(bottom @ axis)) for axis in np.column_stack((np.cos(angles), np.sin(angles))) @ first]
+    found: list[Plane] = []
+    for axis, at in tried:
+        height = points @ axis - at
+        wide = _APART * float(np.ptp(height))
+        if height.min() < -wide and height.max() > wide:
+            found.append((axis, at))
+    return found
+
+
+def _of_faces(group: Array) -> list[Plane]:
+    """Return the planes in which most of the surface lies."""
+    normals: Any = np.cross(group[:, 1] - group[:, 0], group[:, 2] - group[:, 0])
+    size = np.linalg.norm(normals, axis=1)
+    some = size > 0.0
+    units, areas = normals[some] / size[some, None], size[some]
+    units = units * np.where(units[np.arange(len(units)), np.argmax(np.abs(units), axis=1)] < 0.0, -1.0, 1.0)[:, None]
+    at = np.einsum("ni,ni->n", units, group[some, 0])
+    extent = max(float(np.ptp(group.reshape(-1, 3), axis=0).max()), 1e-300)
+    keys = np.column_stack((np.round(units * 200.0), np.round(at / (_APART * extent))))
+    _, first, kind = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    total = np.bincount(kind.ravel(), weights=areas)
+    return [(units[first[row]], float(at[first[row]])) for row in np.argsort(-total)[:_FACES]]
+
+
+class _Sketch:
+    """The corners and sides of a surface, those in one small cell as one: what planes are compared by."""
+
+    def __init__(self, group: Array) -> None:
+        flat = group.reshape(-1, 3)
+        low = flat.min(axis=0)
+        cell = max(float(np.ptp(flat, axis=0).max()) / _CELLS, 1e-300)
+        x, y, z = ((flat - low) / cell).astype(np.int64).T
+        few = int(_CELLS) + 2
+        key, index = np.unique((x * few + y) * few + z, return_inverse=True)
+        if len(key) > len(flat) // 6:
+            _, index = np.unique(flat, axis=0, return_inverse=True)
+        index = index.ravel()
+        count = int(index.max()) + 1
+        # of the corners of a cell the one that is furthest from the middle: it makes the hull
+        order = np.argsort(np.linalg.norm(flat - flat.mean(axis=0), axis=1))
+        chosen = np.zeros(count, dtype=np.int64)
+        chosen[index[order]] = order
+        self.points = flat[chosen]
+        corners = index.reshape(-1, 3)
+        ends = np.sort(np.concatenate((corners[:, :2], corners[:, 1:], corners[:, ::2])), axis=1)
+        pairs = np.unique(ends[:, 0] * count + ends[:, 1])
+        self.start, self.end = pairs // count, pairs % count
+
+    def sides(self, axis: Array, at: float) -> tuple[Array, Array]:
+        """Return the points below and above a plane, with those of its section."""
+        height = on_plane(self.points @ axis - at)
+        p, q = height[self.start], height[self.end]
+        rows = np.flatnonzero(p * q < 0.0)
+        share = (p[rows] / (p[rows] - q[rows]))[:, None]
+        a, b = self.points[self.start[rows]], self.points[self.end[rows]]
+        section = a + share * (b - a)
+        found: list[Array] = []
+        for sign in (-1.0, 1.0):
+            own = sign * height > 0.0
+            # What is on the plane belongs to the sides that it is joined to.
+            beside = np.concatenate((self.end[own[self.start]], self.start[own[self.end]]))
+            own[beside[height[beside] == 0.0]] = True
+            found.append(np.concatenate((self.points[own], section)))
+        return found[0], found[1]
+
+
+def _hull(points: Array) -> Any:
+    from scipy.spatial import ConvexHull, QhullError
+
+    chosen = points[np.unique(np.argmax(points @ directions(_LOOKED).T, axis=0))]
+    try:
+        return ConvexHull(chosen)
+    except QhullError:  # flat
+        return None
+
+
+def _volume(points: Array, thick: float) -> float:
+    """Return about the volume of a hull [m^3], and its area times `thick`, so that flat ones count, too."""
+    if not len(points):
+        return 0.0
+    hull = _hull(points)
+    if hull is None:
+        return thick * float(np.sort(np.ptp(points, axis=0))[1:].prod())
+    return float(hull.volume + thick * hull.area)
+
+
+def _air(points: Array, plane: Plane, near: Near) -> float:
+    """Return about the integral of the square of the distance from the mesh over a hull [m^4], the section left out."""
+    hull = _hull(points) if len(points) else None
+    if hull is None:
+        return 0.0
+    corners = hull.points[hull.simplices]
+    axis, at = plane
+    extent = float(np.linalg.norm(np.ptp(points, axis=0)))
+    flush = np.all(np.abs(corners @ axis - at) <= _APART * extent, axis=1)
+    if np.all(flush):
+        return 0.0
+    corners = corners[~flush]
+    places, owner = lay_points(corners, extent / _DENSE)
+    normals: Any = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    weight = 0.5 * np.linalg.norm(normals, axis=1) / np.bincount(owner, minlength=len(corners))
+    return math.fsum((weight[owner] * near.away(places) ** 2).tolist())
