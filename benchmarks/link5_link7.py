@@ -110,6 +110,13 @@ def main() -> int:
         drawn = figure.axes[0]
         label = f"in contact, by coal ({int(touch.sum())})"
         drawn.plot(*np.degrees(Q[touch][:, places]).T, ".", color="#D55E00", markersize=2.5, label=label, zorder=2)
+        square = float(np.degrees(1.0)) ** 2  # of the axes, which are in degrees
+        share = 100.0 * region.area / whole
+        drawn.set_title(
+            f"Free of contact between link 5 and link 7:\n{square * region.area:,.0f} of {square * whole:,.0f} deg²"
+            f" ({share:.1f} %), proven to {100 * low / whole:.1f} - {100 * high / whole:.1f} %",
+            loc="left",
+        )
         drawn.set_xlim(np.degrees(axes[0][0]) - 8.0)
         drawn.legend(loc=(0.3, 0.2), framealpha=1)
         plots.save(figure, options.figure)

@@ -255,6 +255,7 @@ BAD: dict[str, tuple[bytes | str, str]] = {
     "nan.stl": (stl_bytes(np.where(CORNERS == 3.0, np.nan, CORNERS)), "not finite"),
     "million.stl": (b"x".ljust(80) + struct.pack("<I", 10_000_000), "take 500000084 bytes|has 10000000 triangles"),
     "cut.STL": (stl_text()[:-60], "expected a facet"),
+    "between.stl": (stl_text().rpartition("endsolid")[0], "no 'endsolid' stands behind its last facet"),
     "word.stl": (stl_text().replace("facet", "fazet", 1), "is no STL|expected a facet"),
     "late.stl": (stl_text().replace("vertex 1", "vertx 1", 1), "line 2: expected a facet"),
     "number.stl": (stl_text().replace("1.000000e+00", "1.0e+0O", 1), "no number"),
@@ -329,3 +330,12 @@ def test_a_robot_reads_no_mesh_before_it_is_asked(tmp_path: Path) -> None:
     assert "no.stl: there is no such file beside r.urdf" in robot.meshes.fault(body)
     with pytest.raises(pb.InputError):
         robot.meshes.of(body)
+
+
+def test_polygons_that_have_lost_corners_are_told(tmp_path: Path) -> None:
+    """A file that is cut off within its last polygon ends in what could be a line."""
+    whole = written(tmp_path, "whole.obj", OBJ + "f 1 2 3\nf 1 3 4\n")
+    assert not read_mesh(whole).notes
+    mesh = read_mesh(written(tmp_path, "cut.obj", OBJ + "f 1 2 3\nf 1 3"))
+    assert len(mesh.triangles) == 1
+    assert mesh.notes == ("polygons of fewer than three corners are not used (1)",)

@@ -206,18 +206,22 @@ class _Finder:
         gaps = np.array([separation.separations(paths[index], Q) - radii[index] for index in paths])
         best = int(np.argmin(gaps.min(axis=1)))
         width = np.ptp(Q, axis=0)
-        for start in np.argsort(gaps[best])[:_STARTS].tolist():
-            q, value = Q[start], gaps[best, start]
-            for step in np.geomspace(_FIRST, _LAST, _STEPS):
-                tries = q + step * width * self.rng.normal(size=(_WIDTH, len(q)))
-                tries = tries[robot.intervals.hold(tries)]
-                if not len(tries):
-                    continue
-                found = separation.separations(paths[best], tries) - radii[best]
-                if found.min() < value:
-                    q, value = tries[int(np.argmin(found))], float(found.min())
-                if value <= 0.0:
-                    return tries[found <= 0.0]
+        starts = np.argsort(gaps[best])[:_STARTS]
+        places, values = Q[starts].copy(), gaps[best, starts].copy()
+        for step in np.geomspace(_FIRST, _LAST, _STEPS):  # all starts at once: few calls for many rows
+            tries = places[:, None] + step * width * self.rng.normal(size=(len(starts), _WIDTH, Q.shape[1]))
+            owner = np.repeat(np.arange(len(starts)), _WIDTH)
+            tries = tries.reshape(-1, Q.shape[1])
+            kept = robot.intervals.hold(tries)
+            tries, owner = tries[kept], owner[kept]
+            if not len(tries):
+                continue
+            found = separation.separations(paths[best], tries) - radii[best]
+            if found.min() <= 0.0:
+                return tries[found <= 0.0]
+            for row in np.argsort(-found).tolist():  # the nearest of each start comes last
+                if found[row] < values[owner[row]]:
+                    places[owner[row]], values[owner[row]] = tries[row], found[row]
         return np.empty((0, Q.shape[1]))
 
 

@@ -21,8 +21,8 @@ _FREE_FORM = frozenset("cstype deg bmat step curv curv2 surf parm trim hole scrv
 _MEND = "Export the mesh again"
 
 
-def read_obj(data: bytes, source: str) -> tuple[Array, Ints, Ints]:
-    """Return vertices, triangles, and of each triangle which polygon it was cut from.
+def read_obj(data: bytes, source: str) -> tuple[Array, Ints, Ints, tuple[str, ...]]:
+    """Return vertices, triangles, of each triangle which polygon it was cut from, and what was not used.
 
     A polygon is cut into a fan. Of `v x y z w` the first three are divided by w, as Pinocchio's loader does.
 
@@ -32,7 +32,7 @@ def read_obj(data: bytes, source: str) -> tuple[Array, Ints, Ints]:
     vertices: list[tuple[float, float, float]] = []
     triangles: list[tuple[int, int, int]] = []
     polygons: list[int] = []
-    polygon = 0
+    polygon = short = 0
     text = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").decode("utf-8", "replace")
     for number, line in enumerate(text.split("\n"), 1):
         words = line.partition("#")[0].split()
@@ -43,7 +43,8 @@ def read_obj(data: bytes, source: str) -> tuple[Array, Ints, Ints]:
         elif words[0] in ("f", "fo"):
             corners = [_corner(word, len(vertices), source, number) for word in words[1:]]
             if len(corners) < 3:
-                continue  # a line or a point
+                short += 1  # a line or a point, or what a file that was cut off has left of a polygon
+                continue
             triangles += [(corners[0], one, two) for one, two in pairwise(corners[1:])]
             polygons += [polygon] * (len(corners) - 2)
             polygon += 1
@@ -53,7 +54,8 @@ def read_obj(data: bytes, source: str) -> tuple[Array, Ints, Ints]:
         else:
             refuse(source, f"the line starts with {words[0][:20]!r}, which is no word of an OBJ file", _MEND, number)
     shape = np.array(triangles, dtype=np.int64).reshape(-1, 3)
-    return np.array(vertices, dtype=np.float64).reshape(-1, 3), shape, np.array(polygons, dtype=np.int64)
+    notes = (f"polygons of fewer than three corners are not used ({short})",) if short else ()
+    return np.array(vertices, dtype=np.float64).reshape(-1, 3), shape, np.array(polygons, dtype=np.int64), notes
 
 
 def _vertex(words: list[str], source: str, line: int) -> tuple[float, float, float]:

@@ -52,7 +52,8 @@ def read_mesh(path: str | Path, scale: Sequence[float] = (1.0, 1.0, 1.0)) -> Mes
         vertices, triangles = read_stl(data, source)
         return checked(source, vertices, triangles, np.arange(len(triangles)), scale)
     if suffix == ".obj":
-        return checked(source, *read_obj(data, source), scale)
+        vertices, triangles, polygons, notes = read_obj(data, source)
+        return checked(source, vertices, triangles, polygons, scale, notes)
     if suffix == ".dae":
         vertices, triangles, polygons, notes = read_dae(data, source)
         return checked(source, vertices, triangles, polygons, scale, notes)

@@ -59,17 +59,21 @@ def read_stl(data: bytes, source: str) -> tuple[Array, NDArray[np.int64]]:
 
 def _of_text(data: bytes, source: str) -> Array:
     found: list[tuple[bytes, ...]] = []
-    place, last = 0, len(data.rstrip())
+    place, last, is_closed = 0, len(data.rstrip()), True
     while place < last:
         match = _FACET.match(data, place)
         if match is not None:
             found.append(match.groups())
             too_many(source, len(found))
+            is_closed = False
         else:
             match = _BETWEEN.match(data, place)
+            is_closed = is_closed or (match is not None and match.group().lstrip()[:3].lower() == b"end")
         if match is None:
             _stray(data, place, source)
         place = match.end()
+    if not is_closed:
+        refuse(source, "is cut off: no 'endsolid' stands behind its last facet", _MEND)
     words = [word for triangle in found for word in triangle]
     if any(b"_" in word for word in words):
         refuse(source, "a vertex holds what is no number", _MEND)
