@@ -48,6 +48,7 @@ __all__ = [
     "ON_CONTOUR",
     "OVERLAP",
     "PARALLEL",
+    "PLACED",
     "PRECISION",
     "PRINTED_PI",
     "QUADRATURE",
@@ -118,6 +119,10 @@ to a tenth of a degree, come this near, and in the flat pose both assemblies of 
 DEVIATION: Final = 1e-2
 """Radians. A passive joint may be this far from the coupling, at most, where the sides of its loop differ: within a
 loop that comes so near its flat pose the coupling says little about the linkage."""
+
+PLACED: Final = 1e-9
+"""Of the lengths of all offsets of a robot and the angles at home: more than rounding can be in where its links are.
+Points further apart than this and what they must keep need no look at their relative path while the robot loads."""
 
 PARALLEL: Final = 1e-3
 """Radians. Axes of successive joints this near to one direction are named in a note, if they are not of one direction:

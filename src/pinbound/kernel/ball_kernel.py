@@ -22,7 +22,7 @@ from pinbound.kernel.choice import Work
 from pinbound.kernel.engine import Kernel
 from pinbound.kernel.program import CommonMark, Pair, Reference
 from pinbound.machine.compiled import KernelSource
-from pinbound.path.chain import Chain
+from pinbound.path.shared import Spot
 from pinbound.typing import AnyArray as Array
 from pinbound.typing import Flags
 
@@ -226,11 +226,9 @@ class BallKernel(Kernel):
         return found, unsure[unsure < rows]
 
 
-def longest(chains: Iterable[Chain]) -> float:
-    """Return the longest of chains, slides of rows that are no cases of their own included [m]; tables square it."""
-    most = _LARGEST_SLIDE["least"]
-    lengths = [chain.scale + most * float(np.linalg.norm(chain.slides, axis=1).sum()) for chain in chains]
-    return max(lengths, default=0.0)
+def longest(spots: Iterable[Spot]) -> float:
+    """Return how far points may be, slides of rows that are no cases of their own included [m]; tables square it."""
+    return max((spot.scale + _LARGEST_SLIDE["least"] * spot.rate for spot in spots), default=0.0)
 
 
 def _no_common() -> None:

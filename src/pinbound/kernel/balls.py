@@ -17,7 +17,7 @@ import numpy as np
 
 from pinbound.kernel.program import CommonMark, Pair
 from pinbound.kernel.spheres import middle_of
-from pinbound.path.chain import Chain
+from pinbound.path.shared import Spot, Step
 from pinbound.tolerances import KERNEL_CONSTANT, REDUCTION
 from pinbound.typing import Array, Ints
 
@@ -234,12 +234,14 @@ def _parts(balls: list[int], places: Array) -> list[list[int]]:
 
 
 def tree_of(pairs: Sequence[Pair], n: int, common: Mapping[str, CommonMark]) -> BallTree:
-    """Return the tree of pairs of points, by their marks' chains from the root."""
-    builder = _Builder(BallTree(n), max((common[name].chains[0].scale for p in pairs for name in p.marks), default=0.0))
+    """Return the tree of pairs of points, by where their marks are in the root's frame."""
+    builder = _Builder(BallTree(n))
     tree, numbers = builder.tree, dict[str, int]()
     for name in dict.fromkeys(name for pair in pairs for name in pair.marks):
         numbers[name] = len(tree.balls)
-        tree.balls.append(builder.ball(common[name].chains[0]))
+        spot = common[name].spot
+        assert spot is not None
+        tree.balls.append(builder.ball(spot))
     tree.ends = np.array([[numbers[name] for name in pair.marks] for pair in pairs], dtype=np.int64).reshape(-1, 2)
     tree.thresholds = np.array([pair.threshold for pair in pairs])
     tree.scale = max((tree.nodes[node].reach + float(np.linalg.norm(x)) for node, x in tree.balls), default=0.0)
@@ -247,42 +249,53 @@ def tree_of(pairs: Sequence[Pair], n: int, common: Mapping[str, CommonMark]) -> 
 
 
 class _Builder:
-    def __init__(self, tree: BallTree, scale: float) -> None:
+    def __init__(self, tree: BallTree) -> None:
         self.tree = tree
-        self.quantum = KERNEL_CONSTANT * 2.0 ** float(np.ceil(np.log2(scale))) if scale else 1.0
         self.known: dict[object, int] = {}
+        self.angles: dict[tuple[tuple[int, float], ...], int] = {}
+        self.of_step: dict[int, int] = {}
         tree.nodes.append(Node(0, np.zeros(3), (), -1, np.array([0.0, 0.0, 1.0]), 0, 0.0))
 
-    def ball(self, chain: Chain) -> tuple[int, Array]:
-        """Return the node that a chain's end is fixed to, and its place there; parts along an axis move behind it."""
-        offsets, slides = chain.pushed_behind()
-        offsets = np.round(offsets / self.quantum) * self.quantum
-        slides = np.where(np.abs(slides) > REDUCTION, slides, 0.0)
-        node = 0
-        for index, axis in enumerate(chain.axes):
-            row = chain.coefficients[index]
-            angle = tuple(np.where(np.abs(row) > REDUCTION, row, 0.0).tolist())
-            if not any(angle):
-                angle = tuple(row.tolist())
-            node = self._node(node, offsets[index], slides[index], axis, angle)
-        if np.any(slides[-1]):
-            node = self._node(node, np.zeros(3), slides[-1], np.array([0.0, 0.0, 1.0]), None)
-        return node, offsets[-1]
+    def ball(self, spot: Spot) -> tuple[int, Array]:
+        """Return the node that a point is fixed to, and its place there."""
+        steps, step = list[Step](), spot.step
+        while step is not None and id(step) not in self.of_step:
+            steps.append(step)
+            step = step.above
+        node = 0 if step is None else self.of_step[id(step)]
+        for step in reversed(steps):
+            node = self.of_step[id(step)] = self._node(node, step.offset, step.slides, step.axis, step.terms)
+        if spot.slides:
+            node = self._node(node, np.zeros(3), spot.slides, np.array([0.0, 0.0, 1.0]), None)
+        return node, spot.place
 
-    def _node(self, above: int, step: Array, slide: Array, axis: Array, angle: tuple[float, ...] | None) -> int:
+    def _node(
+        self,
+        above: int,
+        step: Array,
+        slides: Mapping[int, Array],
+        axis: Array,
+        terms: tuple[tuple[int, float], ...] | None,
+    ) -> int:
         tree = self.tree
-        ways = tuple((int(j), tuple(slide[:, j].tolist())) for j in np.flatnonzero(np.any(slide, axis=0)))
+        ways = tuple((j, tuple(way.tolist())) for j, way in sorted(slides.items()))
         rounded = np.round(axis)
         unit = rounded if np.abs(axis - rounded).max() <= REDUCTION else axis
-        key = (above, tuple(step.tolist()), ways, angle, tuple(np.round(unit / KERNEL_CONSTANT).tolist()))
+        key = (above, tuple(step.tolist()), ways, terms, tuple(np.round(unit / KERNEL_CONSTANT).tolist()))
         if key not in self.known:
-            turn = -1
-            if angle is not None:
-                if angle not in tree.angles:
-                    tree.angles.append(angle)
-                turn = tree.angles.index(angle)
+            turn = -1 if terms is None else self._angle(terms)
             before = tree.nodes[above]
             self.known[key] = len(tree.nodes)
             reach = before.reach + float(np.linalg.norm(step))
             tree.nodes.append(Node(above, step, ways, turn, unit, before.depth + (turn >= 0), reach))
         return self.known[key]
+
+    def _angle(self, terms: tuple[tuple[int, float], ...]) -> int:
+        """Return the number of an angle."""
+        if terms not in self.angles:
+            self.angles[terms] = len(self.tree.angles)
+            row = [0.0] * self.tree.n
+            for j, c in terms:
+                row[j] = c
+            self.tree.angles.append(tuple(row))
+        return self.angles[terms]

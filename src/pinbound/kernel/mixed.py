@@ -58,7 +58,7 @@ def _straight(
     """Return the kernel of pairs of closed form; many points run by tables, all others as one program."""
     plain = np.array([pair.path.is_plain for pair in pairs], dtype=np.bool_)
     marks = common() if np.count_nonzero(plain) >= MANY_POINTS else None
-    if marks is None or longest(mark.chains[0] for mark in marks.values()) > LONGEST_SINGLE:
+    if marks is None or longest(mark.spot for mark in marks.values() if mark.spot) > LONGEST_SINGLE:
         return Kernel(pairs, n, reference, common)
     kinds = [(kind, np.flatnonzero(which)) for kind, which in ((BallKernel, plain), (Kernel, ~plain)) if np.any(which)]
     parts = [(kind([pairs[k] for k in places.tolist()], n, reference, common), places) for kind, places in kinds]

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -31,6 +32,7 @@ from pinbound.kernel.scalars import Graph, Vector
 from pinbound.path.chain import Chain
 from pinbound.path.kind import Case
 from pinbound.path.relative import RelativePath
+from pinbound.path.shared import Spot
 from pinbound.tolerances import KERNEL_CONSTANT, REDUCTION
 from pinbound.typing import Array
 
@@ -64,13 +66,23 @@ class CommonMark:
     """A mark in the common frame.
 
     Attributes:
-        chains: Its point, and the ends of its edge vectors; of a line or plane, its point, and its unit direction or
-            normal as a chain of rotations alone: the difference of two points far away would round it by how far.
+        make: Makes its `chains`.
         flat: Whether it is a line or a plane.
+        spot: Where it is, if it is a point.
     """
 
-    chains: tuple[Chain, ...]
+    make: Callable[[], tuple[Chain, ...]]
     flat: Literal["line", "plane"] | None = None
+    spot: Spot | None = None
+
+    @cached_property
+    def chains(self) -> tuple[Chain, ...]:
+        """Its point, and the ends of its edge vectors; of a line or plane, its point, and its unit direction or normal.
+
+        The latter is a chain of rotations alone: the difference of two points far away would round it by their
+        distance.
+        """
+        return self.make()
 
 
 @dataclass(frozen=True)

@@ -86,6 +86,11 @@ class Tree:
         return tuple(joint for _, joint, _ in self.walk() if joint is not None and joint.moves)
 
     @cached_property
+    def has_free_bodies(self) -> bool:
+        """Whether there is a joint of several coordinates: floating or planar."""
+        return any(joint.type in _FREEDOMS for joint in self.kinematics.joints)
+
+    @cached_property
     def helpers(self) -> frozenset[str]:
         """Links that only carry a second joint at one place.
 

@@ -157,7 +157,7 @@ class RelativePath(Value):
     @property
     def is_expression(self) -> bool:
         """Whether the separation is a closed form over t in [0, 1]: that of boxes, prisms and hulls is searched for."""
-        return self.form is not Form.SEARCHED and self.difference.is_zonotope
+        return self.is_plain or (self.form is not Form.SEARCHED and self.difference.is_zonotope)
 
 
 def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:
@@ -175,6 +175,12 @@ def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativeP
     Raises:
         UnsupportedError: If a floating or planar joint lies between the two links.
     """
+    if a.shape.is_point and b.shape.is_point and not tree.has_free_bodies:
+        return _TracedLater.between(tree, coupling, a, b)
+    return _traced(tree, coupling, a, b)
+
+
+def _traced(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:
     ancestor = tree.common_ancestor(a.link, b.link)
     down = {mark.link: tree.descent(ancestor, mark.link) for mark in (a, b)}
     first = b if b.shape.is_unbounded else a
@@ -193,6 +199,47 @@ def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativeP
         measure=first.shape.measure,
         first_is_b=first is b,
     )
+
+
+class _TracedLater(RelativePath):
+    """The path between two points, each part of it traced when it is first asked for.
+
+    A robot of 1,000 links and 5,000 boundaries loads without any; a chain of n coordinates is an array of n^2 numbers.
+    """
+
+    @classmethod
+    def between(cls, tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:
+        """Return the path; no joint of several coordinates is in the tree."""
+        path = object.__new__(cls)
+        path.__dict__.update(_source=(tree, coupling, a, b), projection=None, normal=None, measure=Measure.DISTANCE)
+        path.__dict__.update(first_is_b=False, case=Case.POINTS)
+        return path
+
+    def __getattr__(self, name: str) -> Any:
+        """Trace a part that is not there yet, and keep it."""
+        if "_source" not in self.__dict__ or name not in _PARTS:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        tree, coupling, a, b = self.__dict__["_source"]
+        if name == "difference":
+            found: Any = minimal_chain(tree, coupling, a, b)
+        else:
+            ancestor = tree.common_ancestor(a.link, b.link)
+            if name == "ancestor":
+                found = ancestor
+            elif name == "kind":
+                found = _kind(tree, ancestor, a.link, b.link)
+            elif name == "frame":
+                moves = [_moves(tree.descent(ancestor, mark.link)) for mark in (a, b)]
+                found = _best_frame(self.minimal, last_is_ancestor=moves[0] and not moves[1])
+            else:
+                mark = a if name == "branch_a" else b
+                joints = tree.descent(ancestor, mark.link)
+                found = _branch(coupling, joints, _placed(mark, a, b), reach=mark.shape.reach)
+        self.__dict__[name] = found
+        return found
+
+
+_PARTS = ("kind", "ancestor", "branch_a", "branch_b", "difference", "frame")
 
 
 def minimal_chain(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> HullChain:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -29,10 +29,11 @@ from pinbound.model.coupling import Coupling, GuardedLimit, LinearLimit, couple,
 from pinbound.model.document import Document, read_document
 from pinbound.model.kinematics import Kinematics
 from pinbound.model.normalise import normalise
-from pinbound.model.pinocchio_model import compare_with_pinocchio
+from pinbound.model.pinocchio_model import compare_with_pinocchio, placements
 from pinbound.model.tree import Tree
 from pinbound.model.urdf import Mimic, read_kinematics
 from pinbound.path.relative import absolute_chain, direction_chain, relative_path
+from pinbound.path.shared import link_spots, moved
 from pinbound.robot.axes import joint_home, new_coordinates
 from pinbound.robot.home import feasible_start
 from pinbound.robot.loop_loading import home_of_loops, marked_home, opened_loops
@@ -40,7 +41,7 @@ from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.presets import FAMILY, PREFIX, find_model
 from pinbound.robot.robot import Robot
 from pinbound.robot.rules import rule_limits
-from pinbound.tolerances import CONTACT, HOME, LONGEST, NEAR_STOP
+from pinbound.tolerances import CONTACT, HOME, LONGEST, NEAR_STOP, PLACED
 from pinbound.typing import Array
 
 if TYPE_CHECKING:
@@ -337,6 +338,7 @@ def _boundaries(
     """Return the boundaries and what is to be said of their stops; those that are in contact at home are faults."""
     boundaries: list[Boundary] = []
     notes: list[str] = []
+    is_apart = _apart_at_home(tree, coupling, home)
     for mark in marks.boundaries:
         a, b = marks.marks[mark.a], marks.marks[mark.b]
         source = marks.sources.get(f"boundary {mark.name}")
@@ -369,13 +371,31 @@ def _boundaries(
             problems.add(f"boundary {mark.name!r} is declared as a stop, but {fault[0]}", fault[1], mark.line, source)
             continue
         notes += _stop_notes(boundary)
-        refusal = boundary.rule.refusal_at_home()
+        refusal = None if is_apart(boundary) else boundary.rule.refusal_at_home()
         if refusal is not None:
             message = f"home is outside the feasible region: {mark.name!r} {refusal}"
             remedy = "Choose a free home, or mend the points and distances of this boundary"
             place = (marks.home_line, marks.sources.get("home")) if marks.home else (mark.line, source)
             problems.add(message, remedy, *place)
     return boundaries, notes
+
+
+def _apart_at_home(tree: Tree, coupling: Coupling, home: Array) -> Callable[[Boundary], bool]:
+    """Return a function that says whether two points are apart at home for sure, without their relative path."""
+    theta = coupling.expand(home)
+    names, places = placements(tree, dict(zip(coupling.joints, theta.tolist(), strict=True)))
+    of_link = dict(zip(names, places, strict=True))
+    slack = PLACED * (sum(float(np.linalg.norm(j.translation)) for j in tree.kinematics.joints) + np.abs(theta).sum())
+
+    def is_apart(boundary: Boundary) -> bool:
+        a, b = boundary.point_a, boundary.point_b
+        if not (a.shape.is_point and b.shape.is_point) or boundary.rule.is_stop:
+            return False
+        x, y = (of_link[m.link][:, :3] @ m.shape.origin + of_link[m.link][:, 3] for m in (a, b))
+        more = slack + PLACED * (a.shape.reach + b.shape.reach)
+        return bool(float(np.linalg.norm(x - y)) > boundary.rule.distance + more)
+
+    return is_apart
 
 
 def _stop_notes(boundary: Boundary) -> list[str]:
@@ -393,13 +413,18 @@ def _common_marks(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]
     """Return every mark's chains in the root's frame; of lines and planes a point and the unit direction."""
     from pinbound.kernel import CommonMark
 
+    marks = {mark.name: mark for boundary in boundaries for mark in (boundary.point_a, boundary.point_b)}
+    links = link_spots(tree, coupling, {mark.link: None for mark in marks.values()})
+
     def placed(mark: Mark) -> CommonMark:
         shape = mark.shape
         if shape.normal is not None:
-            point = absolute_chain(tree, coupling, mark.link, shape.origin.tolist())
-            unit = direction_chain(tree, coupling, mark.link, shape.normal.tolist())
-            return CommonMark((point, unit), "plane" if shape.measure is Measure.HEIGHT else "line")
-        return CommonMark(tuple(absolute_chain(tree, coupling, mark.link, xyz) for xyz in shape.anchors.tolist()))
+            point = partial(absolute_chain, tree, coupling, mark.link, shape.origin.tolist())
+            unit = partial(direction_chain, tree, coupling, mark.link, shape.normal.tolist())
+            return CommonMark(lambda: (point(), unit()), "plane" if shape.measure is Measure.HEIGHT else "line")
+        return CommonMark(
+            lambda: tuple(absolute_chain(tree, coupling, mark.link, xyz) for xyz in shape.anchors.tolist()),
+            spot=moved(links[mark.link], shape.origin) if shape.is_point else None,
+        )
 
-    marks = {mark.name: mark for boundary in boundaries for mark in (boundary.point_a, boundary.point_b)}
     return {name: placed(mark) for name, mark in marks.items()}
