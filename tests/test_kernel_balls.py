@@ -105,7 +105,10 @@ def test_all_answers_equal_the_reference(robot: pb.Robot, backend: Any) -> None:
     assert np.array_equal(B.free(Q, backend=backend, limits=False), expected.min(axis=1) > 0.0)
     few = Q[:40]
     slopes = np.stack([boundary.gradient(few) for boundary in B], axis=1)
-    assert np.allclose(B.gradients(few), slopes, rtol=1e-11, atol=1e-13)
+    assert np.allclose(B.gradients(few, backend=backend), slopes, rtol=1e-11, atol=1e-13)
+    single = B.gradients(few, backend=backend, dtype=np.float32)
+    assert single.dtype == np.float32
+    assert np.allclose(single, slopes, rtol=1e-5, atol=3e-6)
     assert np.allclose([B.clearances(q) for q in few], expected[:40], rtol=0, atol=4e-15)
     assert [B.free(q, limits=False) for q in few] == (expected[:40].min(axis=1) > 0.0).tolist()
     assert np.allclose(B.clearances(few, backend=backend, dtype=np.float32), expected[:40], atol=3e-6)

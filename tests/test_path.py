@@ -7,7 +7,7 @@ import pytest
 
 import pinbound as pb
 from pinbound.path.chain import Chain
-from pinbound.path.relative import _coordinates_between
+from pinbound.path.frames import _coordinates_between
 from robots import joint, robot_xml
 
 Load = Callable[..., pb.Robot]

@@ -390,7 +390,7 @@ class Boundary(Value):
         if self.is_stop or outwards.is_closed(self.path, index):
             arcs = self.rule.arcs(index, coordinate, Q)
             found = arcs.around(value)
-            for row in np.flatnonzero(np.isnan(found[:, 0])):
+            for row in np.flatnonzero(np.isnan(found[:, 0]) & clear):  # of the others nothing is said below
                 found[row] = _around(arcs[int(row)], float(value[row]))
         elif low < high:
             found = outwards.arounds(self.path, index, coordinate, Q, self.rule.distance, within)

@@ -1,7 +1,7 @@
 """The kernel of many spheres on few links: machine code that reads tables, pruned by clusters, and NumPy without it.
 
-Norms, clearances, the smallest one and `free` run over the tree of `balls`; gradients, and float32 on request, run as
-the program of `engine` does. `free` looks at all rows in float32 first. Its error is bounded, so that most rows are
+Norms, clearances, gradients, the smallest one and `free` run over the tree of `balls`. What is asked for in float32 is
+float64's, rounded. `free` looks at all rows in float32 first. Its error is bounded, so that most rows are
 decided; the others are asked again in float64, and the answer is always float64's.
 """
 
@@ -28,20 +28,23 @@ from pinbound.typing import Flags
 
 __all__ = ["BallKernel", "longest"]
 
-_TABLES = {"norms": "all", "clearances": "all", "smallest": "least", "least": "least"}
+_TABLES = {"norms": "all", "clearances": "all", "gradients": "slopes", "smallest": "least", "least": "least"}
 """The text that gives an answer."""
 
-_LARGEST_ANGLE = {"free": 1e3, "least": 1e5, "all": 1e5}
+_LARGEST_ANGLE = {"free": 1e3, "least": 1e5, "all": 1e5, "slopes": 1e5}
 """rad: rows with an angle beyond are taken from float64, and from the reference."""
 
-_LARGEST_SLIDE = {"free": 4.0, "least": 1e3, "all": 1e3}
+_LARGEST_SLIDE = {"free": 4.0, "least": 1e3, "all": 1e3, "slopes": 1e3}
 """m: the same for prismatic joints; the errors' bounds grow with it."""
 
 _COMPILATION = 0.6
 """Seconds to compile any of the texts: LLVM alone, without Numba."""
 
-_PAIR, _BALL, _NODE = 12.0, 30.0, 120.0
-"""Counted operations of one of each, in NumPy."""
+_PAIR, _BALL, _NODE, _SLOPE = 12.0, 30.0, 120.0, 12.0
+"""Counted operations of one of each, in NumPy; the last of a coordinate of a pair's or a ball's slope."""
+
+_BLOCK = 1 << 16
+"""Numbers of float64 at a time that are rounded to float32."""
 
 _LEAST_ROWS = 8192
 """Rows of one thread at least."""
@@ -105,19 +108,20 @@ class BallKernel(Kernel):
         most = np.full(self.n, _LARGEST_ANGLE[mode] / turns)
         return np.where(self._rates > 0.0, np.minimum(most, _LARGEST_SLIDE[mode]), most)
 
+    @cached_property
+    def _length(self) -> float:
+        return self.tree.scale
+
     def _regular(self, kind: np.dtype[Any]) -> Array:
-        found = super()._regular(kind)
-        return np.minimum(found, self._most("least")[self._used]) if kind == np.float64 else found
+        return np.minimum(super()._regular(kind), self._most("least")[self._used])
 
     def _call(self, mode: str, rows: int) -> Work:
-        if mode not in (*_TABLES, "free"):
-            return super()._call(mode, rows)
         cost = _PAIR * len(self.pairs) + _BALL * len(self.tree.balls) + _NODE * len(self.tree.nodes)
+        if mode == "gradients":
+            cost += _SLOPE * self.n * (len(self.pairs) + len(self.tree.balls))
         return Work(rows, cost, 10 * len(self.tree.nodes), _COMPILATION)
 
     def _source(self, mode: str, is_single: bool) -> KernelSource:
-        if is_single or mode not in (*_TABLES, "free"):
-            return super()._source(mode, is_single)
         return balls_source(_TABLES.get(mode, mode))
 
     def _table(self, mode: str) -> BallTables:
@@ -126,8 +130,6 @@ class BallKernel(Kernel):
         return self._tables[mode]
 
     def _machine_code(self, mode: str, is_single: bool) -> Any:
-        if is_single or mode not in _TABLES:
-            return super()._machine_code(mode, is_single)
         key = (mode, is_single)
         if key not in self._compiled:
             balls_code(_TABLES[mode])
@@ -137,13 +139,23 @@ class BallKernel(Kernel):
             def run(Q: Array, out: Array, index: Array) -> int:
                 return table.run(Q, out, index, less=less, with_index=mode == "smallest")
 
-            self._compiled[key] = cast(Any, run)
+            def rounded(Q: Array, out: Array, index: Array) -> int:
+                irregular, step = 0, max(8, _BLOCK // max(1, out.shape[1]) // 8 * 8)
+                for start in range(0, len(Q), step):
+                    rows = slice(start, start + step)
+                    found = np.empty(out[rows].shape, order="F" if _TABLES[mode] == "all" else "C")
+                    irregular += run(Q[rows].astype(np.float64), found, index[rows])
+                    out[rows] = found
+                return irregular
+
+            self._compiled[key] = cast(Any, rounded if is_single else run)
         return self._compiled[key]
 
     def _in_numpy(self, Q: Array, mode: str, out: Array, index: Array, lo: int, hi: int) -> int:
-        if mode == "gradients":
-            return super()._in_numpy(Q, mode, out, index, lo, hi)
         part, target = Q[lo:hi], out[lo:hi]
+        if mode == "gradients":
+            self.tree.slopes(part, target)
+            return int(np.count_nonzero(~(np.abs(part[:, self._used]) <= self._near)))
         less = np.zeros(len(self.pairs)) if mode == "norms" else self.thresholds
         if mode in ("norms", "clearances"):
             self.tree.clearances(part, target, less)

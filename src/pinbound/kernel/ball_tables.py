@@ -94,7 +94,7 @@ class BallTables:
     """What the machine code of a mode reads of a tree.
 
     Attributes:
-        mode: ``"free"``, ``"least"`` or ``"all"``, as for `ball_source`.
+        mode: ``"free"``, ``"least"``, ``"all"`` or ``"slopes"``, as for `ball_source`.
         numbers: Head, tables and room to work in.
         lower: Where the lower ends of the coordinates stand.
         upper: Where the upper ends stand.
@@ -173,7 +173,7 @@ class BallTables:
 def _written(tree: BallTree, mode: str, most: Array, sure: float) -> tuple[Array, dict[str, int]]:
     lanes, writer = _lanes(mode), _Writer()
     placed = writer.singles if mode == "free" else writer.doubles  # nodes
-    looked = writer.doubles if mode == "all" else writer.singles  # balls
+    looked = writer.doubles if mode in ("all", "slopes") else writer.singles  # balls
     reach = reach_of(tree, most)
     error = 2.0 * single_error(tree, most) + sure
     head: dict[str, int] = dict.fromkeys(HEAD, 0)
@@ -207,9 +207,11 @@ def _written(tree: BallTree, mode: str, most: Array, sure: float) -> tuple[Array
     spot = {ball: first + 4 * lanes * place for place, ball in enumerate(order)}
     head["body_count"], head["pair_count"] = len(bodies), len(tree.ends)
     head["bounds"] = writer.doubles([sure**2])
-    if mode == "all":
+    if mode in ("all", "slopes"):
         head["pairs"] = writer.ints([[spot[a], spot[b]] for a, b in tree.ends.tolist()])
         head["less"] = writer.doubles(tree.thresholds)
+        if mode == "slopes":
+            _walks(writer, tree, head)
     else:
         _groups(writer, tree, mode, (bodies, clusters, spot), (error, 4 * lanes), head)
         head["slack"] = writer.singles([_up(_SQUARES * _SINGLE * reach**2)])
@@ -220,6 +222,18 @@ def _written(tree: BallTree, mode: str, most: Array, sure: float) -> tuple[Array
     numbers = np.concatenate(writer.parts)
     numbers[: len(HEAD)].view(np.int32)[: len(HEAD)] = [head[name] for name in HEAD]
     return numbers, head
+
+
+def _walks(writer: _Writer, tree: BallTree, head: dict[str, int]) -> None:
+    """Write for each pair the nodes above its first ball alone, then those above its second one alone."""
+    walks, ends = list[int](), [0]
+    for a, b in tree.ends.tolist():
+        for alone in tree.apart(tree.balls[a][0], tree.balls[b][0]):
+            walks += alone
+            ends.append(len(walks))
+    head["walks"] = writer.ints([*(len(ends) + end for end in ends), *walks])
+    head["turned"] = writer.doubles(np.zeros(24 * len(tree.nodes)))
+    head["slopes"] = writer.doubles(np.zeros(8 * tree.n))
 
 
 def _up(value: Any) -> float:

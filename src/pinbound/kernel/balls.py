@@ -26,6 +26,9 @@ __all__ = ["BallTree", "Cluster", "Node", "PairOfClusters", "tree_of"]
 _CLUSTER = 8
 """Balls of a cluster at most: its own test costs as much as one pair."""
 
+_PAIRS = 256
+"""Pairs at a time, whose gradients NumPy takes together."""
+
 _NUMPY_BYTES = 1 << 20
 """Of one block of rows in NumPy: what fits L2."""
 
@@ -168,6 +171,55 @@ class BallTree:
             for (first, last), pairs in groups.items()
         ]
 
+    def apart(self, a: int, b: int) -> tuple[list[int], list[int]]:
+        """Return the nodes at and above a that are not above b, the last first, and those of b; without the root."""
+        alone: tuple[list[int], list[int]] = [], []
+        while a != b:  # a node stands behind the one that it stands on
+            if a > b:
+                alone[0].append(a)
+                a = self.nodes[a].above
+            else:
+                alone[1].append(b)
+                b = self.nodes[b].above
+        return alone
+
+    def slopes(self, Q: Array, out: Any) -> None:
+        """Fill `out` (N, m n) with the gradients of all norms, in NumPy; NaN where a norm is zero."""
+        m, n = len(self.ends), self.n
+        block = max(1, _NUMPY_BYTES // (8 * (12 * len(self.nodes) + 3 * n * len(self.balls))))
+        with np.errstate(all="ignore"):
+            for start in range(0, len(Q), block):
+                rows = slice(start, min(start + block, len(Q)))
+                x, moved = self._moved(Q[rows])
+                for first in range(0, m, _PAIRS):
+                    a, b = self.ends[first : first + _PAIRS].T
+                    r = x[a] - x[b]
+                    unit = r / np.sqrt(np.einsum("kin,kin->kn", r, r))[:, None]
+                    slopes = np.einsum("kin,kijn->nkj", unit, moved[a] - moved[b])
+                    out[rows, n * first : n * (first + len(a))] = slopes.reshape(len(slopes), -1)
+
+    def _moved(self, Q: Array) -> tuple[Array, Array]:
+        """Return the places (k, 3, N) of all balls, and how each coordinate moves them (k, 3, n, N)."""
+        W, P = self._frames(Q)
+        x = self._on(W, P, self.balls)
+        moved = np.zeros((len(self.balls), 3, self.n, len(Q)))
+        of_node: dict[int, list[int]] = {}
+        for ball, (node, _) in enumerate(self.balls):
+            of_node.setdefault(node, []).append(ball)
+        for host, mine in of_node.items():
+            number = host
+            while number:
+                node = self.nodes[number]
+                if node.angle >= 0:
+                    axis = np.einsum("ijn,j->in", W[number], node.axis)
+                    way = np.cross(axis[None], x[mine] - P[number], axis=1)
+                    for j in np.flatnonzero(self.angles[node.angle]).tolist():
+                        moved[mine, :, j] += self.angles[node.angle][j] * way
+                for j, along in node.slides:
+                    moved[mine, :, j] += np.einsum("ijn,j->in", W[node.above], np.array(along))
+                number = node.above
+        return x, moved
+
     def clearances(self, Q: Array, out: Any, thresholds: Array) -> None:
         """Fill `out` (N, m) with all norms less thresholds, in NumPy."""
 
@@ -192,7 +244,10 @@ class BallTree:
 
     def places(self, Q: Array, points: Sequence[tuple[int, Array]] | None = None) -> Array:
         """Return places (k, 3, N) for Q (N, n), in the root's frame, of all balls, or of points on nodes."""
-        points = self.balls if points is None else points
+        return self._on(*self._frames(Q), self.balls if points is None else points)
+
+    def _frames(self, Q: Array) -> tuple[Array, Array]:
+        """Return the rotations (k, 3, 3, N) and places (k, 3, N) of all nodes."""
         count = len(Q)
         W, P = np.empty((len(self.nodes), 3, 3, count)), np.empty((len(self.nodes), 3, count))
         turned = [(np.cos(x), np.sin(x)) for x in (Q @ np.array(c) for c in self.angles)]
@@ -214,7 +269,12 @@ class BallTree:
             along = np.outer(u, u)[:, :, None]
             turn = along + (np.eye(3)[:, :, None] - along) * cos + cross[:, :, None] * sin
             W[number] = np.einsum("ijn,jkn->ikn", up, turn)
-        x, of_node = np.empty((len(points), 3, count)), dict[int, list[int]]()
+        return W, P
+
+    @staticmethod
+    def _on(W: Array, P: Array, points: Sequence[tuple[int, Array]]) -> Array:
+        """Return places (k, 3, N) of points on nodes."""
+        x, of_node = np.empty((len(points), 3, W.shape[3])), dict[int, list[int]]()
         for number, (node, _) in enumerate(points):
             of_node.setdefault(node, []).append(number)
         for node, mine in of_node.items():

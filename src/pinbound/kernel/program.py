@@ -10,9 +10,7 @@ one angle, which leaves `x = p_x + |s| cos, y = p_y + |s| sin`. A spatial chain 
 `W_i = R_1 ... R_i` shared between points of one link and between links; then r = x_a - x_b. It wins for many
 spheres on few links.
 
-cos and sin are leaves once per distinct angle. An angle that is the sum or difference of two (or three) angles already
-there is taken by angle addition (4 operations a pair), provided that they hold no coordinate that it does not: a NaN in
-a coordinate must stay with the boundaries that depend on it. `docs/kernel.md` has the counts and the error bounds.
+cos and sin come from `angles`. `docs/kernel.md` has the counts and the error bounds.
 
 A segment brings one vector more, its direction, and r is then the shortest of a family (`nearest`); a line leaves the
 part of r across it, a plane the height along its normal.
@@ -27,6 +25,7 @@ from typing import Literal
 
 import numpy as np
 
+from pinbound.kernel.angles import Angle, Angles
 from pinbound.kernel.nearest import cross, lowest, nearest
 from pinbound.kernel.scalars import Graph, Vector
 from pinbound.path.chain import Chain
@@ -37,8 +36,6 @@ from pinbound.tolerances import KERNEL_CONSTANT, REDUCTION
 from pinbound.typing import Array
 
 __all__ = ["CommonMark", "Pair", "Program", "Reference", "compile_program"]
-
-Angle = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -162,7 +159,7 @@ def compile_program(pairs: Sequence[Pair], n: int, common: Mapping[str, CommonMa
 
 def _local_program(pairs: Sequence[Pair], n: int) -> Program:
     graph = Graph()
-    angles = _Angles(graph, [angle for pair in pairs for angle in _local_angles(pair)])
+    angles = Angles(graph, [angle for pair in pairs for angle in _local_angles(pair)])
     vectors = [_local_vector(angles, pair.path) for pair in pairs]
     scale = max((pair.minimal.scale for pair in pairs), default=0.0)
     return _finish(graph, vectors, pairs, n, False, scale)
@@ -174,68 +171,6 @@ def _finish(
     signed = tuple(pair.path.is_signed for pair in pairs)
     squares = tuple(r[0] if height else graph.dot(r, r) for r, height in zip(vectors, signed, strict=True))
     return Program(graph, tuple(vectors), squares, signed, tuple(p.threshold for p in pairs), n, is_common, scale)
-
-
-class _Angles:
-    """cos and sin of every angle of the set: primary ones as leaves, the others by angle addition."""
-
-    def __init__(self, graph: Graph, wanted: Sequence[Angle]) -> None:
-        self.graph = graph
-        self.known: dict[Angle, tuple[int, int]] = {}
-        distinct = sorted({_canonical(angle)[0] for angle in wanted if any(angle)}, key=_simplicity)
-        for angle in distinct:
-            self.known.setdefault(angle, self._sum(angle) or graph.angle(angle))
-
-    def of(self, angle: Angle) -> tuple[int, int]:
-        """Return cos and sin of any wanted angle, or of its negative."""
-        if not any(angle):
-            return self.graph.constant(1.0), self.graph.constant(0.0)
-        canonical, sign = _canonical(angle)
-        cos, sin = self.known[canonical]
-        return cos, self.graph.mul(self.graph.constant(sign), sin)
-
-    def _sum(self, angle: Angle) -> tuple[int, int] | None:
-        """Return cos and sin by the addition of two, else three, known angles; None if no sum fits."""
-        usable = [known for known in self.known if all(a or not k for a, k in zip(angle, known, strict=True))]
-        first = [(part, sign, _step(angle, part, sign)) for part in usable for sign in (1.0, -1.0)]
-        for part, sign, rest in first:
-            if (last := self._with_sign(rest, usable)) is not None:
-                return self._compose(((part, sign), last))
-        for part, sign, rest in first:
-            for other in usable:
-                for turn in (1.0, -1.0):
-                    if (last := self._with_sign(_step(rest, other, turn), usable)) is not None:
-                        return self._compose(((part, sign), (other, turn), last))
-        return None
-
-    def _with_sign(self, angle: Angle, usable: Sequence[Angle]) -> tuple[Angle, float] | None:
-        if not any(angle):
-            return None
-        canonical, sign = _canonical(angle)
-        return (canonical, sign) if canonical in usable else None
-
-    def _compose(self, parts: Sequence[tuple[Angle, float]]) -> tuple[int, int]:
-        g = self.graph
-        cos, sin = g.constant(1.0), g.constant(0.0)
-        for part, sign in parts:
-            c, s = self.known[part]
-            minus, plus = (g.sub, g.add) if sign > 0 else (g.add, g.sub)
-            cos, sin = minus(g.mul(cos, c), g.mul(sin, s)), plus(g.mul(sin, c), g.mul(cos, s))
-        return cos, sin
-
-
-def _step(angle: Angle, part: Angle, sign: float) -> Angle:
-    return tuple(a - sign * p for a, p in zip(angle, part, strict=True))
-
-
-def _canonical(angle: Angle) -> tuple[Angle, float]:
-    """Return the angle with its first coefficient positive, and the sign that was taken out."""
-    sign = 1.0 if next(c for c in angle if c) > 0 else -1.0
-    return tuple(sign * c + 0.0 for c in angle), sign
-
-
-def _simplicity(angle: Angle) -> tuple[int, float, Angle]:
-    return sum(c != 0.0 for c in angle), sum(map(abs, angle)), angle
 
 
 def _key(coefficients: Array) -> Angle:
@@ -256,7 +191,7 @@ def _planar_angles(chain: Chain, frame: int) -> list[Angle]:
     return [_key(row) for row in angles - angles[frame]]
 
 
-def _local_vector(angles: _Angles, path: RelativePath) -> Vector:
+def _local_vector(angles: Angles, path: RelativePath) -> Vector:
     """Return r, or what counts of it, in the frame at position f; of a signed path the height, first of three."""
     g, f, chain = angles.graph, path.frame, path.minimal
     chains = [chain, *path.difference.turned]
@@ -290,7 +225,7 @@ _COUNTED: Mapping[Case, Callable[[Graph, Vector, Sequence[Vector]], Vector]] = {
 }
 
 
-def _planar(angles: _Angles, chain: Chain, frame: int, basis: Array) -> Vector:
+def _planar(angles: Angles, chain: Chain, frame: int, basis: Array) -> Vector:
     g, terms = angles.graph, _planar_angles(chain, frame)
     x = y = z = g.constant(0.0)
     for offset, slide, angle in zip(chain.offsets, chain.slides, terms, strict=True):
@@ -324,7 +259,7 @@ def _constant_vector(g: Graph, offset: Array, slide: Array) -> Vector:
     return x, y, z
 
 
-def _spatial(angles: _Angles, chain: Chain, frame: int) -> Vector:
+def _spatial(angles: Angles, chain: Chain, frame: int) -> Vector:
     """Return `b_f + R_{f+1}(b_{f+1} + ...) + R_f^-1(b_{f-1} + R_{f-1}^-1(...))`."""
     right = _end(angles, chain, range(chain.rotations, frame, -1), 1.0)
     left = _end(angles, chain, range(1, frame + 1), -1.0)
@@ -334,7 +269,7 @@ def _spatial(angles: _Angles, chain: Chain, frame: int) -> Vector:
     return x, y, z
 
 
-def _end(angles: _Angles, chain: Chain, rotations: range, sign: float) -> Vector:
+def _end(angles: Angles, chain: Chain, rotations: range, sign: float) -> Vector:
     """Return one end of a chain, rotated inwards; the vector is carried in the basis of the last axis."""
     g = angles.graph
     zero = g.constant(0.0)
@@ -390,7 +325,7 @@ def _common_program(pairs: Sequence[Pair], n: int, common: Mapping[str, CommonMa
     graph = Graph()
     marks = {name: common[name] for pair in pairs for name in pair.marks}
     chains = [chain for mark in marks.values() for chain in mark.chains]
-    angles = _Angles(graph, [_key(c) for chain in chains for c in chain.coefficients])
+    angles = Angles(graph, [_key(c) for chain in chains for c in chain.coefficients])
     scale = max(chain.scale for chain in chains)
     placed = {
         name: [
@@ -429,7 +364,7 @@ def _less(g: Graph, a: Vector, b: Vector) -> Vector:
     return g.sub(a[0], b[0]), g.sub(a[1], b[1]), g.sub(a[2], b[2])
 
 
-def _position(angles: _Angles, chain: Chain, scale: float) -> Vector:
+def _position(angles: Angles, chain: Chain, scale: float) -> Vector:
     """Return `b_0 + W_1 b_1 + ...` of a point, its offsets pushed to the tail so that the heads are shared."""
     g = angles.graph
     offsets, slides = chain.pushed_behind()

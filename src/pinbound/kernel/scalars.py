@@ -67,6 +67,7 @@ class Graph:
     nodes: list[Node] = field(default_factory=list[Node])
     angles: list[tuple[float, ...]] = field(default_factory=list[tuple[float, ...]])
     _known: dict[Node, int] = field(default_factory=dict[Node, int])
+    _of_angle: dict[tuple[float, ...], int] = field(default_factory=dict[tuple[float, ...], int])
     _derivatives: dict[tuple[int, int], int] = field(default_factory=dict[tuple[int, int], int])
 
     def _make(self, node: Node) -> int:
@@ -88,9 +89,9 @@ class Graph:
     def angle(self, coefficients: Sequence[float]) -> tuple[int, int]:
         """Return cos and sin, as leaves, of the angle `coefficients . q`."""
         key = tuple(map(float, coefficients))
-        if key not in self.angles:
+        index = self._of_angle.setdefault(key, len(self.angles))
+        if index == len(self.angles):
             self.angles.append(key)
-        index = self.angles.index(key)
         return self._make(Node("cos", (index,))), self._make(Node("sin", (index,)))
 
     def value_of(self, number: int) -> float | None:

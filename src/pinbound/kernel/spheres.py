@@ -16,6 +16,8 @@ _SHRINKS = 200
 
 def middle_of(points: Array) -> Array:
     """Return a point (3,) that is nearly the centre of the least ball around points (k, 3)."""
+    if len(points) == 1:
+        return points[0].copy()
     centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
     best, least = centre, math.inf
     for step in range(_SHRINKS):

@@ -23,6 +23,7 @@ HEAD: Final = (
     "node_count", "nodes", "steps", "slides", "ways", "state", "set_count", "sets", "locals", "spots", "stamps",
     "body_count", "group_count", "groups", "far", "pairs_far", "clusters", "rows", "entries", "squares", "less",
     "numbers", "pair_count", "pairs", "bounds", "spare", "with_index", "single_state", "slack", "hosts", "exact",
+    "turned", "walks", "slopes",
 )  # fmt: skip
 """Integers at the head, in this order; places are counted in numbers of their kind."""
 
@@ -279,6 +280,56 @@ if any(best <= w[bounds]) or any(not good):
 """
 
 
+_WORK_SLOPES = """\
+for chosen in range(body_count, set_count):
+    {spots}
+for i in range(1, node_count):
+    at, up, to = steps + 6 * i, state + 12 * L * i, turned + 3 * L * i
+    kept = k[nodes + NODE * i + 2]
+    for r in range(3):
+        from_ = up + 4 * L * r
+        if kept >= 0:
+            w[to + L * r] = wide(w, from_ + kept) * w[at + 3]
+        else:
+            ux, uy, uz = wide(w, from_), wide(w, from_ + L), wide(w, from_ + 2 * L)
+            w[to + L * r] = ux * w[at + 3] + uy * w[at + 4] + uz * w[at + 5]
+for p in range(pair_count):
+    a, b = k[pairs + 2 * p], k[pairs + 2 * p + 1]
+    {square}
+    d = 1.0 / sqrt(d)
+    x, y, z = dx * d, dy * d, dz * d
+    for j in range(n):
+        w[slopes + L * j] = d * 0.0
+    for side in range(2):
+        point, sign = (a if side == 0 else b), 1.0 - 2.0 * side
+        for e in range(k[walks + 2 * p + side], k[walks + 2 * p + side + 1]):
+            i = k[walks + e]
+            at, up, to = nodes + NODE * i, state + 12 * L * i, turned + 3 * L * i
+            if k[at + 1] >= 0:
+                ux, uy = wide(w, point) - wide(w, up + 3 * L), wide(w, point + L) - wide(w, up + 7 * L)
+                uz = wide(w, point + 2 * L) - wide(w, up + 11 * L)
+                vx, vy, vz = wide(w, to), wide(w, to + L), wide(w, to + 2 * L)
+                g = sign * (x * (vy * uz - vz * uy) + y * (vz * ux - vx * uz) + z * (vx * uy - vy * ux))
+                for j in range(k[angles + 2 * k[at + 1]], k[angles + 2 * k[at + 1] + 1]):
+                    c = slopes + L * k[slots + j]
+                    w[c] = wide(w, c) + w[factors + j] * g
+            up = state + 12 * L * k[at]
+            for j in range(k[at + 5], k[at + 6]):
+                ux, uy, uz = w[ways + 3 * j], w[ways + 3 * j + 1], w[ways + 3 * j + 2]
+                g = x * (wide(w, up) * ux + wide(w, up + L) * uy + wide(w, up + 2 * L) * uz)
+                g = g + y * (wide(w, up + 4 * L) * ux + wide(w, up + 5 * L) * uy + wide(w, up + 6 * L) * uz)
+                g = g + z * (wide(w, up + 8 * L) * ux + wide(w, up + 9 * L) * uy + wide(w, up + 10 * L) * uz)
+                c = slopes + L * k[slides + j]
+                w[c] = wide(w, c) + sign * g
+    for j in range(n):
+        for i in range(L):
+            out[(start + i) * row + (p * n + j) * column] = w[slopes + L * j + i]
+if any(not good):
+    irregular += 1
+"""
+"""`d|r| / dq_j = u . (W a x (x - P)) c_j` of each rotation above one ball and not above the other, and slides."""
+
+
 def _filled(text: str, **parts: tuple[int, str]) -> str:
     """Fill in the parts of a text, each indented by its depth."""
     return text.format(**{name: indent(part, "    " * depth).strip() for name, (depth, part) in parts.items()})
@@ -290,14 +341,16 @@ def ball_source(mode: str, lanes: int) -> KernelSource:
 
     Args:
         mode: ``"free"``: in float32 which rows are free, which may be, 32 bits each, to `index`, one number a block.
-            ``"least"``: the smallest clearance and its pair; ``"all"``: every clearance. Both in float64.
+            ``"least"``: the smallest clearance and its pair; ``"all"``: every clearance; ``"slopes"``: each gradient.
+            These in float64.
         lanes: Configurations side by side.
     """
     is_free = mode == "free"
     sincos = _apart(_SINGLE_SINCOS if is_free else SINCOS.format(x="theta"))
     place = _viewed(_apart(_filled(_PLACE, sincos=(1, sincos))), is_free)
-    if mode == "all":
-        work = _viewed(_filled(_WORK_ALL, spots=(1, _SPOTS), square=(1, _SQUARE)).replace("STATE", "state"), False)
+    if mode in ("all", "slopes"):
+        work = _WORK_ALL if mode == "all" else _WORK_SLOPES
+        work = _viewed(_filled(work, spots=(1, _SPOTS), square=(1, _SQUARE)).replace("STATE", "state"), False)
     else:
         words = dict(_FREE if is_free else _LEAST)
         if not is_free:

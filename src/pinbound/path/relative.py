@@ -24,10 +24,11 @@ from pinbound.geometry.rotations import rotation_matrix
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
 from pinbound.model.urdf import MOVING_TYPES, Joint
-from pinbound.path.chain import Chain, HullChain, are_parallel, drop_head, reduce_chain, split
+from pinbound.path.chain import Chain, HullChain, drop_head, reduce_chain, split
+from pinbound.path.frames import best_frame
 from pinbound.path.kind import Case, Form, Kind
 from pinbound.tolerances import REDUCTION
-from pinbound.typing import Array, Ints
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = ["RelativePath", "absolute_chain", "direction_chain", "minimal_chain", "relative_path"]
@@ -193,7 +194,7 @@ def _traced(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:
         branch_a=_branch(coupling, down[a.link], _placed(a, a, b), reach=a.shape.reach),
         branch_b=_branch(coupling, down[b.link], _placed(b, a, b), reach=b.shape.reach),
         difference=split(minimal, len(coupling.coordinates), (a.shape.corners, b.shape.corners)),
-        frame=0 if projection is not None else _best_frame(minimal, last_is_ancestor=ends_at_ancestor),
+        frame=0 if projection is not None else best_frame(minimal, last_is_ancestor=ends_at_ancestor),
         projection=projection,
         normal=_normal(coupling, down[first.link], first.shape),
         measure=first.shape.measure,
@@ -230,7 +231,7 @@ class _TracedLater(RelativePath):
                 found = _kind(tree, ancestor, a.link, b.link)
             elif name == "frame":
                 moves = [_moves(tree.descent(ancestor, mark.link)) for mark in (a, b)]
-                found = _best_frame(self.minimal, last_is_ancestor=moves[0] and not moves[1])
+                found = best_frame(self.minimal, last_is_ancestor=moves[0] and not moves[1])
             else:
                 mark = a if name == "branch_a" else b
                 joints = tree.descent(ancestor, mark.link)
@@ -439,54 +440,3 @@ def _columns(placed: Array, n: int) -> Array:
 def _farthest(placed: Array) -> float:
     """Return a bound of how far a point may be from its link's origin while it slides [m]."""
     return float(np.linalg.norm(placed[:, 0]) + np.linalg.norm(placed[:, 1:], axis=0).sum())
-
-
-def _best_frame(chain: Chain, last_is_ancestor: bool) -> int:
-    """Return the position in whose frame the fewest offsets are rotated, then the fewest coordinates occur.
-
-    Between equals an end of the chain that does not turn in the ancestor's frame wins, and then the first.
-    """
-    used = np.any(chain.offsets, axis=1) | np.any(chain.slides, axis=(1, 2))
-    turning = _coordinates_between(chain)[:, used]
-    rotated, coordinates = np.count_nonzero(turning, axis=1).tolist(), np.sum(turning, axis=1).tolist()
-    k = chain.rotations
-
-    def cost(position: int) -> tuple[int, int, bool, int]:
-        return rotated[position], coordinates[position], last_is_ancestor and position != k, position
-
-    return min(range(k + 1), key=cost)
-
-
-def _coordinates_between(chain: Chain) -> Ints:
-    """Count the coordinates in the angle between any two positions, (k + 1, k + 1); turns about one axis merged.
-
-    Rotations are taken in runs of parallel axes. Between two runs an angle is what is left of the first, all runs
-    between, and what the last has had, so that only pairs within one run are summed one by one.
-    """
-    k, starts = chain.rotations, _runs(chain.axes)
-    counts = np.zeros((k + 1, k + 1), dtype=np.int64)
-    if not k:
-        return counts
-    ends = [*starts[1:], k]
-    left, had, whole = np.zeros(k, dtype=np.int64), np.zeros(k, dtype=np.int64), [0]
-    for start, end in zip(starts, ends, strict=True):
-        turned = np.sign(chain.axes[start:end] @ chain.axes[start])[:, None] * chain.coefficients[start:end]
-        for first in range(end - start):
-            sums = np.cumsum(turned[first:], axis=0)
-            counts[start + first, start + first + 1 : end + 1] = np.count_nonzero(np.abs(sums) > REDUCTION, axis=1)
-        left[start:end], had[start:end] = counts[start:end, end], counts[start, start + 1 : end + 1]
-        whole.append(whole[-1] + int(counts[start, end]))
-    run = np.repeat(np.arange(len(starts)), np.diff([*starts, k]))
-    before = np.array(whole)
-    between = (left - before[run + 1])[:, None] + (before[run] + had)
-    counts[:k, 1:] += np.where(run[:, None] < run, between, 0)
-    return counts + counts.T
-
-
-def _runs(axes: Array) -> list[int]:
-    """Return where runs of rotations about parallel axes begin."""
-    starts: list[int] = []
-    for position, axis in enumerate(axes):
-        if not starts or not are_parallel(axes[starts[-1]], axis):
-            starts.append(position)
-    return starts
