@@ -168,8 +168,6 @@ def test_what_does_not_go_through_loops_is_refused_with_their_name(robot: LoopRo
         "row": lambda: robot.coupling.row("D"),
         "linear limits": lambda: robot.linear_limits,
         "guarded limits": lambda: robot.guarded_limits,
-        "limits": lambda: robot.boundaries.limits("A", robot.home),
-        "table": lambda: robot.boundaries.limits_table("A", robot.home[None]),
         "one limit": lambda: robot.boundaries["t_w"].limits("A", robot.home),
         "path": lambda: robot.boundaries["t_w"].path,
         "kernel": lambda: robot.boundaries.kernel,

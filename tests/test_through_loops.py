@@ -9,8 +9,9 @@ import shapely
 
 import pinbound as pb
 from linkages import KINDS, Mechanism, Part, flooded, scene
-from pinbound.region.loop_slice import contacts_through, lifted_plane, limits_through
-from pinbound.region.through_loops import LoopBounds, LoopContact
+from pinbound.boundaries.looped import over_z
+from pinbound.loops.through_loops import LoopBounds, LoopContact, contacts_through, limits_through
+from pinbound.region.loop_slice import lifted_plane
 from pinbound.robot.loop_robot import LoopRobot
 from test_lifted import linkage
 
@@ -132,7 +133,7 @@ def test_bounds_over_boxes_hold_all_samples(load_text: Load) -> None:
         assert isinstance(robot, LoopRobot)
         box = np.stack((robot.home[:2] - 0.3, robot.home[:2] + 0.3))
         plane = lifted_plane(robot, robot.home, (0, 1), box)
-        curves = [c for b in robot.boundaries for c in contacts_through(b, plane, 0.0)]
+        curves = [c for b in robot.boundaries for c in contacts_through(b.name, over_z(b).rule, plane)]
         curves += [c for one in robot.opened.linear_limits for c in limits_through(one, plane)]
         bounds = LoopBounds(curves, *box)
         for half in (0.1, 0.01):
@@ -190,3 +191,43 @@ def test_a_contact_that_only_rounding_sees_is_no_violation(load_text: Load) -> N
         box = pb.certify_box(robot, q, q, boundaries=["t_w"], limits=False)
         verdicts.append((found.verdict, box.verdict))
     assert verdicts == [(pb.Verdict.VIOLATED,) * 2, (pb.Verdict.UNDECIDED,) * 2]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_limits_of_one_coordinate_end_where_something_is_met(load_text: Load, kind: str) -> None:
+    """Up to its ends all is free by 400 samples; just beyond, the stop that is named forbids it."""
+    for seed in (1,):
+        robot = scene(kind, np.random.default_rng(seed), load_text)
+        for index, name in enumerate(robot.coordinates[:2]):
+            found = robot.boundaries.limits(name, robot.home)
+            assert found.lower < robot.home[index] < found.upper
+            Q = np.tile(robot.home, (400, 1))
+            Q[:, index] = np.linspace(found.lower, found.upper, 402)[1:-1]
+            assert np.all(robot.boundaries.free(Q))
+            for end, stop, side in ((found.lower, found.lower_stop, -1.0), (found.upper, found.upper_stop, 1.0)):
+                q = robot.home.copy()
+                q[index] = end + side * 1e-9
+                assert not robot.boundaries.free(q)
+                assert robot.boundaries.limits(name, q).blocked_by
+                assert stop in {*robot.boundaries.names, *(one.joint for one in robot.opened.linear_limits)}
+        ends, stops = robot.boundaries.limits_table(name, robot.home[None])
+        assert ends[0].tolist() == [found.lower, found.upper]
+        assert stops[0].tolist() == [found.lower_stop, found.upper_stop]
+
+
+def test_allowed_values_of_one_boundary_are_where_it_is_free_and_the_loop_closes(load_text: Load) -> None:
+    robot = load_text(linkage())
+    assert isinstance(robot, LoopRobot)
+    one = robot.boundaries["s_w"]
+    arcs = one.limits("A", robot.home, window=(-2.0, 2.0))
+    x = np.linspace(-2.0, 2.0, 2001)
+    Q = np.stack((x, np.zeros_like(x)), axis=1)
+    closed = robot.boundaries.closed(robot.lift(Q))
+    expected = closed & (one.signed_clearance(Q) > 0.0)
+    assert [arcs.contains(value) for value in x.tolist()] == expected.tolist()
+    assert len(arcs.intervals) == 3
+    table = one.limits("A", np.stack((robot.home, robot.home)), window=(-2.0, 2.0))
+    assert table[1].intervals.tolist() == arcs.intervals.tolist()
+    with pytest.raises(pb.UnsupportedError, match="window"):
+        one.limits("A", robot.home)
+    assert one.limits("T", robot.home).intervals.tolist() == [[-math.inf, math.inf]]

@@ -5,20 +5,22 @@ What is not answered through such a loop is refused with its name: nothing here 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from pinbound.boundaries.boundary import Boundary
+from pinbound.boundaries.boundary import Boundary, checked_window, one_configuration
 from pinbound.boundaries.boundary_set import BoundarySet
-from pinbound.boundaries.spans import Smallest
+from pinbound.boundaries.looped_limits import allowed_arcs, coordinate_limits, moved_by
+from pinbound.boundaries.spans import CoordinateLimits, Smallest
 from pinbound.evaluate.depth import Penetration
-from pinbound.exceptions import DimensionError
+from pinbound.exceptions import DimensionError, UnknownNameError
+from pinbound.limits.univariate import AllowedArcsTable
 from pinbound.loops.lift import Lift
 from pinbound.loops.loop_coupling import refuse_linear
-from pinbound.model.coupling import as_configurations
+from pinbound.model.coupling import LinearLimit, as_configurations
 from pinbound.path.kind import Kind
 from pinbound.typing import Array
 
@@ -36,12 +38,14 @@ class LoopBoundary(Boundary):
     Attributes:
         opened: The same boundary over z, in which the passive joints are coordinates.
         lift: `z = F(q)`.
+        closing: The limits over z that keep the loops closed.
     """
 
     opened: Boundary
     lift: Lift
+    closing: tuple[LinearLimit, ...]
 
-    def __init__(self, opened: Boundary, lift: Lift) -> None:
+    def __init__(self, opened: Boundary, lift: Lift, closing: Sequence[LinearLimit] = ()) -> None:
         """Hold a boundary over z."""
         n = len(lift.coordinates)
         own = ("name", "point_a", "point_b", "min_distance", "contact_tolerance", "place_error", "stop")
@@ -49,6 +53,7 @@ class LoopBoundary(Boundary):
             object.__setattr__(self, name, getattr(opened, name))
         home = None if opened.home is None else opened.home[:n]
         values = {"robot_coordinates": lift.coordinates, "home": home, "opened": opened, "lift": lift}
+        values["closing"] = tuple(closing)
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
@@ -175,18 +180,36 @@ class LoopBoundary(Boundary):
         return self.opened.parts(self.lift(start), self.lift(end))
 
     def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> Any:
-        """Return the allowed values of a coordinate that moves none of the loops on the path.
+        """Return the allowed values of a coordinate: out of contact, loops closed. Limits of joints do not count.
 
         Raises:
-            UnsupportedError: If the coordinate moves a passive joint on the path.
+            UnknownNameError: If the robot has no such coordinate.
+            DimensionError: If q is not finite or of another shape, or the window is none.
+            UnsupportedError: If the coordinate moves a passive joint on the path, and there is no finite window.
         """
-        Z = self.lift(as_configurations(q, self.robot_coordinates))
-        self._refuse_moved(coordinate)
-        return self.opened.limits(coordinate, Z, window)
-
-    def _refuse_moved(self, coordinate: str) -> None:
-        if coordinate in self.coordinates and not self.is_direct:
-            self._refuse(f"limits of {coordinate!r} are not derived")
+        if coordinate not in self.robot_coordinates:
+            raise UnknownNameError("coordinate", coordinate, self.robot_coordinates)
+        Q, index = as_configurations(q, self.robot_coordinates), self.robot_coordinates.index(coordinate)
+        if not np.any(moved_by(self.lift, index)[list(self.opened.path.minimal.coordinates)]):
+            return self.opened.limits(coordinate, self.lift(Q), window)
+        if window is None:
+            self._refuse(f"limits of {coordinate!r} do not repeat through it; give window=(lower, upper)")
+        window = checked_window(window)
+        if not np.all(np.isfinite(window)):
+            self._refuse(f"limits of {coordinate!r} do not repeat through it; give a finite window")
+        if not np.all(np.isfinite(Q)):
+            raise DimensionError("q holds a number that is not finite; give finite numbers")
+        found = [
+            allowed_arcs(self.lift, self.opened, self.closing, index, row, window)
+            for row in (Q if Q.ndim > 1 else Q[None])
+        ]
+        if Q.ndim == 1:
+            return found[0]
+        most = max((len(one.intervals) for one in found), default=0)
+        intervals = np.full((len(found), most, 2), np.nan)
+        for place, one in enumerate(found):
+            intervals[place, : len(one.intervals)] = one.intervals
+        return AllowedArcsTable(coordinate, intervals, np.full(len(found), np.inf), window)
 
 
 class LoopBoundarySet(BoundarySet):
@@ -195,7 +218,9 @@ class LoopBoundarySet(BoundarySet):
     def __init__(self, opened: BoundarySet, lift: Lift) -> None:
         """Hold the boundaries over z, with their kernel."""
         self.opened, self.lift = opened, lift
-        looped = [LoopBoundary(one, lift) for one in opened]
+        names = lift.toggle_names()
+        self._closing = tuple(one for one in opened._limits if one.joint in names)
+        looped = [LoopBoundary(one, lift, self._closing) for one in opened]
         super().__init__(looped, lift.coordinates, home=None)
 
     def select(self, names: str | Iterable[str]) -> LoopBoundarySet:
@@ -283,13 +308,36 @@ class LoopBoundarySet(BoundarySet):
         """Return the boundaries of one effective angle, in z, whose contact lies between home and q."""
         return self.opened.beyond(self.lift(q))
 
-    def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> Any:
-        """Refuse: limits through such loops are not derived."""
-        refuse_linear(f"limits of {coordinate!r} are not derived", self.lift)
+    def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> CoordinateLimits:
+        """Return how far one coordinate can move from q, the others standing still, and what stops it.
 
-    def limits_table(self, coordinate: str, Q: ArrayLike) -> Any:
-        """Refuse: limits through such loops are not derived."""
-        refuse_linear(f"limits of {coordinate!r} are not derived", self.lift)
+        As for robots without loops; limits of passive joints and toggles count. What moves through a loop is proven
+        from q outwards (`looped_limits`), and where two turns on nothing is met, a window is asked for.
+
+        Raises:
+            UnknownNameError: If the robot has no such coordinate.
+            DimensionError: If q is not one finite configuration, or the window is none, or does not hold q's value.
+            UnsupportedError: If nothing is met within two turns, and the coordinate has no limits.
+        """
+        if coordinate not in self._coordinates:
+            raise UnknownNameError("coordinate", coordinate, self._coordinates)
+        point = one_configuration(q, self._coordinates)
+        index = self._coordinates.index(coordinate)
+        window = (-np.inf, np.inf) if window is None else checked_window(window)
+        if not window[0] <= point[index] <= window[1]:
+            said = f"{coordinate!r} is {point[index]:.9g}, outside the window {window}; let the window hold it"
+            raise DimensionError(said)
+        opened = self.opened
+        given = (self.lift, list(opened), opened._limits, opened._guarded)
+        return coordinate_limits(*given, index, point, window, self.beyond(point))
+
+    def limits_table(self, coordinate: str, Q: ArrayLike) -> tuple[Array, NDArray[np.str_]]:
+        """Return how far one coordinate can move from each of many q (N, n), as `limits` does one by one."""
+        rows = as_configurations(Q, self._coordinates).reshape(-1, len(self._coordinates))
+        found = [self.limits(coordinate, row) for row in rows]
+        ends = np.array([(one.lower, one.upper) for one in found]).reshape(-1, 2)
+        stops = [(one.lower_stop or "", one.upper_stop or "") for one in found]
+        return ends, np.array(stops, dtype=np.str_).reshape(-1, 2)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return how to make it again."""

@@ -31,7 +31,8 @@ def refuse_linear(what: str, lift: Lift) -> NoReturn:
     message = f"{what}: loop {names} is no parallelogram, so that its passive joints are no linear functions of q"
     raise UnsupportedError(
         f"{message}. Supported through it are: values, gradients, Hessians, signed clearances, free, certify, "
-        "certify_box, certified_box, feasible_region, cross_check of points and bodies, coupling.expand, to_pinocchio"
+        "certify_box, certified_box, feasible_region, limits, cross_check of points and bodies, coupling.expand, "
+        "to_pinocchio"
     )
 
 

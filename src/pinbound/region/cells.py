@@ -23,10 +23,10 @@ import numpy as np
 from pinbound.bounds.swept_bounds import SweptBundle, over_box, rounding_bound, swept_bundle
 from pinbound.evaluate import separation
 from pinbound.exceptions import UnsupportedError
+from pinbound.loops.through_loops import LoopBounds, LoopContact, LoopFunction, LoopLimit
 from pinbound.path.relative import RelativePath
 from pinbound.region.deadline import Deadline
 from pinbound.region.slice import Curve, Slice
-from pinbound.region.through_loops import LoopBounds, LoopContact, LoopFunction, LoopLimit
 from pinbound.tolerances import CONTOUR_ROUNDING
 from pinbound.typing import Array, Flags, Indices, Ints
 from pinbound.values import Value

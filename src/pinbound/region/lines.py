@@ -9,11 +9,11 @@ from typing import Any, cast
 import numpy as np
 import shapely
 
+from pinbound.loops.through_loops import LoopFunction
 from pinbound.region.cells import SeparationFunction
 from pinbound.region.contours import Traced
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.sliding import SlidingFunction
-from pinbound.region.through_loops import LoopFunction
 from pinbound.region.turn_cuts import TurnFunction
 from pinbound.typing import Array, Ints
 from pinbound.values import Value

@@ -6,7 +6,6 @@ if it uses a coordinate of z that the plane's two move; anything else is as it w
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -14,23 +13,20 @@ import numpy as np
 from pinbound.boundaries.boundary import Boundary
 from pinbound.boundaries.looped import over_z
 from pinbound.certificates.lifted import loop_errors
-from pinbound.exceptions import DimensionError
-from pinbound.limits.univariate import gap_around
-from pinbound.model.coupling import GuardedLimit, LinearLimit
-from pinbound.region.through_loops import LiftedPlane, LoopContact, LoopLimit
+from pinbound.loops.through_loops import (
+    LiftedPlane,
+    LoopContact,
+    LoopLimit,
+    contacts_through,
+    limits_through,
+    rules_through,
+)
+from pinbound.model.coupling import LinearLimit
 from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array, Flags
 
-__all__ = [
-    "contacts_through",
-    "is_needless",
-    "lifted_plane",
-    "limits_through",
-    "moved_columns",
-    "over",
-    "rules_through",
-]
+__all__ = ["curves_through", "is_needless", "lifted_plane", "moved_columns", "over"]
 
 
 def over(robot: Robot, q: Array) -> tuple[Robot, Array]:
@@ -72,7 +68,7 @@ def curves_through(
             found += limits_through(limit, plane)
     found += rules_through([one for one in whole.guarded_limits if np.any(one.uses[moved])], plane)
     for boundary in boundaries:
-        found += contacts_through(boundary, plane, margin)
+        found += contacts_through(boundary.name, over_z(boundary).rule, plane, margin)
     return found
 
 
@@ -82,55 +78,3 @@ def lifted_plane(robot: LoopRobot, at: Array, indices: Sequence[int], window: Ar
     lower[list(indices)], upper[list(indices)] = window
     errors = loop_errors(robot, lower, upper, 1)
     return LiftedPlane(robot.lift, at, (indices[0], indices[1]), tuple(errors.tolist()))
-
-
-def limits_through(limit: LinearLimit, plane: LiftedPlane) -> list[LoopLimit]:
-    """Return both ends of a limit over z, those that are finite."""
-    c, o = limit.coefficients, limit.offset
-    ends = (("upper", c, limit.upper - o), ("lower", -c, o - limit.lower))
-    return [
-        LoopLimit(f"{limit.joint} {name}", limit.joint, row[None], np.array([end]), plane)
-        for name, row, end in ends
-        if math.isfinite(end)
-    ]
-
-
-def rules_through(guarded: Iterable[GuardedLimit], plane: LiftedPlane) -> list[LoopLimit]:
-    """Return guarded ends over z: allowed where the end is kept, or a condition does not hold."""
-    found: list[LoopLimit] = []
-    for one in guarded:
-        rows: list[Array] = []
-        ends: list[float] = []
-        for limit, sign in ((one.limit, 1.0), *((condition, -1.0) for condition in one.where)):
-            for row, end in (
-                (limit.coefficients, limit.upper - limit.offset),
-                (-limit.coefficients, limit.offset - limit.lower),
-            ):
-                if math.isfinite(end):
-                    rows.append(sign * row)
-                    ends.append(sign * end)
-        found.append(LoopLimit(one.name, one.rule, np.array(rows), np.array(ends), plane))
-    return found
-
-
-def contacts_through(boundary: Boundary, plane: LiftedPlane, margin: float) -> list[LoopContact | LoopLimit]:
-    """Return the contact of a boundary through loops: of a stop both ends of home's gap, which are linear in z.
-
-    Raises:
-        DimensionError: If a stop's gap is narrower than twice the margin.
-    """
-    opened = over_z(boundary)
-    rule = opened.rule
-    if rule.stop is None:
-        return [LoopContact(boundary.name, opened.path, rule.raised(margin), plane)]
-    strips = rule.strips(margin)
-    assert strips is not None
-    c, (strip, *_) = strips
-    assert strip.half_width is not None
-    low, high = gap_around(strip.angle, strip.half_width, 0.5 * (rule.stop.gap[0] + rule.stop.gap[1]))
-    if not low < high:
-        raise DimensionError(f"the margin leaves nothing of the gap of {boundary.name!r}; give a smaller margin")
-    return [
-        LoopLimit(boundary.name, boundary.name, row[None], np.array([end]), plane, is_contact=True)
-        for row, end in ((c, high), (-c, -low))
-    ]

@@ -18,6 +18,7 @@ from pinbound.contact.rule import signed_share
 from pinbound.evaluate import numeric, separation
 from pinbound.exceptions import DimensionError, LeavesRegionError
 from pinbound.limits.univariate import Strip, one_angle_strip
+from pinbound.loops.through_loops import LoopBounds, contacts_through
 from pinbound.path.chain import Chain
 from pinbound.path.relative import RelativePath
 from pinbound.path.restriction import restrict_path
@@ -25,9 +26,8 @@ from pinbound.region import convex
 from pinbound.region.arrangement import Corner, Edge
 from pinbound.region.deadline import Deadline
 from pinbound.region.halfplanes import HalfPlane
-from pinbound.region.loop_slice import contacts_through, lifted_plane, moved_columns, over
+from pinbound.region.loop_slice import lifted_plane, moved_columns, over
 from pinbound.region.slice import Slice
-from pinbound.region.through_loops import LoopBounds
 from pinbound.robot.loop_robot import LoopRobot
 from pinbound.tolerances import CONTOUR_ROUNDING, IMPLIED
 from pinbound.typing import Array
@@ -277,7 +277,7 @@ class _ThroughLoops:
         robot = slice_.robot
         assert isinstance(robot, LoopRobot)
         self.plane = lifted_plane(robot, slice_.at, indices, slice_.window)
-        curves = contacts_through(boundary, self.plane, 0.0)
+        curves = contacts_through(boundary.name, boundary.rule, self.plane)
         self.bounds, self.size = LoopBounds(curves, *slice_.window), float(boundary.path.minimal.scale)
 
     def over(self, reach: Array) -> None:

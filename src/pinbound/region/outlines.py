@@ -28,6 +28,7 @@ from pinbound.annotations import Plane as PlaneMark
 from pinbound.boundaries.boundary import Boundary
 from pinbound.evaluate import separation
 from pinbound.exceptions import UnsupportedError
+from pinbound.loops.through_loops import LoopContact, LoopLimit
 from pinbound.path.chain import Chain
 from pinbound.path.kind import Case
 from pinbound.path.relative import RelativePath, relative_path
@@ -38,7 +39,6 @@ from pinbound.region.lines import Line, segment_owners, vertex_owners
 from pinbound.region.loop_slice import over
 from pinbound.region.slice import Curve, Slice
 from pinbound.region.sliding import SlidingFunction, only_slides, sliding_curves
-from pinbound.region.through_loops import LoopContact, LoopLimit
 from pinbound.tolerances import CONTOUR_ROUNDING, REDUCTION
 from pinbound.typing import Array, Ints
 

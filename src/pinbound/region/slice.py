@@ -28,13 +28,13 @@ from pinbound.boundaries.looped import over_z
 from pinbound.evaluate import separation
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.limits.univariate import gap_around, one_angle_strips
+from pinbound.loops.through_loops import LiftedPlane, LoopContact, LoopLimit
 from pinbound.model.coupling import Intervals
 from pinbound.path.relative import RelativePath
 from pinbound.path.restriction import restrict_path
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.loop_slice import curves_through, lifted_plane, moved_columns, over
 from pinbound.region.obstacles import Obstacle, obstacle_of
-from pinbound.region.through_loops import LiftedPlane, LoopContact, LoopLimit
 from pinbound.region.window import box_of, slab
 from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot

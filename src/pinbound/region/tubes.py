@@ -16,11 +16,11 @@ import numpy as np
 import shapely
 from scipy import sparse
 
+from pinbound.loops.through_loops import LoopFunction
 from pinbound.region.cells import Searched, SeparationFunction, decided, pave
 from pinbound.region.contours import STRIDE, box_sides, chain_up
 from pinbound.region.deadline import Deadline
 from pinbound.region.lines import Line
-from pinbound.region.through_loops import LoopFunction
 from pinbound.typing import Array, Flags, Ints
 
 __all__ = ["Doubts", "Part", "Tubes"]

@@ -17,9 +17,9 @@ import numpy as np
 from pinbound.bounds.derivative_bounds import LeverArms
 from pinbound.exceptions import UnsupportedError
 from pinbound.loops.linkages import Linkage
+from pinbound.loops.through_loops import LiftedPlane
 from pinbound.region.contours import trace
 from pinbound.region.deadline import Deadline
-from pinbound.region.through_loops import LiftedPlane
 from pinbound.typing import Array
 
 __all__ = ["Cut", "TurnFunction", "cuts_of"]
