@@ -188,7 +188,7 @@ def test_questions_for_a_class_are_seen() -> None:
 CASE = {"across", "case", "form", "is_plain", "is_signed", "is_solid", "measure", "normal", "projection"}
 ASKED = {
     "boundaries/boundary.py": 1,
-    "bounds/swept_bounds.py": 10,
+    "bounds/bodies.py": 10,
     "certificates/kept.py": 2,
     "cli/inspect.py": 1,
     "contact/rule.py": 2,

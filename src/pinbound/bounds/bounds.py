@@ -62,6 +62,11 @@ class Bundle:
         """The number k of rotations."""
         return self.axes.shape[1]
 
+    def take(self, rows: Indices) -> Bundle:
+        """Return some of the chains."""
+        slides = None if self.slides is None else self.slides[rows]
+        return Bundle(self.offsets[rows], slides, self.axes[rows], self.coefficients[rows], self.scale[rows])
+
 
 @dataclass(frozen=True)
 class Expansion:
@@ -251,8 +256,6 @@ class Terms:
         second: (N,) bound of |r''| over the piece, or over the box; None if it is not known.
         aside: (N,) [m], how far r in the middle may be from what it is computed to be, by what is known of q.
         wide: (N,) how much rates that cancel multiply the rounding bound.
-        most: (N, k) bounds of how fast the angles turn, over the piece, or half across the box.
-        bend: (N, k) bounds of their second derivatives; None if nothing is known of them, or over a box.
     """
 
     r: Array
@@ -261,13 +264,6 @@ class Terms:
     second: Array | None
     aside: Array
     wide: Array
-    most: Array
-    bend: Array | None
-
-    def turned(self, turns: Array) -> Array:
-        """Return a bound of `|R''|` (N,), R being all rotations that turn something: `turns` (N, k) is 1 or 0."""
-        found = _second(turns, self.most)
-        return found if self.bend is None else found + np.einsum("nk,nk->n", turns, self.bend)
 
 
 def motion_terms(chains: Bundle, arms: Array, which: Indices, piece: Expansion) -> Terms:
@@ -278,7 +274,7 @@ def motion_terms(chains: Bundle, arms: Array, which: Indices, piece: Expansion) 
     r, v = _value_and_rate(chains, which, piece.middle, piece.slope, np.einsum("nki,ni->kn", C, piece.middle), rates)
     slides = chains.slides[which] if chains.slides is not None else None
     slid = _slid(slides, piece.slopes, piece.slope_radius)
-    rho, second, bend = arms[which], None, None
+    rho, second = arms[which], None
     if piece.bends is not None:
         bend = _hull(np.einsum("nki,npi->npk", C, piece.bends)) + _spread(np.abs(C), piece.bend_radius)
         second = _second(rho, most, slid) + np.einsum("nk,nk->n", rho, bend)
@@ -292,8 +288,6 @@ def motion_terms(chains: Bundle, arms: Array, which: Indices, piece: Expansion) 
         second=second,
         aside=aside,
         wide=np.einsum("nki,ni->nk", np.abs(C), np.abs(piece.slope)).max(axis=1, initial=0.0),
-        most=most,
-        bend=bend,
     )
 
 
@@ -369,8 +363,6 @@ def box_terms(
         second=_second(rho, wide, slid),
         aside=aside,
         wide=wide.sum(axis=1),
-        most=wide,
-        bend=None,
     )
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinbound.bounds.groups import Code, Groups
+from pinbound.bounds.code import Code
+from pinbound.bounds.groups import Groups
 from pinbound.machine.box_source import BOX_HEAD, ENTRY, box_source
 from pinbound.machine.compiled import has_numba
 from pinbound.machine.motion_source import GROUP, TILE
@@ -17,7 +18,7 @@ __all__ = ["BoxFound", "is_worth", "search_box"]
 _ROOM = 1 << 14
 """Boxes that the queue holds at most."""
 
-_BOXES = Code(box_source)
+_BOXES = Code(box_source, loading=1_000, compiling=300_000)
 
 
 @dataclass(frozen=True)

@@ -8,20 +8,21 @@ every pair, by the triangle inequality. `docs/certificates.md`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pinbound.bounds.bounds import Bundle, bundle, lever_arms
+from pinbound.bounds.code import Code
 from pinbound.bounds.rounding import Rounding
-from pinbound.machine.compiled import KernelSource, MachineCode, compile_source, has_numba, is_kept
+from pinbound.machine.compiled import has_numba
 from pinbound.machine.motion_source import GROUP, HEAD, ROTATION, TABLES, TILE, motion_source
 from pinbound.path.chain import Chain
 from pinbound.tolerances import INFLATION
 from pinbound.typing import Array, Flags, Indices, Ints
 
-__all__ = ["Code", "Groups", "ManyFound", "MotionFound", "groups_of"]
+__all__ = ["Groups", "ManyFound", "MotionFound", "groups_of"]
 
 _LEVELS = 64
 """Levels of halves that a piece may have, and more: it is cut 48 times at most."""
@@ -145,36 +146,7 @@ def _head(*values: float) -> Array:
 
 
 _WORTH_LOADING, _WORTH_COMPILING = 1_000, 300_000  # boxes: 20 ms, and a second, in NumPy
-_COMPILING = 10.0  # seconds that must be left for it, on a machine that is busy
-
-
-class Code:
-    """Machine code that is loaded, or compiled, once there is enough to do for it."""
-
-    def __init__(self, source: Callable[[], KernelSource]) -> None:
-        """Begin without."""
-        self.source, self.work = source, 0
-        self.code: MachineCode | None = None
-
-    def is_worth(self, boxes: int, seconds: float) -> bool:
-        """Count boxes to come, and say whether the code is there, or worth it."""
-        self.work += boxes
-        if self.code is not None:
-            return True
-        if self.work >= _WORTH_COMPILING and seconds >= _COMPILING:
-            return True
-        return self.work >= _WORTH_LOADING and is_kept(self.source())
-
-    def run(self, question: Array, out: Array, row: int, column: int, table: Array, count: int) -> int:
-        """Ask it; it returns a whole number."""
-        if self.code is None:
-            self.code = compile_source(self.source())
-        address = [array.__array_interface__["data"][0] for array in (question, out, _NO_INDEX, table)]
-        return int(self.code.function(*address[:2], row, column, *address[2:], count))
-
-
-_NO_INDEX = np.empty(0, dtype=np.int64)
-_MOTIONS = Code(motion_source)
+_MOTIONS = Code(motion_source, _WORTH_LOADING, _WORTH_COMPILING)
 
 
 def groups_of(

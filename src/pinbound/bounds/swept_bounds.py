@@ -2,13 +2,13 @@
 
 Two convex sets are at least as far apart as along any direction: with a unit vector n that stays as it is,
 
-    min_t |r(q, t)| >= min_t n . r(q, t) = n . r_c(q) + sum over both bodies of min_v n . E(q) (c_v - c),
+    min_t |r(q, t)| >= min_t n . r(q, t) = min over pairs of corners c of n . r_c(q).
 
-r_c being the pair of corners that is least along n in the middle of a piece or box, and E(q) (c_v - c) what leads from
-it to another corner of its body, `n . E (c_v - c) >= 0` there. With n = r*/|r*| from the middle this is exact there,
-and each term is bounded like a chain. A height above a plane is the case in which n is the plane's normal; across a
-line n is taken across it, where the line's own parameter does not occur. And since the distance of two sets changes by
-no more than their points move,
+With n = r*/|r*| from the middle of a piece or box this is exact there. Every r_c is a chain, so that n . r_c is its
+value there, its rates, and a remainder, that of the pair of corners that moves most; and the least corner of a sum of
+two bodies is the sum of their least corners. A height above a plane is the case in which n is the plane's normal;
+across a line n is taken across it, where the line's own parameter does not occur. And since the distance of two sets
+changes by no more than their points move,
 
     |f(q) - f(q_0)| <= max over corners of |r_c(q) - r_c(q_0)|.
 
@@ -18,22 +18,20 @@ no more than their points move,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
-from pinbound.bounds.bounds import Bundle, Expansion, Terms, box_terms, bundle, lever_arms, motion_terms
+from pinbound.bounds.bodies import SweptBundle, all_rows, spread_of, swept_bundle
+from pinbound.bounds.bounds import Expansion, Terms, box_terms, motion_terms
 from pinbound.bounds.inside import ball, disc
 from pinbound.bounds.rounding import Rounding, Walks
-from pinbound.bounds.vertices import Corners, corners_of
+from pinbound.bounds.vertices import Corners
 from pinbound.evaluate.closest import nearest, overlap, overlap_in_plane
 from pinbound.evaluate.minimum_norm import nearest_hulls, nearest_in_tables
-from pinbound.path.chain import Chain
-from pinbound.path.relative import Form, RelativePath
-from pinbound.tolerances import INFLATION, REDUCTION, UNIT_ROUNDOFF
-from pinbound.typing import Array, Flags, Indices
+from pinbound.tolerances import INFLATION, UNIT_ROUNDOFF
+from pinbound.typing import Array, Indices
 
 __all__ = [
     "Bounds",
@@ -53,50 +51,8 @@ _PROJECTING = 96
 ways and of these with a corner, the nearest t (32); what a hull's vertices were moved by when it was made (64)."""
 
 _FLAT = 3  # rows of a path with two ways, which span no body
-_FEW = 16  # pairs of corners that are looked at one by one
+_MOST_COORDINATES = 4  # of a box, all of whose corners are looked at
 _TOUCHING = 1e-12  # relative: bodies whose distance is rounding may overlap
-
-
-@dataclass(frozen=True)
-class SweptBundle:
-    """m swept paths side by side.
-
-    Attributes:
-        chains: Of each path its chain and its ways, 1 + K rows, padded with zeros.
-        counts: (m,) rows of each path that are no padding.
-        arms: (m (1 + K), rotations) lever arms [m]: of the chain's row the largest of all corners, of a way its own.
-        turns: (m (1 + K), rotations) 1 where a rotation turns the body of a way, 0 elsewhere.
-        corners: The corners of both bodies of each path, as coefficients of its ways.
-        zonotope: (m,) whether all t run over [0, 1].
-        across: (m, 3, 3) projections onto what counts: the identity, or across a line.
-        normal: (m, 3) normals of planes, zero for others.
-        flat: (m, 3) unit normal of the plane in which all that counts stays, but for a constant height: the one axis of
-            a path that is planar with its ways, or the direction of a line; zero for others.
-        is_signed: (m,) whether it measures a height.
-        reach: (m,) [m], length of each path with its furthest corners.
-    """
-
-    chains: Bundle
-    counts: Indices
-    arms: Array
-    turns: Array
-    corners: Corners
-    zonotope: Flags
-    across: Array
-    normal: Array
-    flat: Array
-    is_signed: Flags
-    reach: Array
-
-    @cached_property
-    def is_even(self) -> bool:
-        """Whether no path has padding."""
-        return bool(np.all(self.counts == self.rows))
-
-    @property
-    def rows(self) -> int:
-        """The number 1 + K of rows a path."""
-        return len(self.arms) // len(self.normal) if len(self.normal) else 1
 
 
 @dataclass(frozen=True)
@@ -112,112 +68,6 @@ class Bounds:
     value: Array
     lower: Array
     upper: Array
-
-
-def swept_bundle(paths: Sequence[RelativePath], lower: Array, upper: Array) -> SweptBundle:
-    """Return paths side by side, with lever arms that hold while q stays in a box (n,), (n,)."""
-    n, rows = len(lower), 1 + max((len(path.swept.directions) for path in paths), default=0)
-    # What the reduction took for zero is 1e-14 m of a way, however short the path: its scale must not be below 1.
-    chains = [
-        replace(chain, scale=max(chain.scale, 1.0))
-        for path in paths
-        for chain in (path.minimal, *path.swept.turned, *[_nothing(path)] * (rows - 1 - len(path.swept.turned)))
-    ]
-    stacked = bundle(chains, n)
-    arms = lever_arms(stacked, lower, upper)
-    turns = np.zeros_like(arms)
-    across, normal = np.tile(np.eye(3), (len(paths), 1, 1)), np.zeros((len(paths), 3))
-    flat = np.array([_flat(path) for path in paths]).reshape(-1, 3)
-    for row, path in enumerate(paths):
-        start = row * rows
-        for columns in _sides(path):
-            ways = slice(start + 1 + columns.start, start + 1 + columns.stop)
-            turns[ways] = np.any(arms[ways] > 0.0, axis=0)
-        corners = _arms_of_corners(path, lower, upper)
-        arms[start, : len(corners)] = corners
-        if path.across is not None:
-            across[row] = path.across.T @ path.across
-            normal[row] = path.across[0] if path.is_signed else 0.0
-    signed = np.array([path.is_signed for path in paths], dtype=np.bool_)
-    searched = [path.form is Form.SEARCHED for path in paths]
-    corners = corners_of([path.swept.corners for path in paths], list(map(_lengths, paths)), rows - 1, searched)
-    lengths = (stacked.scale + np.linalg.norm(stacked.offsets, axis=2).sum(axis=1)).reshape(len(paths), rows)
-    return SweptBundle(
-        chains=stacked,
-        counts=np.array([1 + len(path.swept.directions) for path in paths], dtype=np.intp),
-        arms=arms,
-        turns=turns,
-        corners=corners,
-        zonotope=np.array([path.swept.is_zonotope for path in paths], dtype=np.bool_),
-        across=across,
-        normal=normal,
-        flat=flat,
-        is_signed=signed,
-        reach=_spread(corners, lengths),
-    )
-
-
-def _spread(corners: Corners, rows: Array) -> Array:
-    """Return what the rows (m, 1 + K) of each path are, all corners counted: the ways by their largest coefficients."""
-    found: Array = rows[:, 0] + np.einsum("mk,mk->m", corners.spread, rows[:, 1:])
-    return found
-
-
-def _sides(path: RelativePath) -> tuple[slice, slice]:
-    """Return the ways of the first body, and those of the second."""
-    split = path.swept.corners[0].shape[1]
-    return slice(0, split), slice(split, len(path.swept.directions))
-
-
-def _lengths(path: RelativePath) -> tuple[Array, Array]:
-    """Return, for either body, `Side.lengths`, from where its ways lead with all joints at zero."""
-    found: list[Array] = []
-    for branch, columns in zip((path.branch_a, path.branch_b), _sides(path), strict=True):
-        ways = np.array([np.sum(way, axis=0) for way in branch.directions[columns]]).reshape(-1, 3)
-        found.append(np.linalg.qr(ways.T)[1] if len(ways) else np.zeros((0, 0)))
-    return found[0], found[1]
-
-
-def _flat(path: RelativePath) -> Array:
-    """Return the normal of the plane that nothing leaves: no way leads out of it, no joint turns or slides so."""
-    if path.across is not None:
-        towards: Any = np.cross(path.across[0], path.across[-1])  # zero of a plane, which has one row
-        return towards
-    chain, ways = path.minimal, path.swept.directions
-    if not ways or not chain.rotations or not chain.is_planar:
-        return np.zeros(3)
-    axis = chain.axes[0]
-    out = np.array([way @ axis for way in ways])  # (K, k + 1): how far each way leads out, block by block
-    leading_out = float(np.abs(axis @ chain.slides).max())
-    for columns, corners in zip(_sides(path), path.swept.corners, strict=True):
-        leading_out = max(leading_out, float(np.abs(corners @ out[columns]).max(initial=0.0)))
-    return axis if leading_out <= REDUCTION else np.zeros(3)
-
-
-def _arms_of_corners(path: RelativePath, lower: Array, upper: Array) -> Array:
-    """Return the largest lever arms of any pair of corners (rotations,) [m]; of many pairs block by block."""
-    n, chain, swept = len(lower), path.minimal, path.swept
-    if len(swept.corners[0]) * len(swept.corners[1]) <= _FEW:
-        return lever_arms(bundle(swept.vertex_chains, n), lower, upper).max(axis=0)
-    axes, blocks = chain.axes[:, None], np.zeros((chain.rotations, 1, 3)) + chain.offsets[1:, None]
-    high = low = np.einsum("jvi,jvi->jv", axes, blocks)[:, 0]
-    ways = np.array(swept.directions)[:, 1:]
-    across, middle = np.zeros(chain.rotations), blocks[:, 0]
-    for columns, corners in zip(_sides(path), swept.corners, strict=True):
-        moved = np.einsum("vm,mji->jvi", corners, ways[columns])
-        along = np.einsum("jvi,jvi->jv", axes, moved)
-        high, low = high + along.max(axis=1, initial=0.0), low + along.min(axis=1, initial=0.0)
-        centre = 0.5 * (moved.max(axis=1) + moved.min(axis=1))
-        middle = middle + centre
-        across = across + np.linalg.norm(np.cross(axes, moved - centre[:, None]), axis=2).max(axis=1)
-    across = across + np.linalg.norm(np.cross(chain.axes, middle), axis=1)
-    return lever_arms(bundle([chain], n), lower, upper, (np.maximum(np.abs(high), np.abs(low))[None], across[None]))[0]
-
-
-def _nothing(path: RelativePath) -> Chain:
-    """Return a way that leads nowhere."""
-    chain = path.minimal
-    return replace(chain, offsets=np.zeros_like(chain.offsets), slides=np.zeros_like(chain.slides))
 
 
 def rounding_bound(swept: SweptBundle, walked: Walks | None, lower: Array, upper: Array, degree: int = 1) -> Array:
@@ -239,7 +89,7 @@ def bound_of(swept: SweptBundle, rounding: Rounding, lower: Array, upper: Array,
     each, reach = rounding.bound(lower, upper, degree), swept.reach
     if swept.chains.slides is not None:
         reach = reach + (np.linalg.norm(swept.chains.slides[::rows], axis=2).sum(axis=1)) @ farthest
-    return _spread(swept.corners, each.reshape(-1, rows)) + _PROJECTING * UNIT_ROUNDOFF * reach
+    return spread_of(swept.corners, each.reshape(-1, rows)) + _PROJECTING * UNIT_ROUNDOFF * reach
 
 
 def along_motion(swept: SweptBundle, which: Indices, piece: Expansion, error: Array) -> Bounds:
@@ -266,11 +116,6 @@ def over_box(
     along = (None, None) if steps is None or off is None else (steps[:, rows.asked], off[rows.asked])
     terms = box_terms(swept.chains, swept.arms, rows.chain, centre[rows.asked], half[rows.asked], *along)
     return _bounds(swept, which, rows, terms, error, share=1.0, curvature=0.5, corners=steps is not None)
-
-
-def all_rows(swept: SweptBundle, which: Indices) -> Indices:
-    """Return the rows of the chains and ways of paths `which`."""
-    return (which[:, None] * swept.rows + np.arange(swept.rows)).ravel()
 
 
 class _Rows:
@@ -311,35 +156,43 @@ def _bounds(
     value, n, depth, t = separated(swept, which, r)
     along = np.einsum("nci,ni->nc", r, n)
     moved = rows.of(terms.moved)[:, 0] * INFLATION
-    least, corner_t = swept.corners.least(which, along[:, 1:])
+    least, _ = swept.corners.least(which, along[:, 1:])
     corner = along[:, 0] + least
     # The value is a distance of two points, no proof that none are nearer, should the search have ended early.
     lower, upper = corner - moved, value + np.maximum(moved - depth, 0.0)
     if terms.second is not None:
         vectors = [rows.of(rate.T) for rate in terms.rates]
-        rates = [np.einsum("nci,ni->nc", v, n) for v in vectors]
-        bent = curvature * rows.of(terms.second)
-        # The bound of a vector that turns with its body is asked for where ways lead to corners together.
-        spun = curvature * rows.of(terms.turned(swept.turns[rows.chain])) if swept.corners.has_faces else bent
-        swing = sum(np.abs(rate[:, 0] + np.einsum("nk,nk->n", corner_t, rate[:, 1:])) for rate in rates)
-        steps = [share * rate[:, 1:] for rate in rates]
-        slack = swept.corners.slack(which, along[:, 1:], steps, bent[:, 1:], spun[:, 1:])
-        lower = np.maximum(lower, corner - (share * swing + bent[:, 0]) * INFLATION + slack)
+        falls = [share * np.einsum("nci,ni->nc", v, n) for v in vectors]
+        bent = curvature * rows.of(terms.second)[:, 0] * INFLATION
+        lower = np.maximum(lower, _sloped(swept.corners, which, along, falls, t) - bent)
         if len(vectors) == 1 or corners:  # the points that are nearest in the middle, at both ends or all corners
             here, *moves = (x[:, 0] + np.einsum("nk,nki->ni", t, x[:, 1:]) for x in (r, *vectors))
             ends = [here]
             for step in moves:
                 ends = [end + sign * share * step for end in ends for sign in (-1.0, 1.0)]
             farthest: Array = np.max([_measure(swept, which, end, n) for end in ends], axis=0)
-            upper = np.minimum(upper, farthest + bent[:, 0] * INFLATION)
-    off = _spread_of(swept, which, rows.of(terms.aside)) * INFLATION
-    off = off + error * (1.0 + rows.of(terms.wide).max(axis=1))
+            upper = np.minimum(upper, farthest + bent)
+    off = rows.of(terms.aside)[:, 0] * INFLATION + error * (1.0 + rows.of(terms.wide).max(axis=1))
     return Bounds(value, lower - off, upper + off)
 
 
-def _spread_of(swept: SweptBundle, which: Indices, rows: Array) -> Array:
-    found: Array = rows[:, 0] + np.einsum("nk,nk->n", swept.corners.spread[which], rows[:, 1:])
-    return found
+def _sloped(corners: Corners, which: Indices, along: Array, falls: Sequence[Array], t: Array) -> Array:
+    """Return the least of n . r (N,) over a piece or box, its bend left out; given n . r and rates of rows (N, 1 + K).
+
+    The least corner of a body, its vertices moving evenly, is concave in q. So it is least at an end of the piece, or
+    a corner of the box. Of many coordinates, places t (N, K) are followed, and what vertices may fall against them.
+    """
+    active = [fall for fall in falls if np.any(fall)]
+    if len(active) <= _MOST_COORDINATES:
+        found = np.full(len(which), np.inf)
+        for signs in product((-1.0, 1.0), repeat=len(active)):
+            there = sum((sign * fall for sign, fall in zip(signs, active, strict=True)), start=along)
+            found = np.minimum(found, there[:, 0] + corners.least(which, there[:, 1:])[0])
+        return found
+    value, _ = corners.least(which, along[:, 1:])
+    swing = sum(np.abs(fall[:, 0] + np.einsum("nk,nk->n", t, fall[:, 1:])) for fall in active)
+    slack = corners.slack(which, along[:, 1:], [fall[:, 1:] for fall in active], t)
+    return along[:, 0] + value - swing * INFLATION + slack
 
 
 def _measure(swept: SweptBundle, which: Indices, r: Array, n: Array) -> Array:

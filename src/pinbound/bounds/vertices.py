@@ -18,14 +18,13 @@ from functools import cached_property
 
 import numpy as np
 
-from pinbound.tolerances import INFLATION, REDUCTION
+from pinbound.tolerances import INFLATION
 from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["Corners", "Side", "corners_of"]
 
 _MOST_NUMBERS = 1 << 21  # of a table of rows and vertices at a time, to bound memory
 _TABLE = 3  # ways of a body that stands in the table
-_ALL_PAIRS = 512  # vertices, up to which lengths between all pairs are kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,27 +34,10 @@ class Side:
     Attributes:
         corners: (k, m) coefficients of its ways.
         columns: Its m ways among those of the pair.
-        lengths: (m, m) L with `|E d| = |L d|` [m] for any coefficients d: E turns with its link, and keeps lengths.
-        apart: (k, k) [m], lengths between its corners; None if they are too many to keep.
     """
 
     corners: Array
     columns: slice
-    lengths: Array
-    apart: Array | None
-
-    def sizes(self, star: Indices) -> Array:
-        """Return how far each corner is from the corners `star` (R,), (R, k) [m]."""
-        if self.apart is not None:
-            found: Array = self.apart[star]
-            return found
-        return _lengths(self.corners[None] - self.corners[star][:, None], self.lengths)
-
-
-def _lengths(d: Array, lengths: Array) -> Array:
-    """Return bounds of `|E d|` [m]; what the reduction took for zero, `REDUCTION` of a way, is added."""
-    found: Array = np.linalg.norm(d @ lengths.T, axis=-1) + 8.0 * REDUCTION * np.abs(d).sum(axis=-1)
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,11 +75,6 @@ class Corners:
         """Which pairs have each side, (sides, m)."""
         return np.array([np.any(self.which == number, axis=1) for number in range(len(self.sides))])
 
-    @cached_property
-    def has_faces(self) -> bool:
-        """Whether a body has more than one way, so that what leads to another corner may point anywhere."""
-        return any(side.corners.shape[1] > 1 for side in self.sides)
-
     def asked(self, which: Indices) -> Iterator[tuple[Side, Indices | slice]]:
         """Return each side with the rows (of pairs `which`) that ask for it, not too many at a time."""
         for side, has in zip(self.sides, self.members, strict=True):
@@ -124,47 +101,32 @@ class Corners:
             chosen[rows, side.columns] = side.corners[star]
         return value, chosen
 
-    def slack(self, which: Indices, along: Array, rates: Sequence[Array], bent: Array, spun: Array) -> Array:
-        """Return by how much corners that are not least in the middle may pass below the one that is, at most (N,).
+    def slack(self, which: Indices, along: Array, rates: Sequence[Array], t: Array) -> Array:
+        """Return by how much corners may pass below the one that is least in the middle, if that moves as t (N,) [m].
 
-        A corner that leads away by d is above the least one by `n . E d` in the middle, and falls by no more than
-        `sum |n . E' d|` of all rates and by the second-order bound of `E d`, which is that of its ways, or that of a
-        vector of its length that turns with the body; the less counts. What stays above costs nothing. Zero or less.
+        A corner that leads away from t by d is above the least one by its height there, and falls against t by no more
+        than `sum |n . E' d|` of all rates. What stays above costs nothing. Zero or less.
 
         Args:
             which: (N,) the pair of each row.
             along: (N, K) `n . e_i`.
             rates: (N, K) each, `n . e_i'` over half the piece, or half across the box in each coordinate.
-            bent: (N, K) the second-order bound of each way.
-            spun: (N, K) the same of a unit vector that turns with the way's body.
+            t: (N, K) any places on the bodies; the nearest ones cost least.
         """
         found = np.zeros(len(which))
         for side, rows in self.asked(which):
             corners, columns = side.corners, side.columns
             heights = along[rows, columns] @ corners.T
-            star = heights.argmin(axis=1)
-            falls = _each(corners, star, bent[rows, columns])
-            if corners.shape[1] > 1:
-                falls = np.minimum(falls, side.sizes(star) * spun[rows, columns].max(axis=1)[:, None])
+            rest = heights - heights.min(axis=1)[:, None]
             for rate in rates:
-                moved = rate[rows, columns] @ corners.T
-                falls += np.abs(moved - moved[np.arange(len(star)), star][:, None])
-            above = heights - heights[np.arange(len(star)), star][:, None]
-            found[rows] += np.minimum((above - falls * INFLATION).min(axis=1), 0.0)
+                there = np.einsum("nk,nk->n", rate[rows, columns], t[rows, columns])
+                rest -= np.abs(rate[rows, columns] @ corners.T - there[:, None]) * INFLATION
+            found[rows] += np.minimum(rest.min(axis=1), 0.0)
         return found
-
-
-def _each(corners: Array, star: Indices, bent: Array) -> Array:
-    """Return `sum_i |d_i| bent_i` of the way d from the corners `star` (R,) to each corner, (R, k)."""
-    found = np.zeros((len(star), len(corners)))
-    for column, one in zip(corners.T, bent.T, strict=True):
-        found += np.abs(column - column[star][:, None]) * one[:, None]
-    return found
 
 
 def corners_of(
     pairs: Sequence[tuple[Array, Array]],
-    lengths: Sequence[tuple[Array, Array]],
     ways: int,
     searched: Sequence[bool],
 ) -> Corners:
@@ -172,7 +134,6 @@ def corners_of(
 
     Args:
         pairs: Of each pair the corners (k, m_a) and (k, m_b) of its two bodies; m is zero for a point.
-        lengths: Of each pair its two `Side.lengths`.
         ways: The number K of ways that every pair is padded to.
         searched: Of each pair whether its nearest places have no closed form.
     """
@@ -181,20 +142,19 @@ def corners_of(
     which = np.full((len(pairs), 2), -1, dtype=np.intp)
     spread, middle = np.zeros((len(pairs), ways)), np.zeros((len(pairs), ways))
     scatter = np.zeros((len(pairs), ways, ways))
-    for row, (bodies, measures) in enumerate(zip(pairs, lengths, strict=True)):
+    for row, bodies in enumerate(pairs):
         start = 0
-        for number, (corners, measure) in enumerate(zip(bodies, measures, strict=True)):
-            k, m = corners.shape
+        for number, corners in enumerate(bodies):
+            m = corners.shape[1]
             columns, start = slice(start, start + m), start + m
             if not m:
                 continue
             spread[row, columns], middle[row, columns] = np.abs(corners).max(axis=0), corners.mean(axis=0)
             scatter[row, columns, columns] = np.cov(corners.T, bias=True)
-            key = (corners.tobytes(), measure.tobytes(), bytes([columns.start, m]))
+            key = (corners.tobytes(), bytes([columns.start, m]))
             if key not in known:
                 known[key] = len(sides)
-                apart = _lengths(corners[:, None] - corners, measure) if k <= _ALL_PAIRS else None
-                sides.append(Side(corners, columns, measure, apart))
+                sides.append(Side(corners, columns))
             which[row, number] = known[key]
     bodies, slots = np.zeros((len(pairs), 4)), np.full((len(pairs), 2 * _TABLE), ways, dtype=np.intp)
     wide = np.array([max(corners.shape[1] for corners in bodies) > _TABLE for bodies in pairs], dtype=np.bool_)

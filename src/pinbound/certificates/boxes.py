@@ -21,6 +21,7 @@ from pinbound.certificates.lifted import LiftedFamily, closed_only, loop_errors
 from pinbound.certificates.records import Budget, Reason, Verdict
 from pinbound.certificates.scope import covered, scope, settled
 from pinbound.certificates.search import Meter
+from pinbound.certificates.swept import SweptBoundaries
 from pinbound.certificates.trajectory import refuse_far
 from pinbound.exceptions import DimensionError
 from pinbound.robot.loop_robot import LoopRobot
@@ -220,6 +221,7 @@ def _search(
 ) -> None:
     """Halve boxes, last ones first, until all are clear, one is violated, or the budget is spent."""
     which, n = np.arange(len(family.names)) if rows is None else rows, len(low)
+    family = family.within(meter.budget.seconds) if isinstance(family, SweptBoundaries) else family
     weights, size = family.weights, high - low
 
     def at(fraction: Array) -> Array:

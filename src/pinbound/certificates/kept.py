@@ -10,16 +10,18 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
+from pinbound.bounds.bodies import SweptBundle, swept_bundle, with_arms
 from pinbound.bounds.bounds import Bundle, bundle, lever_arms, one_angle
 from pinbound.bounds.groups import Groups, groups_of
 from pinbound.bounds.rounding import Rounding, Walks, walks
-from pinbound.bounds.swept_bounds import SweptBundle, bound_of, chain_rounding, swept_bundle
+from pinbound.bounds.separation_tables import SeparationTables, separation_tables
+from pinbound.bounds.swept_bounds import bound_of, chain_rounding
 from pinbound.certificates.distances import ManyAngleBoundaries
 from pinbound.certificates.guarded import GuardedLimits, pieces
 from pinbound.certificates.limits import Limits
@@ -96,16 +98,24 @@ class _Bodies:
         self.slides = any(np.any(c.slides) for path in self.paths for c in (path.minimal, *path.swept.turned))
 
     @cached_property
-    def _still(self) -> tuple[SweptBundle, Rounding]:
-        return self._made(np.zeros(self.n), np.zeros(self.n))
+    def _still(self) -> SweptBundle:
+        return swept_bundle(self.paths, np.zeros(self.n), np.zeros(self.n))
 
-    def _made(self, lower: Array, upper: Array) -> tuple[SweptBundle, Rounding]:
-        swept = swept_bundle(self.paths, lower, upper)
-        return swept, chain_rounding(swept, self.walked)
+    @cached_property
+    def rounding(self) -> Rounding:
+        """What bounds their rounding, but for how far q reaches."""
+        return chain_rounding(self._still, self.walked)
 
-    def over(self, lower: Array, upper: Array) -> tuple[SweptBundle, Rounding]:
+    @cached_property
+    def _tables(self) -> SeparationTables:
+        return separation_tables(self._still)
+
+    def over(self, lower: Array, upper: Array) -> tuple[SweptBundle, Callable[[], SeparationTables]]:
         """Return the paths with lever arms that hold in a box: they depend on it only where something slides."""
-        return self._made(lower, upper) if self.slides else self._still
+        if not self.slides:
+            return self._still, lambda: self._tables
+        moved = with_arms(self._still, lower, upper)
+        return moved, cache(lambda: self._tables.with_arms(moved))
 
 
 class Tables:
@@ -260,9 +270,9 @@ class Tables:
 
     def _swept(self, lower: Array, upper: Array, degree: int) -> SweptBoundaries:
         names, bodies, threshold, places = self._swept_known
-        swept, rounding = bodies.over(lower, upper)
-        error = bound_of(swept, rounding, lower, upper, degree) + places
-        return SweptBoundaries(names, swept, threshold, error, self.swept)
+        swept, tables = bodies.over(lower, upper)
+        error = bound_of(swept, bodies.rounding, lower, upper, degree) + places
+        return SweptBoundaries(names, swept, threshold, error, self.swept, tables)
 
 
 def _thresholds(boundaries: Sequence[Boundary]) -> Array:

@@ -116,6 +116,8 @@ class Polynomials:
 
     def expand(self, piece: Indices, a: Array, b: Array) -> Expansion:
         """Restrict pieces, and their derivatives, to [a, b]; each by its own control points."""
+        if self.degree == 1 and not np.any(self.radius):
+            return self._straight(piece, a, b)
         width = (b - a)[:, None, None]
         middle = 0.5 * (a + b)
         first, second, radius = self._first, self._second, self.radius[piece]
@@ -132,6 +134,22 @@ class Polynomials:
             slope_radius=(loose + slope_rounding) * width[:, 0],
             bends=_restrict(second[piece], a, b) * width**2,
             bend_radius=(2.0 * self.degree * loose + bend_rounding) * width[:, 0] ** 2,
+        )
+
+    def _straight(self, piece: Indices, a: Array, b: Array) -> Expansion:
+        """Return the same of straight segments: their slopes are constant, and exact to a difference and a product."""
+        controls, none = self.controls[piece], np.zeros(self.controls.shape[2])
+        slope = (controls[:, 1] - controls[:, 0]) * (b - a)[:, None]
+        return Expansion(
+            middle=_value(controls, 0.5 * (a + b)),
+            middle_radius=none,
+            slope=slope,
+            values=np.stack((_value(controls, a), _value(controls, b)), axis=1),
+            value_radius=none,
+            slopes=slope[:, None],
+            slope_radius=none,
+            bends=np.zeros((len(slope), 1, len(none))),
+            bend_radius=none,
         )
 
 

@@ -20,6 +20,7 @@ from pinbound.certificates.limits import Limits
 from pinbound.certificates.one_angle import OneAngleBoundaries
 from pinbound.certificates.polynomials import Polynomials, Trajectory, is_straight
 from pinbound.certificates.records import Budget, Contact, Findings, OpenPart, Reason
+from pinbound.certificates.swept import SweptBoundaries
 from pinbound.tolerances import FIRST_CONTACT
 from pinbound.typing import Array, Flags, Indices
 
@@ -29,6 +30,7 @@ _BATCH = 2**14
 _NARROWEST = 2.0**-48
 _A_SECOND = 5e6  # boxes that machine code bounds in a second, and less
 _WAYS = ((32, 8), (256, 4))
+_WAYS_IN_CODE = ((8, 32), (32, 16), (128, 8), (512, 4))  # where machine code bounds a part in microseconds
 _REASONS = tuple(Reason)
 
 
@@ -67,12 +69,12 @@ class _Parts:
     def take(self, rows: Flags | slice) -> _Parts:
         return _Parts(self.piece[rows], self.which[rows], self.a[rows], self.b[rows])
 
-    def cut(self) -> _Parts:
-        """Cut each part into equal ones, the more the fewer there are: a short list costs as much as its length.
+    def cut(self, is_coded: bool) -> _Parts:
+        """Cut each part into equal ones, the more the fewer there are: a round costs as much as some parts.
 
         Parts are dyadic, so that edges are exact, and neighbours share them: no gap.
         """
-        ways = next((ways for most, ways in _WAYS if len(self) <= most), 2)
+        ways = next((ways for most, ways in (_WAYS_IN_CODE if is_coded else _WAYS) if len(self) <= most), 2)
         steps = np.arange(ways + 1) / ways
         edges = self.a + (self.b - self.a) * steps[:, None]
         edges[-1] = self.b
@@ -90,7 +92,10 @@ class Search:
 
         `precision` [m] is wanted of the smallest clearance; None: whatever the verdict yields.
         """
-        self.family, self.trajectory, self.meter = family, trajectory, meter
+        self.family, self.is_coded = family, False
+        if isinstance(family, SweptBoundaries):
+            self.family, self.is_coded = family.within(meter.budget.seconds), family.is_coded
+        self.trajectory, self.meter = trajectory, meter
         self.precision, self.elsewhere = np.inf if precision is None else precision, best
         m = len(family.names)
         self.lower = np.full(m, np.inf)
@@ -245,7 +250,7 @@ class Search:
         if np.any(left):
             code = np.where(stuck[left], _REASONS.index(Reason.ROUNDING), _REASONS.index(Reason.RESOLUTION))
             self.open.append((parts.take(left), found.lower[left], code))
-        return parts.take(split).cut()
+        return parts.take(split).cut(self.is_coded)
 
     def _give_up(self, parts: _Parts, active: Indices, reason: Reason) -> None:
         """Keep what the budget does not allow to look at: these parts, and every later piece."""

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.bounds.bounds import Expansion
-from pinbound.bounds.swept_bounds import Bounds, SweptBundle, along_motion, over_box
+from pinbound.bounds.separation_tables import SeparationTables, is_worth
+from pinbound.bounds.swept_bounds import SweptBundle, along_motion, over_box
 from pinbound.certificates.enclosures import Enclosure
 from pinbound.evaluate import separation
-from pinbound.typing import Array, Indices
+from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["SweptBoundaries"]
 
@@ -26,6 +28,8 @@ class SweptBoundaries:
         threshold: (m,) what the separation must exceed [m]; of distances at least the contact tolerance.
         error: (m,) rounding bound of a separation [m].
         boundaries: They themselves.
+        tables: What machine code reads of them, made when it is first asked for.
+        seconds: What the whole may take: with a few of them left machine code is not compiled.
     """
 
     names: tuple[str, ...]
@@ -33,6 +37,17 @@ class SweptBoundaries:
     threshold: Array
     error: Array
     boundaries: tuple[Boundary, ...]
+    tables: Callable[[], SeparationTables]
+    seconds: float = np.inf
+
+    @property
+    def is_coded(self) -> bool:
+        """Whether machine code bounds them, as there was enough to do for it."""
+        return is_worth(0, self.seconds)
+
+    def within(self, seconds: float) -> SweptBoundaries:
+        """Return the same, for a search that may take so many seconds."""
+        return replace(self, seconds=seconds)
 
     @property
     def weights(self) -> Array:
@@ -54,14 +69,37 @@ class SweptBoundaries:
 
     def enclose(self, which: Indices, part: Expansion, rows: Indices) -> Enclosure:
         """Return the enclosure by the bounds along a motion."""
-        return self._judge(which, along_motion(self.swept, which, part.take(rows), self.error[which]))
+        value, lower = np.empty(len(which)), np.empty(len(which))
+        coded = self._coded(which)
+        if np.any(coded):
+            chosen = which[coded], part, rows[coded], self.error
+            value[coded], lower[coded] = self.tables().along_motion(*chosen)
+        if not np.all(coded):
+            rest = which[~coded]
+            found = along_motion(self.swept, rest, part.take(rows[~coded]), self.error[rest])
+            value[~coded], lower[~coded] = found.value, found.lower
+        return self._judge(which, value, lower)
 
     def enclose_box(self, which: Indices, centre: Array, half: Array) -> Enclosure:
         """Return the enclosure by the bounds over a box."""
-        return self._judge(which, over_box(self.swept, which, centre, half, self.error[which]))
+        value, lower = np.empty(len(which)), np.empty(len(which))
+        coded = self._coded(which)
+        if np.any(coded):
+            value[coded], lower[coded] = self.tables().over_box(which[coded], centre[coded], half[coded], self.error)
+        if not np.all(coded):
+            rest = which[~coded]
+            found = over_box(self.swept, rest, centre[~coded], half[~coded], self.error[rest])
+            value[~coded], lower[~coded] = found.value, found.lower
+        return self._judge(which, value, lower)
 
-    def _judge(self, which: Indices, found: Bounds) -> Enclosure:
+    def _coded(self, which: Indices) -> Flags:
+        """Return which rows machine code bounds; none, while loading or compiling it would take longer."""
+        if not is_worth(len(which), self.seconds):
+            return np.zeros(len(which), dtype=np.bool_)
+        return self.tables().fits[which]
+
+    def _judge(self, which: Indices, value: Array, lower: Array) -> Enclosure:
         error, threshold = self.error[which], self.threshold[which]
-        value, lower = found.value - threshold, found.lower - threshold
+        value, lower = value - threshold, lower - threshold
         lower = np.where(self.swept.is_signed[which], lower, np.maximum(lower, -threshold - error))
         return Enclosure(value, lower, error, lower > 0.0, value < -error, value - lower <= 4.0 * error)

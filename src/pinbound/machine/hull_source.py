@@ -15,7 +15,7 @@ from typing import Final
 from pinbound.machine.compiled import KernelSource
 from pinbound.machine.hull_slopes import SLOPES
 
-__all__ = ["HEAD", "NODE", "PAIR", "SLIDE", "STATE", "WORK", "hull_source"]
+__all__ = ["DIRECTION", "FEATURES", "HEAD", "INSIDE", "NODE", "PAIR", "SLIDE", "STATE", "WORK", "hull_source"]
 
 HEAD: Final = 24
 """Numbers at the head: n, mode, angles and where, nodes and where, pairs and where, places of room, constants."""
@@ -166,7 +166,7 @@ if low > bound:
 """
 """The corner furthest against u, and with it a lower bound of the distance."""
 
-_INSIDE = """\
+INSIDE = """\
 total, far = 0.0, 0.0
 for i in range(4):
     ax, ay, az = s[work + 3 * i], s[work + 3 * i + 1], s[work + 3 * i + 2]
@@ -189,7 +189,7 @@ for i in range(4):
 """
 """Whether four corners hold the origin, and are no sliver that rounding alone spans: four volumes of one sign."""
 
-_FEATURES = """\
+FEATURES = """\
 for a in range(4):
     if not used & (1 << a):
         continue
@@ -248,7 +248,7 @@ for a in range(4):
 """
 """The point nearest to the origin of the vertices, edges and faces of `used` corners that hold one of `must`."""
 
-_DIRECTION = """\
+DIRECTION = """\
 square, count, full, used = best, 0, used, 0
 vx, vy, vz = 0.0, 0.0, 0.0
 for i in range(4):
@@ -295,9 +295,9 @@ _STEPS: Final = {
     "choose": (2, _CHOOSE),
     "edges": (2, _EDGES),
     "support": (3, _SUPPORT),
-    "inside": (4, _INSIDE),
-    "features": (4, _FEATURES),
-    "direction": (3, _DIRECTION),
+    "inside": (4, INSIDE),
+    "features": (4, FEATURES),
+    "direction": (3, DIRECTION),
     "slopes": (3, SLOPES),
 }
 

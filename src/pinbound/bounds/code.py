@@ -1,0 +1,48 @@
+"""Machine code of a search for contact, that is loaded, or compiled, once there was enough to do for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pinbound.machine.compiled import KernelSource, MachineCode, compile_source, is_kept
+from pinbound.typing import Array, Ints
+
+__all__ = ["Code"]
+
+_COMPILING = 10.0  # seconds that must be left for it, on a machine that is busy
+_NO_INDEX = np.empty(0, dtype=np.int64)
+
+
+class Code:
+    """Machine code that is loaded, or compiled, once there is enough to do for it."""
+
+    def __init__(self, source: Callable[[], KernelSource], loading: int, compiling: int) -> None:
+        """Begin without.
+
+        Args:
+            source: Returns the text.
+            loading: Boxes that take NumPy as long as it takes to load the code.
+            compiling: Boxes that take NumPy as long as it takes to compile it.
+        """
+        self.source, self.work, self.loading, self.compiling = source, 0, loading, compiling
+        self.code: MachineCode | None = None
+
+    def is_worth(self, boxes: int, seconds: float) -> bool:
+        """Count boxes to come, and say whether the code is there, or worth it; `seconds` are left for the whole."""
+        self.work += boxes
+        if self.code is not None:
+            return True
+        if self.work >= self.compiling and seconds >= _COMPILING:
+            return True
+        return self.work >= self.loading and is_kept(self.source())
+
+    def run(
+        self, question: Array, out: Array, row: int, column: int, table: Array, count: int, index: Ints = _NO_INDEX
+    ) -> int:
+        """Ask it; it returns a whole number."""
+        if self.code is None:
+            self.code = compile_source(self.source())
+        address = [array.__array_interface__["data"][0] for array in (question, out, index, table)]
+        return int(self.code.function(*address[:2], row, column, *address[2:], count))
