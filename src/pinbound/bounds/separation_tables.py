@@ -179,7 +179,7 @@ def _slots(corners: Corners, pair: int) -> list[int]:
 def _blocks(offsets: Array) -> Array:
     """Return the blocks that are not zero, and where."""
     used = np.flatnonzero(np.any(offsets, axis=1))
-    return np.column_stack((used, offsets[used]))
+    return np.column_stack((used.astype(np.float64), offsets[used]))
 
 
 def _slides(swept: SweptBundle, first: int, k: int) -> Array:
@@ -189,7 +189,7 @@ def _slides(swept: SweptBundle, first: int, k: int) -> Array:
     slides = swept.chains.slides[first, : k + 1]
     used = np.flatnonzero(np.any(slides, axis=(1, 2)))
     directions = np.moveaxis(slides[used], 1, 2).reshape(len(used), 3 * slides.shape[2])
-    return np.column_stack((used, directions, np.linalg.norm(slides[used], axis=1)))
+    return np.column_stack((used.astype(np.float64), directions, np.linalg.norm(slides[used], axis=1)))
 
 
 def _measured(swept: SweptBundle, pair: int) -> Array:
