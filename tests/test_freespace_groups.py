@@ -19,9 +19,12 @@ def test_a_groups_bound_holds_of_its_pairs(tmp_path: Path) -> None:
     groups = found.groups
     assert sorted(pair for root in groups.roots for pair in groups.members[root]) == list(range(len(pairs)))
     assert len(groups.roots) < len(pairs)
+    rotations = [one.path.minimal.rotations for one in found.boundaries]
+    assert {chain.rotations for chain in groups.chains} < set(range(1, max(rotations)))
     nodes = np.arange(len(groups.pair))
     assert all(
-        sorted(groups.members[node]) == sorted(one for half in groups.halves[node] for one in groups.members[half])
+        sorted(groups.members[node])
+        == sorted(one for half in groups.halves[node] if half >= 0 for one in groups.members[half])
         for node in nodes[len(pairs) :]
     )
     for _ in range(20):

@@ -73,6 +73,8 @@ def answers(robot: pb.Robot) -> dict[str, Any]:
         "certificate": pb.certify(robot, [q, other]),
         "box": pb.certified_box(robot, q),
         "polytope": pb.certified_polytope(robot, q),
+        "cover": pb.certified_cover(robot, robot.coordinates[:2], share=0.2, limits_only=True),
+        "projection": pb.free_projection(robot, robot.coordinates[:2], decided=0.2, limits_only=True),
         "history": pb.history(robot, [q, other], region=region, samples=5),
         "inverse kinematics": pb.solve_ik(robot, list(robot.tree.links)[-1], np.array([[0.1, 0.0, 0.2]])),
     }

@@ -17,7 +17,7 @@ from pinbound.freespace.set_graph import SetGraph
 from pinbound.model.coupling import as_configurations
 from pinbound.tolerances import UNIT_ROUNDOFF
 from pinbound.typing import Array, Flags
-from pinbound.values import Value
+from pinbound.values import Value, read_only
 
 __all__ = ["NUMBERS", "TEXTS", "ConvexSet", "FreeCover"]
 
@@ -109,9 +109,9 @@ class FreeCover(Value):
     def half_spaces(self) -> tuple[tuple[Array, Array], ...]:
         """All sets as (A, b), boxes too."""
         one = np.eye(len(self.coordinates))
-        A = np.concatenate([one, -one])
+        A = read_only(np.concatenate([one, -one]))
         return (
-            *((A, np.concatenate([box[1], -box[0]])) for box in self.boxes),
+            *((A, read_only(np.concatenate([box[1], -box[0]]))) for box in self.boxes),
             *((one.A, one.b) for one in self.polytopes),
         )
 

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pinbound.freespace.pairs import Pairs
-from pinbound.typing import Array, Flags
+from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["SHARE", "Draft"]
 
 SHARE = 0.3
 """Of the distance from the seed to contact: a face keeps at most this much of it away from contact."""
+_STEPS = 14
 
 
 @dataclass
@@ -47,3 +48,21 @@ class Draft:
     def inside(self, Q: Array) -> Flags:
         """Return which of Q (N, n) keep all faces."""
         return np.all(Q @ self.A.T <= self.b, axis=1)
+
+    def tangents(self, x: Array, pair: Indices, start: Array) -> tuple[Array, Array, Indices]:
+        """Return tangents of contact on the ways from `start` to x, a little on the seed's side, and of which pair."""
+        rows = x
+        inside, outside = np.zeros(len(rows)), np.ones(len(rows))
+        for _ in range(_STEPS):  # where the way there first is in contact, if there is one contact only
+            middle = 0.5 * (inside + outside)
+            free_there = self.pairs.signed(pair, start + middle[:, None] * (x - start)) > 0.0
+            inside, outside = np.where(free_there, middle, inside), np.where(free_there, outside, middle)
+        y = start + inside[:, None] * (x - start)
+        slope = self.pairs.slopes(pair, y)
+        length = np.linalg.norm(slope, axis=1)
+        keep = length > 1e-9
+        A = -slope[keep] / length[keep, None]
+        away = np.einsum("ni,ni->n", A, y[keep] - self.seed)
+        b = A @ self.seed + away - np.minimum(self.margin, SHARE * away)
+        held = away > 1e-9
+        return A[held], b[held], pair[keep][held]

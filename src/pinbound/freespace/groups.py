@@ -9,20 +9,30 @@ thresholds T and rounding bounds E
 
 A group is represented by the pair for which the largest extra of its members is least; what clears it by that much
 clears them all. Where it is too coarse, its two halves are asked.
+
+*Fewer coordinates.* What b_k has along the last axis that axis does not turn. Without the part across it, `b_k'`, the
+chain has one rotation less, and its vector is off by at most `|b_k'|` in every configuration; so at the first axis with
+b_0. A ball on a wrist's axis stands for the bodies of a hand, whatever the last joint does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
+from pinbound.path.chain import Chain
 from pinbound.tolerances import INFLATION
 from pinbound.typing import Array, Indices
 
 __all__ = ["Groups"]
+
+_FEWEST = 3
+"""Rotations of a chain from which on one with fewer is tried first."""
+_COARSE = 0.12
+"""Metres: a chain with fewer rotations must not be off by more than this, beside what the group is off already."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +40,13 @@ class Groups:
     """Nodes: first all m pairs, each itself, then groups of them.
 
     Attributes:
-        pair: (N,) the pair that represents each node.
+        pair: (N,) the pair that represents each node; m and more: one of `chains`.
         extra: (N,) what is taken off its clearance [m]; 0 of pairs.
-        halves: (N, 2) the nodes that a group is made of; -1 of pairs.
+        halves: (N, 2) the nodes that a group is made of; -1 of pairs, and where there is one alone.
         roots: The nodes that together hold every pair once.
         members: Of each node, its pairs.
+        chains: Chains of fewer rotations, each made of a pair.
+        made_of: (c,) which pair.
     """
 
     pair: Indices
@@ -42,6 +54,8 @@ class Groups:
     halves: Indices
     roots: Indices
     members: tuple[tuple[int, ...], ...]
+    chains: tuple[Chain, ...]
+    made_of: Indices
 
     @classmethod
     def of(cls, boundaries: Sequence[Boundary], error: Array, grouped: Sequence[int]) -> Groups:
@@ -59,6 +73,8 @@ class Groups:
             np.array(found.halves, dtype=np.intp).reshape(-1, 2),
             np.array(roots, dtype=np.intp),
             tuple(found.members),
+            tuple(found.chains),
+            np.array(found.made_of, dtype=np.intp),
         )
 
 
@@ -69,11 +85,13 @@ class _Builder:
         self.pair, self.extra = list(range(count)), [0.0] * count
         self.halves = [(-1, -1)] * count
         self.members: list[tuple[int, ...]] = [(pair,) for pair in range(count)]
+        self.chains: list[Chain] = []
+        self.made_of: list[int] = []
 
     def node(self, members: Indices) -> int:
-        """Return the node of some pairs of the same two links."""
+        """Return the node of some pairs whose chains turn alike."""
         if len(members) == 1:
-            return int(members[0])
+            return self._shorter(int(members[0]), members, (int(members[0]), -1), 0.0)
         some = [self.boundaries[int(pair)] for pair in members]
         blocks = np.array([one.path.minimal.offsets for one in some])
         places = blocks.reshape(len(blocks), -1)
@@ -89,8 +107,59 @@ class _Builder:
         order = np.argsort(places[:, wide], kind="stable")
         middle = len(order) // 2
         halves = self.node(members[order[:middle]]), self.node(members[order[middle:]])
-        self.pair.append(int(members[best]))
-        self.extra.append(max(0.0, float(extra[best])) * INFLATION)
+        room = max(0.0, float(extra[best])) * INFLATION
+        shorter = self._shorter(int(members[best]), members, halves, room)
+        return shorter if shorter >= 0 else self._add(int(members[best]), room, halves, members)
+
+    def _add(self, pair: int, extra: float, halves: tuple[int, int], members: Indices) -> int:
+        self.pair.append(pair)
+        self.extra.append(extra)
         self.halves.append(halves)
-        self.members.append(tuple(int(pair) for pair in members))
+        self.members.append(tuple(int(one) for one in members))
         return len(self.pair) - 1
+
+    def _shorter(self, best: int, members: Indices, halves: tuple[int, int], room: float) -> int:
+        """Return a node with fewer coordinates for the same pairs; the pair itself, or -1, if there is none."""
+        none = best if halves[1] < 0 else -1
+        whole = self.boundaries[best].path.minimal
+        if whole.rotations < _FEWEST or np.any(whole.slides):
+            return none
+        blocks, chain, found = whole.offsets.copy(), whole, none
+        threshold = np.array([self.boundaries[int(pair)].rule.placed_distance for pair in members])
+        theirs = np.array([self.boundaries[int(pair)].path.minimal.offsets for pair in members])
+        own = self.boundaries[best].rule.placed_distance
+        ends = [(0, whole.axes[0]), (whole.rotations, whole.axes[-1])]
+        ends.sort(key=lambda one: float(np.linalg.norm(_across(blocks[one[0]], one[1]))))
+        for place, axis in ends:
+            if chain.rotations < _FEWEST:
+                break
+            blocks[place] -= _across(blocks[place], axis)
+            chain = _without(chain, is_first=place == 0)
+            apart = np.linalg.norm(theirs - blocks, axis=2).sum(axis=1)
+            extra = float((threshold + self.error[members] - own + apart * INFLATION).max()) * INFLATION
+            if extra - room > _COARSE:
+                break
+            self.chains.append(chain)
+            self.made_of.append(best)
+            below = halves if found == none else (found, -1)
+            found = self._add(len(self.boundaries) + len(self.chains) - 1, max(0.0, extra), below, members)
+        return found
+
+
+def _across(block: Array, axis: Array) -> Array:
+    """Return the part of a block that an axis turns."""
+    return block - axis * float(axis @ block)
+
+
+def _without(chain: Chain, is_first: bool) -> Chain:
+    """Return a chain without its first or last rotation, what that turns left out."""
+    offsets = chain.offsets
+    if is_first:
+        merged = offsets[0] - _across(offsets[0], chain.axes[0]) + offsets[1]
+        kept, part = np.vstack([merged[None], offsets[2:]]), slice(1, None)
+    else:
+        merged = offsets[-2] + offsets[-1] - _across(offsets[-1], chain.axes[-1])
+        kept, part = np.vstack([offsets[:-2], merged[None]]), slice(None, -1)
+    return replace(
+        chain, offsets=kept, slides=chain.slides[:-1], axes=chain.axes[part], coefficients=chain.coefficients[part]
+    )

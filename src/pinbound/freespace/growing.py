@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinbound.certificates.search import Meter
-from pinbound.freespace.draft import SHARE, Draft
+from pinbound.freespace.draft import Draft
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array, Indices
 
@@ -20,7 +20,6 @@ __all__ = ["Grower"]
 
 
 _CANDIDATES = 256
-_STEPS = 14
 _ROUNDS = 4
 _SCORING = 20_000
 
@@ -50,7 +49,7 @@ class Grower:
         near = np.flatnonzero(np.linalg.norm(step, axis=1) <= 2.0 * self.draft.margin)
         near = near[self.draft.pairs.signed(near, self.draft.seed + step[near]) < 0.0] if len(near) else near
         for pair in near[np.argsort(np.linalg.norm(step[near], axis=1))].tolist():
-            A, b, _ = self._tangents((self.draft.seed + step[pair])[None], np.array([pair]), self.draft.seed[None])
+            A, b, _ = self.draft.tangents((self.draft.seed + step[pair])[None], np.array([pair]), self.draft.seed[None])
             if len(A):
                 self.draft.add(A[0], float(b[0]), pair)
 
@@ -99,22 +98,4 @@ class Grower:
         if len(free):
             half = len(rows) // 2
             start[:half] = free[self.rng.integers(0, len(free), half)]
-        return self._tangents(x, pair, start)
-
-    def _tangents(self, x: Array, pair: Indices, start: Array) -> tuple[Array, Array, Indices]:
-        """Return tangents of contact on the ways from `start` to x, a little on the seed's side, and of which pair."""
-        rows = x
-        inside, outside = np.zeros(len(rows)), np.ones(len(rows))
-        for _ in range(_STEPS):  # where the way there first is in contact, if there is one contact only
-            middle = 0.5 * (inside + outside)
-            free_there = self.draft.pairs.signed(pair, start + middle[:, None] * (x - start)) > 0.0
-            inside, outside = np.where(free_there, middle, inside), np.where(free_there, outside, middle)
-        y = start + inside[:, None] * (x - start)
-        slope = self.draft.pairs.slopes(pair, y)
-        length = np.linalg.norm(slope, axis=1)
-        keep = length > 1e-9
-        A = -slope[keep] / length[keep, None]
-        away = np.einsum("ni,ni->n", A, y[keep] - self.draft.seed)
-        b = A @ self.draft.seed + away - np.minimum(self.draft.margin, SHARE * away)
-        held = away > 1e-9
-        return A[held], b[held], pair[keep][held]
+        return self.draft.tangents(x, pair, start)

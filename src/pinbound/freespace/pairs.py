@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
+from pinbound.bounds.bounds import bundle, lever_arms
 from pinbound.certificates.constraints import ManyAngleBoundaries, OneAngleBoundaries, families
 from pinbound.certificates.enclosures import Family
 from pinbound.freespace.groups import Groups
@@ -62,7 +63,15 @@ class Pairs:
         if many.chains.slides is None:
             grouped = list(range(int(self.first[1]), int(self.first[2])))
             error[grouped] = many.error
-        self.groups = Groups.of(self.boundaries, error, grouped)
+        self.groups = groups = Groups.of(self.boundaries, error, grouped)
+        if groups.chains:  # pairs of fewer coordinates, which stand for others and are none themselves
+            stacked, made_of = bundle(groups.chains, len(low)), groups.made_of
+            arms = lever_arms(stacked, low, high)
+            threshold = np.array([self.boundaries[row].rule.placed_distance for row in made_of])
+            coarse = ManyAngleBoundaries((), stacked, arms, threshold, error[made_of], (), None)
+            self.families = (*self.families, coarse)
+            self.first = np.append(self.first, len(self.names) + len(made_of))
+            self.weights = np.concatenate([self.weights, coarse.weights])
 
     def __len__(self) -> int:
         """Return how many there are."""

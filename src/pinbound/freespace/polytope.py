@@ -30,15 +30,14 @@ __all__ = ["certified_polytope"]
 _BUDGET = Budget(boxes=1_000_000_000, seconds=60.0)
 _AT_Q = Budget(boxes=2_000_000, seconds=10.0)
 """For the proof of q alone, which a budget of boxes does not count."""
-_SHARES = (1.0 / 16.0, 0.25, 0.5, 0.7, 0.85, 1.0)
-"""Of the way from q to all limits: the boxes within which a polytope is proven, one after the other."""
-_MARGIN = 0.1
-"""Radians or metres. How far faces keep away from contact, where there is room: less costs more boxes."""
+_STAGES = ((1.0 / 16.0, 0.1 / 16.0), (0.25, 0.025), (1.0, 0.4), (1.0, 0.2), (1.0, 0.1))
+"""Of the way from q to all limits, the box within which a polytope is proven, and how far faces keep away from contact
+there, where there is room [rad or m]. Twice the distance takes a fifth of the boxes, and little of the volume."""
+_JUDGED = 20_000
+"""Samples of the box of limits by which the largest of the polytopes that were proven is chosen."""
 _SAMPLES = 6000
 _SIDE = -1
 """In place of a pair: a face that is a side of the box within which the polytope is proven."""
-_GROWN = 0.5
-"""Share of the box of limits from which on samples propose faces; smaller ones are done before that would pay."""
 _GROWING = 0.2
 """Of the seconds that are left: for proposing faces."""
 
@@ -140,17 +139,19 @@ def _searched(robot: Robot, exact: FreePolytope, ground: _Ground, meter: Meter, 
     pairs = Pairs(robot, ground.searched, ground.low, ground.high)
     best: FreePolytope | None = None
     left: FreePolytope = exact
-    for share in _SHARES:
+    Q = np.random.default_rng(seed).uniform(ground.low, ground.high, (_JUDGED, len(ground.q)))
+    most, is_done = -1, True
+    for share, margin in _STAGES:
         low, high = ground.low, ground.high
         if share < 1.0:
             low, high = ground.q + share * (low - ground.q), ground.q + share * (high - ground.q)
         around = [] if share == 1.0 else _sides(robot.coordinates, low, high)
         faces = (*exact.faces, *around)
-        draft = Draft(pairs, ground.q, low, high, exact.A, exact.b, _MARGIN * share)
+        draft = Draft(pairs, ground.q, low, high, exact.A, exact.b, margin)
         grower = Grower(draft, robot, np.random.default_rng(seed))
         grower.begin()
         budget = meter.budget
-        if share >= _GROWN:
+        if share == 1.0:  # smaller ones are done before that would pay
             grower.grow(_SAMPLES, meter, meter.seconds + _GROWING * (budget.seconds - meter.seconds))
         for face in around:
             draft.add(face.normal, face.proven, _SIDE)
@@ -173,14 +174,15 @@ def _searched(robot: Robot, exact: FreePolytope, ground: _Ground, meter: Meter, 
         )
         if not is_done:
             break
-        best = left
+        inside = int(np.count_nonzero(np.all(Q @ draft.A.T <= draft.b, axis=1)))
+        if inside >= most:
+            best, most = left, inside
     if best is None:
         return left
-    if best is not left:
-        note = (
-            "the budget was spent: a larger polytope may be certified; this one lies in a box around q, the faces "
-            "'... reach'"
-        )
+    if not is_done:
+        is_box = any(face.name.endswith(" reach") for face in best.faces)
+        where = "; this one lies in a box around q, the faces '... reach'" if is_box else ""
+        note = f"the budget was spent: a larger polytope may be certified{where}"
         best = replace(best, boxes=meter.boxes, seconds=meter.seconds, notes=(*best.notes, note))
     return best
 

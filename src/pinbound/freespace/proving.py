@@ -27,6 +27,8 @@ _COMPILING = 300_000
 _TOGETHER = 8
 _WEIGHINGS = 4
 _SMALLEST = 2.0**-40
+_COARSE = 0.25
+"""Of what a group's clearance can change over a box: a group that is off by more is left where it is not clear."""
 _NARROW = 0.02
 """Of the distance to the seed: a box this small, across whose slope the seed is not well away from contact, is cut off
 across the line from the seed."""
@@ -137,12 +139,25 @@ class Prover:
             return False
         return self.tables.is_ready(_COMPILING, self.meter.budget.seconds - self.meter.seconds)
 
+    def _shadows(self, own: Flags) -> tuple[Array, Array]:
+        """Return what faces say of some coordinates alone, the others anywhere in the box, their rounding added.
+
+        From `a . q <= b` follows `a_own . q_own <= b - min (a_others . q_others)`. A face that all of the box keeps
+        says nothing.
+        """
+        draft = self.draft
+        others = np.where(own, 0.0, draft.A)
+        least = np.maximum(others, 0.0) @ draft.low + np.minimum(others, 0.0) @ draft.high
+        A, b = np.where(own, draft.A, 0.0), draft.b - least + 2.0 * self.rounding()
+        most = np.maximum(A, 0.0) @ draft.high + np.minimum(A, 0.0) @ draft.low
+        return A[most > b], b[most > b]
+
     def _quick(self, stack: Boxes) -> Boxes:
         """Return what machine code leaves of a stack: it clears and halves, and what has to be cut off is looked at."""
         n, draft = stack.low.shape[1], self.draft
         found = self.tables.run(
             Stack(np.column_stack([stack.which, stack.low, stack.high])),
-            (draft.A, draft.b + self.rounding()),
+            self._shadows(self.tables.used_by(stack.which)),
             (draft.seed, self.farthest),
             (self.unit, draft.margin, SHARE, _SMALLEST),
             min(_AT_ONCE, self.meter.budget.boxes - self.meter.boxes),
@@ -176,9 +191,11 @@ class Prover:
         groups = self.draft.pairs.groups
         reach = found.rest + np.einsum("ni,ni->n", np.abs(found.slope), half)
         is_group = boxes.which >= len(self.draft.pairs)
-        coarse = is_group & ((found.value <= 0.0) | (groups.extra[boxes.which] >= reach))
+        slack = groups.extra[boxes.which]
+        coarse = is_group & ((slack >= reach) | ((found.value <= 0.0) & (slack >= _COARSE * reach)))
         halves = boxes.take(coarse)
         asked = [Boxes(groups.halves[halves.which, side], halves.low, halves.high) for side in (0, 1)]
+        asked = [one.take(one.which >= 0) for one in asked]
         split = is_group & ~coarse
         again = boxes.take(split).halved(self.draft.pairs.weights[groups.pair[boxes.which[split]]] * half[split])
         single = ~is_group
@@ -234,12 +251,13 @@ class Prover:
         steep = np.linalg.norm(slope, axis=1)
         away = -np.einsum("ni,ni->n", slope, centre - self.draft.seed)  # times the slope: how far on the seed's side
         room = np.minimum(self.draft.margin * steep, SHARE * away)
-        ripe = (found.rest <= 0.25 * room) & (found.value <= found.rest)
+        ripe = (found.rest <= 0.25 * room) & (found.value <= found.rest + 0.25 * room)
         own = self.draft.pairs.weights[boxes.which] > 0.0
         way = np.where(own, centre - self.draft.seed, 0.0)
         far = np.linalg.norm(way, axis=1)
         size = np.linalg.norm(np.where(own, half, 0.0), axis=1)
-        radial = ~ripe & (found.value <= found.rest) & (size <= _NARROW * far) & (away <= _NARROW * far * steep)
+        small = ((found.value <= found.rest) & (size <= _NARROW * far)) | (size <= 0.1 * _NARROW * far)
+        radial = ~ripe & small & (away <= _NARROW * far * steep)
         hopeless = np.max(np.where(own, half, 0.0), axis=1) < _SMALLEST
         is_flat = np.zeros(len(boxes), dtype=np.bool_)
         is_flat[flat] = True
@@ -263,6 +281,8 @@ class Prover:
                 bound += float(found.value[row] - found.rest[row] - 0.5 * room[row]) / float(steep[row])
             if normal @ self.draft.seed < bound:
                 self.draft.add(normal, bound, int(one.which[0]))
+            else:
+                self._cut_before(one, centre[row])
         if np.any(hopeless):
             self.stuck.append(boxes.take(hopeless))
         keep = ~hopeless
@@ -272,6 +292,12 @@ class Prover:
             open_[open_] = self._weigh(_some(found, open_), centre[open_], half[open_]) <= 0.0
             boxes, half = boxes.take(open_), half[open_]
         return boxes, half
+
+    def _cut_before(self, one: Boxes, centre: Array) -> None:
+        """Cut a box that lies deep in contact off where the straight way from the seed to it first is."""
+        A, b, _ = self.draft.tangents(centre[None], one.which, self.draft.seed[None])
+        if len(A) and A[0] @ self.draft.seed < b[0] < A[0] @ centre:
+            self.draft.add(A[0], float(b[0]), int(one.which[0]))
 
 
 def _joined(parts: Sequence[Boxes]) -> Boxes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -40,40 +41,39 @@ class ProofTables:
 
     def __init__(self, pairs: Pairs) -> None:
         """Write the tables."""
-        family = pairs.families[1]
-        n, groups = pairs.weights.shape[1], pairs.groups
+        family, groups = pairs.families[1], pairs.groups
+        n = pairs.weights.shape[1]
         self.n, self.known = n, np.zeros(len(groups.pair), dtype=np.bool_)
         self.is_empty = not (isinstance(family, ManyAngleBoundaries) and family.chains.slides is None)
-        blocks, places = list[Array](), np.zeros((len(pairs), 2))
+        blocks, places = list[Array](), np.zeros((len(pairs.weights), 2))
         nodes = np.column_stack([groups.pair, groups.extra, groups.halves]).astype(np.float64)
         start = 4 + nodes.size + places.size
-        most = 1
-        if isinstance(family, ManyAngleBoundaries) and not self.is_empty:
-            chains, first = family.chains, int(pairs.first[1])
-            most = max(1, chains.rotations)
-            for row in range(len(family.names)):
-                k = int(np.max(np.flatnonzero(np.any(chains.coefficients[row] != 0.0, axis=1)), initial=-1)) + 1
-                parts = (
-                    np.array([family.threshold[row], family.error[row]]),
-                    chains.coefficients[row, :k],
-                    chains.axes[row, :k],
-                    chains.offsets[row, : k + 1],  # behind them are zeros
-                    family.arms[row, :k],
-                    pairs.weights[first + row],
-                )
-                block = np.concatenate([np.ravel(part) for part in parts])
+        self.turns = 1
+        for number in (1, 3) if not self.is_empty else ():
+            if number >= len(pairs.families):
+                continue
+            one, first = cast(ManyAngleBoundaries, pairs.families[number]), int(pairs.first[number])
+            self.turns = max(self.turns, one.chains.rotations)
+            for row in range(len(one.threshold)):
+                block, k = _block(one, row, pairs.weights[first + row])
                 places[first + row] = start, k
                 start += len(block)
                 blocks.append(block)
-            members = np.array([all(first <= p < int(pairs.first[2]) for p in some) for some in groups.members])
-            self.known = members
-        head = np.array([n, 4, 4 + nodes.size, most], dtype=np.float64)
+        first, last = int(pairs.first[1]), int(pairs.first[2])
+        if not self.is_empty:
+            self.known = np.array([all(first <= p < last for p in some) for some in groups.members])
+        used = pairs.weights > 0.0
+        self.uses = np.array([np.any(used[list(some)], axis=0) for some in groups.members]).reshape(-1, n)
+        head = np.array([n, 4, 4 + nodes.size, self.turns], dtype=np.float64)
         self.table = np.concatenate([head, nodes.ravel(), places.ravel(), *blocks])
-        self.turns = most
 
     def has(self, nodes: Indices) -> Flags:
         """Return which nodes machine code can bound."""
         return self.known[nodes]
+
+    def used_by(self, nodes: Indices) -> Flags:
+        """Return which coordinates (n,) pairs of any of these nodes depend on."""
+        return np.any(self.uses[np.unique(nodes)], axis=0)
 
     def is_ready(self, boxes: int, seconds: float) -> bool:
         """Count boxes to come, and say whether the code is there, or worth to be compiled."""
@@ -108,3 +108,18 @@ class ProofTables:
         filled = int(out[1])
         rows = out[queue : queue + size * filled].reshape(filled, size).copy()
         return Stack(rows, boxes, bool(out[0] == 1.0))
+
+
+def _block(family: ManyAngleBoundaries, row: int, weights: Array) -> tuple[Array, int]:
+    """Return the numbers of one pair, and of how many rotations."""
+    chains = family.chains
+    k = int(np.max(np.flatnonzero(np.any(chains.coefficients[row] != 0.0, axis=1)), initial=-1)) + 1
+    parts = (
+        np.array([family.threshold[row], family.error[row]]),
+        chains.coefficients[row, :k],
+        chains.axes[row, :k],
+        chains.offsets[row, : k + 1],  # behind them are zeros
+        family.arms[row, :k],
+        weights,
+    )
+    return np.concatenate([np.ravel(part) for part in parts]), k

@@ -23,6 +23,7 @@ share of the distance, the smallest box."""
 _LANES: Final = 8
 _WEIGHINGS: Final = 4
 _NARROW: Final = 0.02
+_COARSE: Final = 0.25
 
 
 @cache
@@ -34,6 +35,7 @@ def proof_source() -> KernelSource:
         ("HEAD", PROOF_HEAD),
         ("WEIGHINGS", _WEIGHINGS),
         ("NARROW", _NARROW),
+        ("COARSE", _COARSE),
     ):
         text = text.replace(f"${name}", repr(value))
     return KernelSource(text, 0, _LANES)
@@ -211,12 +213,14 @@ while filled > 0:
         reach = rest
         for j in range(n):
             reach += abs(out[slopes + j]) * out[half + j]
-        if value <= 0.0 or extra >= reach:
-            other = queue + size * filled
-            for j in range(2 * n):
-                out[other + 1 + j] = out[entry + 1 + j]
-            out[other], out[entry] = w[node + 2], w[node + 3]
-            filled += 1
+        if extra >= reach or (value <= 0.0 and extra >= $COARSE * reach):
+            out[entry] = w[node + 2]
+            if w[node + 3] >= 0.0:
+                other = queue + size * filled
+                for j in range(2 * n):
+                    out[other + 1 + j] = out[entry + 1 + j]
+                out[other] = w[node + 3]
+                filled += 1
             continue
     else:
         steep, away, distance, extent, widest = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -232,8 +236,9 @@ while filled > 0:
         steep, distance, extent = math.sqrt(steep), math.sqrt(distance), math.sqrt(extent)
         x = margin * steep
         x = x if x < share * away else share * away
-        is_ripe = rest <= 0.25 * x and value <= rest
-        is_close = value <= rest and extent <= $NARROW * distance and away <= $NARROW * distance * steep
+        is_ripe = rest <= 0.25 * x and value <= rest + 0.25 * x
+        is_small = (value <= rest and extent <= $NARROW * distance) or extent <= 0.1 * $NARROW * distance
+        is_close = is_small and away <= $NARROW * distance * steep
         if is_ripe or is_close or widest < smallest:
             stop = 1
             break

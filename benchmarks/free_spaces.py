@@ -1,0 +1,193 @@
+"""What free_volume, certified_polytope and certified_cover reach on the UR5 and the Panda, against seconds.
+
+    python benchmarks/free_spaces.py volumes
+    python benchmarks/free_spaces.py polytope panda_spherized.urdf --pairs pairs.json --seconds 20 60
+    python benchmarks/free_spaces.py cover panda_spherized.urdf --pairs pairs.json --queries 1000
+    python benchmarks/free_spaces.py pictures --out FOLDER
+
+Without a robot it is the UR5 of example-robot-data with spheres around each body's box (`certify_robots.py`); give a
+spherized URDF and its pairs for the Panda of VAMP. Every polytope is sampled, every plan certified again. Seconds of
+the processor are beside those of the wall, which other processes share.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import pinbound as pb
+from benchmarks.certify_robots import CASES, annotate, cover
+from benchmarks.spheres import spheres_of
+
+HOME = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
+SAMPLES = 1_000_000
+
+
+class Clock:
+    """Seconds since it was made, of the wall and of the processor."""
+
+    def __init__(self) -> None:
+        """Start."""
+        self.wall, self.own = time.perf_counter(), time.process_time()
+
+    def __str__(self) -> str:
+        """Return both."""
+        return f"{time.process_time() - self.own:.1f} s of processor, {time.perf_counter() - self.wall:.1f} s of wall"
+
+
+def ur5(folder: Path) -> pb.Robot:
+    """Return the UR5 with spheres around its bodies."""
+    case = CASES[0]
+    bare = pb.load(case.urdf)
+    return pb.load(case.urdf, annotations=annotate(bare, case, cover(bare.model, case), folder))
+
+
+def robots(options: argparse.Namespace, folder: Path) -> dict[str, pb.Robot]:
+    """Return the robots that were asked for."""
+    found = {} if options.robot else {"UR5": ur5(folder)}
+    if options.robot:
+        found["Panda"] = spheres_of(options.robot, options.pairs, list(HOME), folder)
+    return found
+
+
+def volumes(options: argparse.Namespace, folder: Path) -> int:
+    """Decide three coordinates to 99 %; 1 if free boxes hold a sample in contact."""
+    wrong = 0
+    for name, robot in robots(options, folder).items():
+        for first in (1, 2, 3):
+            names, clock = robot.coordinates[first : first + 3], Clock()
+            window = {one: (-np.pi, np.pi) for one in robot.coordinates if name == "UR5"}
+            found = pb.free_volume(robot, names, budget=pb.Budget(10**9, options.seconds[-1]), window=window)
+            wrong += not all_free(robot, found)
+            said = f"{name}, {len(robot.boundaries)} pairs, {', '.join(names)}: {100 * found.decided:.2f} % decided, "
+            print(f"{said}{found.boxes / 1e6:.2f} million boxes, {clock}", flush=True)
+    return int(wrong > 0)
+
+
+def all_free(robot: pb.Robot, found: pb.FreeVolume) -> bool:
+    """Return whether 100,000 samples of the free boxes are free."""
+    rng, axes = np.random.default_rng(0), [robot.coordinates.index(name) for name in found.coordinates]
+    if not len(found.free):
+        return True
+    boxes = found.free[rng.integers(0, len(found.free), 100_000)]
+    Q = np.tile(found.at, (len(boxes), 1))
+    Q[:, axes] = boxes[:, 0] + rng.uniform(size=(len(boxes), len(axes))) * (boxes[:, 1] - boxes[:, 0])
+    return bool(np.all(robot.boundaries.free(Q)))
+
+
+def polytope(options: argparse.Namespace, folder: Path) -> int:
+    """Grow a polytope around home and other free seeds for some seconds; 1 if a sample inside is in contact."""
+    wrong, rng = 0, np.random.default_rng(1)
+    for name, robot in robots(options, folder).items():
+        Q = rng.uniform(robot.lower, robot.upper, (SAMPLES, len(robot.coordinates)))
+        seeds = np.vstack([robot.home[None], Q[robot.boundaries.free(Q[:200]).nonzero()[0]]])[: options.seeds]
+        for number, q in enumerate(seeds):
+            for seconds in options.seconds:
+                clock = Clock()
+                found = pb.certified_polytope(robot, q, budget=pb.Budget(10**10, seconds))
+                said = f"{name}, seed {number}, {seconds:g} s: {found.verdict.value}, {len(found.faces)} faces"
+                print(f"{said}, {found.boxes / 1e6:.1f} million boxes, {clock}", flush=True)
+                if found.verdict is pb.Verdict.CERTIFIED:
+                    share, contacts, count = sampled(robot, found, Q, rng)
+                    wrong += contacts
+                    print(
+                        f"    {100 * share:.3g} % of the box; {contacts} of {count} samples inside in contact",
+                        flush=True,
+                    )
+    return int(wrong > 0)
+
+
+def sampled(robot: pb.Robot, found: pb.FreePolytope, Q: np.ndarray, rng: Any) -> tuple[float, int, int]:
+    """Return the share of the box that is in it, and how many of a million samples inside are in contact, by a walk."""
+    share = float(np.mean(found.contains(Q)))
+    at, contacts, count = np.tile(found.q, (2000, 1)), 0, 0
+    while count < SAMPLES:
+        ways = rng.normal(size=at.shape)
+        along, room = ways @ found.A.T, found.b - at @ found.A.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            times = room / along
+        first = np.max(np.where(along < 0.0, times, -np.inf), axis=1)
+        last = np.min(np.where(along > 0.0, times, np.inf), axis=1)
+        at = at + (first + rng.uniform(size=len(at)) * (last - first))[:, None] * ways
+        inside = at[found.contains(at)]
+        contacts += int(np.count_nonzero(~robot.boundaries.free(inside)))
+        count += len(inside)
+    return share, contacts, count
+
+
+def covers(options: argparse.Namespace, folder: Path) -> int:
+    """Cover three coordinates, save, load, and plan between random free configurations; 1 if a plan does not hold."""
+    wrong = 0
+    for name, robot in robots(options, folder).items():
+        names, clock = robot.coordinates[1:4], Clock()
+        window = {one: (-np.pi, np.pi) for one in robot.coordinates if name == "UR5"}
+        budget = pb.Budget(10**9, options.seconds[-1])
+        made = pb.certified_cover(robot, names, share=options.share, budget=budget, window=window)
+        print(f"{name}: {made!r}; {clock}", flush=True)
+        path = made.save(folder / "cover.npz")
+        found, clock = pb.load_cover(robot, path), Clock()
+        rng, axes = np.random.default_rng(2), list(found.axes)
+        Q = np.tile(robot.home, (40 * options.queries, 1))
+        Q[:, axes] = rng.uniform(*(np.array(ends)[axes] for ends in ends_of(robot)), (len(Q), len(axes)))
+        Q = Q[robot.boundaries.free(Q)][: 2 * options.queries]
+        verdicts: dict[str, int] = {}
+        for start, goal in zip(Q[::2], Q[1::2], strict=True):
+            way = pb.plan(robot, start, goal, cover=found, budget=pb.Budget(10**8, 1.0))
+            key = f"{way.verdict.value} {way.found_by}".rstrip()
+            verdicts[key] = verdicts.get(key, 0) + 1
+            if way.verdict is pb.Verdict.CERTIFIED:
+                wrong += pb.certify(robot, way.waypoints).verdict is not pb.Verdict.CERTIFIED
+        size = f"{path.stat().st_size / 1e6:.2f} MB"
+        print(f"    {size}; {len(Q) // 2} plans: {verdicts}, {wrong} not certified again; {clock}", flush=True)
+    return int(wrong > 0)
+
+
+def ends_of(robot: pb.Robot) -> tuple[np.ndarray, np.ndarray]:
+    """Return ends of all coordinates, a turn where there is no limit."""
+    return np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
+
+
+def pictures(options: argparse.Namespace, folder: Path) -> int:
+    """Draw a slice, a projection and a volume."""
+    from pinbound.figures.free_figure import draw_free
+    from pinbound.figures.plots import save
+
+    for name, robot in robots(options, folder).items():
+        window = {one: (-np.pi, np.pi) for one in robot.coordinates if name == "UR5"}
+        two, three, budget = robot.coordinates[1:3], robot.coordinates[1:4], pb.Budget(10**9, options.seconds[-1])
+        found = {
+            "slice": pb.free_volume(robot, two, budget=budget, window=window, decided=0.995),
+            "projection": pb.free_projection(robot, two, budget=budget, window=window, decided=0.97),
+            "volume": pb.free_volume(robot, three, budget=budget, window=window, decided=0.97),
+        }
+        for kind, one in found.items():
+            save(draw_free(robot, one), options.out / f"{name}_{kind}")
+            print(f"{name}, {kind}: {100 * one.decided:.1f} % decided, {one.seconds:.1f} s", flush=True)
+    return 0
+
+
+def main() -> int:
+    """Run what was asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    runs = {"volumes": volumes, "polytope": polytope, "cover": covers, "pictures": pictures}
+    parser.add_argument("run", choices=list(runs))
+    parser.add_argument("robot", type=Path, nargs="?")
+    parser.add_argument("--pairs", type=Path)
+    parser.add_argument("--seconds", type=float, nargs="+", default=[10.0])
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--share", type=float, default=0.9)
+    parser.add_argument("--queries", type=int, default=100)
+    parser.add_argument("--out", type=Path, default=Path())
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        return runs[options.run](options, Path(folder))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
