@@ -83,18 +83,19 @@ def _rectangle(low: Array, high: Array) -> Any:
 
 
 def _voxels(axes: Any, found: FreeVolume, scale: Array) -> None:
-    low, high = found.box
-    steps = [np.linspace(low[j], high[j], _VOXELS + 1) for j in range(3)]
-    middles = [0.5 * (one[1:] + one[:-1]) for one in steps]
-    points = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 3)
+    ends: list[tuple[float, float]] = found.box.T.tolist()
+    steps: list[Array] = [np.linspace(first, last, _VOXELS + 1) for first, last in ends]
+    middles: list[Array] = [0.5 * (one[1:] + one[:-1]) for one in steps]
+    points: Array = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 3)
     shape = (_VOXELS,) * 3
     is_open = _in(found.open, points).reshape(shape)
     is_blocked = ~_in(found.free, points).reshape(shape)
     colours = np.where(is_open, _OPEN, _CONTACT)
-    corners = np.meshgrid(*(one * factor for one, factor in zip(steps, scale, strict=True)), indexing="ij")
+    scaled: list[Array] = [one * factor for one, factor in zip(steps, scale, strict=True)]
+    corners = np.meshgrid(*scaled, indexing="ij")
     axes.voxels(*corners, is_blocked, facecolors=colours, edgecolor="#FFFFFF", linewidth=0.1)
-    ends = (found.box * scale).T
-    axes.set(xlim=ends[0], ylim=ends[1], zlim=ends[2])
+    shown = (found.box * scale).T
+    axes.set(xlim=shown[0], ylim=shown[1], zlim=shown[2])
 
 
 def _in(boxes: Array, points: Array) -> Flags:

@@ -25,7 +25,7 @@ from pinbound.freespace.paving import MOST, Paving, axes_of, corners_of, volume_
 from pinbound.freespace.polytope import certified_polytope
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import LIMIT, UNIT_ROUNDOFF
-from pinbound.typing import Array, Indices
+from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["certified_cover"]
 
@@ -181,7 +181,8 @@ def _polytopes(
     seeds, judged = (_free_samples(robot, chosen, window, rng) for _ in range(2))
     found: list[ConvexSet] = []
     notes: list[str] = []
-    held, left = np.zeros(len(judged), dtype=np.bool_), np.arange(len(seeds))
+    held: Flags = np.zeros(len(judged), dtype=np.bool_)
+    left = np.arange(len(seeds))
     failed, interval = 0, _interval(held)
     reason: Reason | None = None
     while interval[0] < share and len(left):
@@ -252,7 +253,7 @@ def _least(robot: Robot, names: Sequence[str], Q: Array) -> Array:
     return np.asarray(robot.boundaries.select(list(names)).signed_clearances(Q)).min(axis=1)
 
 
-def _interval(held: Array) -> Array:
+def _interval(held: Flags) -> Array:
     """Return Wilson's 95 % interval of the share of trues."""
     n = len(held)
     if not n:

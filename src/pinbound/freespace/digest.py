@@ -12,6 +12,7 @@ import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.robot.robot import Robot
+from pinbound.typing import AnyArray
 
 __all__ = ["content_digest", "robot_digest"]
 
@@ -52,7 +53,7 @@ def _feed(known: Any, value: Any) -> None:
     """Add a value, its type first, so that no two values read alike."""
     known.update(f"{type(value).__name__}(".encode())
     if isinstance(value, np.ndarray):
-        array = np.ascontiguousarray(cast(Any, value))
+        array: AnyArray = np.ascontiguousarray(cast(Any, value))
         known.update(f"{array.dtype.str}{array.shape}".encode())
         known.update(array.tobytes())
     elif isinstance(value, Enum):

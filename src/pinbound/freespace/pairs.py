@@ -67,7 +67,8 @@ class Pairs:
         if groups.chains:  # pairs of fewer coordinates, which stand for others and are none themselves
             stacked, made_of = bundle(groups.chains, len(low)), groups.made_of
             arms = lever_arms(stacked, low, high)
-            threshold = np.array([self.boundaries[row].rule.placed_distance for row in made_of])
+            rows: list[int] = made_of.tolist()
+            threshold = np.array([self.boundaries[row].rule.placed_distance for row in rows])
             coarse = ManyAngleBoundaries((), stacked, arms, threshold, error[made_of], (), None)
             self.families = (*self.families, coarse)
             self.first = np.append(self.first, len(self.names) + len(made_of))

@@ -156,7 +156,7 @@ class Prover:
         """Return what machine code leaves of a stack: it clears and halves, and what has to be cut off is looked at."""
         n, draft = stack.low.shape[1], self.draft
         found = self.tables.run(
-            Stack(np.column_stack([stack.which, stack.low, stack.high])),
+            Stack(np.column_stack([stack.which.astype(np.float64), stack.low, stack.high])),
             self._shadows(self.tables.used_by(stack.which)),
             (draft.seed, self.farthest),
             (self.unit, draft.margin, SHARE, _SMALLEST),

@@ -77,7 +77,8 @@ class SetGraph(Value):
         k = sets[0][0].shape[1] if sets else 0
         around = np.array([_extent(A, b) for A, b in sets]).reshape(-1, 2, k)
         pairs, portals = list[tuple[int, int]](), list[Array]()
-        for i, j in touching(around).tolist():
+        near: list[tuple[int, int]] = touching(around).tolist()
+        for i, j in near:
             centre, radius = centre_of(np.vstack([sets[i][0], sets[j][0]]), np.append(sets[i][1], sets[j][1]))
             if radius > 0.0:
                 pairs.append((i, j))
@@ -187,7 +188,14 @@ class SetGraph(Value):
                 whole[row : row + len(A), k * index : k * (index + 1)] = A
                 row += len(A)
             room = np.concatenate([b for _, b in sides])
-            kept = {"type": "ineq", "fun": lambda x: room - whole @ x, "jac": lambda _: -whole}
+
+            def spared(x: Array) -> Array:
+                return room - whole @ x
+
+            def slope(_: Array) -> Array:
+                return -whole
+
+            kept: dict[str, Any] = {"type": "ineq", "fun": spared, "jac": slope}
             found = solver.minimize(length, inner.ravel(), jac=True, method="SLSQP", constraints=[kept])
             step = found.x - inner.ravel()
             along, spare = whole @ step, np.maximum(room - whole @ inner.ravel(), 0.0)
@@ -225,7 +233,8 @@ def touching(boxes: Array, apart: float = 0.0) -> Indices:
     axis = int(np.argmin(np.median(wide, axis=0)))
     order = np.argsort(boxes[:, 0, axis], kind="stable")
     low, high = boxes[order, 0], boxes[order, 1] + apart
-    ends = np.searchsorted(low[:, axis], high[:, axis], side="right")
+    first_edges: Array = low[:, axis]
+    ends: Indices = np.searchsorted(first_edges, high[:, axis], side="right")
     counts = np.maximum(ends - np.arange(len(order)) - 1, 0)
     found: list[Indices] = []
     start = 0
