@@ -16,7 +16,6 @@ import pinocchio as pin
 
 import pinbound as pb
 from benchmarks.segments_speed import SHARE
-from pinbound.evaluate import separation
 from pinbound.kernel import MixedKernel, Pair, Reference, kernel_of
 from pinbound.path.relative import relative_path
 
@@ -59,7 +58,7 @@ def kernel(robot: pb.Robot, model: Any, geometry: Any, vertices: list[np.ndarray
         Pair(relative_path(robot.tree, robot.coupling, marks[p.first], marks[p.second]), 0.0, ("", ""))
         for p in geometry.collisionPairs
     ]
-    made = kernel_of(pairs, len(robot.coordinates), Reference(separation.separations, separation.gradients), _nothing)
+    made = kernel_of(pairs, len(robot.coordinates), Reference(), _nothing)
     assert isinstance(made, MixedKernel)
     return made
 

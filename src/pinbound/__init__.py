@@ -3,30 +3,6 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from pinbound.annotations import (
-    Annotations,
-    Axis,
-    BoundaryMark,
-    Box,
-    ClosureMark,
-    Condition,
-    Cylinder,
-    FollowerMark,
-    Hull,
-    LeftOutMark,
-    LimitMark,
-    Line,
-    Measure,
-    Plane,
-    Point,
-    Rule,
-    Segment,
-    Shape,
-    Sweep,
-)
-from pinbound.boundaries.boundary import Boundary, ContactAngle, Penetration
-from pinbound.boundaries.boundary_set import BoundarySet, CoordinateLimits, Smallest
-from pinbound.coverage import Coverage, CoverageRecord
 from pinbound.exceptions import (
     DimensionError,
     InputError,
@@ -36,14 +12,32 @@ from pinbound.exceptions import (
     UnknownNameError,
     UnsupportedError,
 )
-from pinbound.limits.univariate import AllowedArcs, AllowedArcsTable
-from pinbound.model.document import packaged_robots
-from pinbound.path.kind import Kind
-from pinbound.robot.loading import load
-from pinbound.robot.robot import Robot
 
 if TYPE_CHECKING:
     from pinbound.adapters.steps import StepBounds, StepRows
+    from pinbound.annotations import (
+        Annotations,
+        Axis,
+        BoundaryMark,
+        Box,
+        ClosureMark,
+        Condition,
+        Cylinder,
+        FollowerMark,
+        Hull,
+        LeftOutMark,
+        LimitMark,
+        Line,
+        Measure,
+        Plane,
+        Point,
+        Rule,
+        Segment,
+        Shape,
+        Sweep,
+    )
+    from pinbound.boundaries.boundary import Boundary, ContactAngle, Penetration
+    from pinbound.boundaries.boundary_set import BoundarySet, CoordinateLimits, Smallest
     from pinbound.certificates import (
         BoundedMotion,
         BoxCertificate,
@@ -57,6 +51,7 @@ if TYPE_CHECKING:
         certify_many,
         signed_clearances,
     )
+    from pinbound.coverage import Coverage, CoverageRecord
     from pinbound.crosscheck import CrossCheck, cross_check
     from pinbound.freespace import (
         FreeCover,
@@ -71,9 +66,12 @@ if TYPE_CHECKING:
         load_cover,
         plan,
     )
+    from pinbound.limits.univariate import AllowedArcs, AllowedArcsTable
     from pinbound.marking.propose import Proposal, propose_marks
+    from pinbound.model.document import packaged_robots
     from pinbound.motion.history import Motion, MotionHistory, history, read_motion
     from pinbound.motion.inverse_kinematics import InverseKinematics, solve_ik
+    from pinbound.path.kind import Kind
     from pinbound.region import (
         Corner,
         Edge,
@@ -90,6 +88,8 @@ if TYPE_CHECKING:
         workspace_section,
     )
     from pinbound.robot.limit_tables import LimitTable, limit_table
+    from pinbound.robot.loading import load
+    from pinbound.robot.robot import Robot
 
 __version__ = "0.1.0"
 
@@ -186,6 +186,39 @@ __all__ = [
 ]
 
 _LATER = {
+    "Annotations": "pinbound.annotations",
+    "Axis": "pinbound.annotations",
+    "BoundaryMark": "pinbound.annotations",
+    "Box": "pinbound.annotations",
+    "ClosureMark": "pinbound.annotations",
+    "Condition": "pinbound.annotations",
+    "Cylinder": "pinbound.annotations",
+    "FollowerMark": "pinbound.annotations",
+    "Hull": "pinbound.annotations",
+    "LeftOutMark": "pinbound.annotations",
+    "LimitMark": "pinbound.annotations",
+    "Line": "pinbound.annotations",
+    "Measure": "pinbound.annotations",
+    "Plane": "pinbound.annotations",
+    "Point": "pinbound.annotations",
+    "Rule": "pinbound.annotations",
+    "Segment": "pinbound.annotations",
+    "Shape": "pinbound.annotations",
+    "Sweep": "pinbound.annotations",
+    "Boundary": "pinbound.boundaries.boundary",
+    "ContactAngle": "pinbound.boundaries.boundary",
+    "Penetration": "pinbound.boundaries.boundary",
+    "BoundarySet": "pinbound.boundaries.boundary_set",
+    "CoordinateLimits": "pinbound.boundaries.boundary_set",
+    "Smallest": "pinbound.boundaries.boundary_set",
+    "Coverage": "pinbound.coverage",
+    "CoverageRecord": "pinbound.coverage",
+    "AllowedArcs": "pinbound.limits.univariate",
+    "AllowedArcsTable": "pinbound.limits.univariate",
+    "packaged_robots": "pinbound.model.document",
+    "Kind": "pinbound.path.kind",
+    "load": "pinbound.robot.loading",
+    "Robot": "pinbound.robot.robot",
     "CrossCheck": "pinbound.crosscheck",
     "LimitTable": "pinbound.robot.limit_tables",
     "limit_table": "pinbound.robot.limit_tables",
@@ -236,11 +269,11 @@ _LATER = {
     "swept_body": "pinbound.region",
     "workspace_section": "pinbound.region",
 }
-"""Rooms above the robot load when first asked for: `import pinbound` costs little more than `import pinocchio`."""
+"""Rooms load when first asked for: `import pinbound` costs next to nothing, and a script pays for what it uses."""
 
 
 def __getattr__(name: str) -> Any:
-    """Load a name of a room above the robot."""
+    """Load a name from its room."""
     if name not in _LATER:
         raise AttributeError(f"module 'pinbound' has no attribute {name!r}")
     value = globals()[name] = getattr(import_module(_LATER[name]), name)

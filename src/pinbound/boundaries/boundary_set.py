@@ -22,7 +22,6 @@ from pinbound.boundaries.spans import (
     tighten,
 )
 from pinbound.contact import SignedKernel
-from pinbound.evaluate import separation
 from pinbound.exceptions import DimensionError, UnknownNameError
 from pinbound.model.coupling import GuardedLimit, LinearLimit, as_configurations
 from pinbound.typing import Array
@@ -114,8 +113,7 @@ class BoundarySet(NamedBoundaries):
         from pinbound.kernel import Pair, Reference, kernel_of
 
         pairs = [Pair(b.path, b.threshold, (b.point_a.name, b.point_b.name)) for b in self._boundaries]
-        reference = Reference(separation.separations, separation.gradients)
-        return kernel_of(pairs, len(self._coordinates), reference, self.common)
+        return kernel_of(pairs, len(self._coordinates), Reference(), self.common)
 
     @cached_property
     def signed_kernel(self) -> SignedKernel:

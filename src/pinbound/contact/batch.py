@@ -15,7 +15,6 @@ import numpy as np
 
 from pinbound.contact.rule import ContactRule
 from pinbound.contact.stops import StopKernel
-from pinbound.evaluate import separation
 from pinbound.model.coupling import GuardedLimit, Intervals, LinearLimit
 from pinbound.typing import AnyArray, Array, Ints
 from pinbound.values import read_only
@@ -51,9 +50,8 @@ class SignedKernel:
         self.guarded = tuple(guarded)
         is_stop = np.array([rule.is_stop for rule in rules], dtype=np.bool_)
         self.areas, self.stops = read_only(np.flatnonzero(~is_stop)), read_only(np.flatnonzero(is_stop))
-        reference = Reference(separation.separations, separation.gradients)
         self.kernel: Kernel | UnionKernel | MixedKernel = kernel_of(
-            [self.pairs[k] for k in self.areas.tolist()], n, reference, common
+            [self.pairs[k] for k in self.areas.tolist()], n, Reference(), common
         )
         chosen = self._chosen = [stop for rule in rules if (stop := rule.stop) is not None]
         self._between = [(stop.coefficients, stop.free_gap) for stop in chosen]

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pinbound.coverage.bodies import Body
 from pinbound.exceptions import InputError
-from pinbound.meshes import Mesh, find_mesh, read_mesh
+
+if TYPE_CHECKING:
+    from pinbound.meshes import Mesh
 
 __all__ = ["MeshSource"]
 
@@ -53,6 +55,8 @@ class MeshSource:
         Raises:
             InputError: If there is no such file.
         """
+        from pinbound.meshes import find_mesh
+
         return find_mesh(body.filename, self._beside, self._package_dirs)
 
     def fault(self, body: Body) -> str:
@@ -66,6 +70,8 @@ class MeshSource:
         return () if isinstance(found, InputError) else tuple(f"{body.filename}: {note}" for note in found.notes)
 
     def _found(self, body: Body) -> Mesh | InputError:
+        from pinbound.meshes import find_mesh, read_mesh
+
         key = body.filename, body.scale
         if key not in self._read:
             try:

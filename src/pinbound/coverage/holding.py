@@ -12,18 +12,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import combinations, product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pinbound.annotations import Mark, Shape
 from pinbound.coverage.bodies import Body
-from pinbound.coverage.mesh_proof import prove
 from pinbound.coverage.unions import spheres_over
 from pinbound.evaluate.closest import nearest, nearest_of_hulls
-from pinbound.meshes import Mesh
 from pinbound.tolerances import HELD
 from pinbound.typing import Array
+
+if TYPE_CHECKING:
+    from pinbound.meshes import Mesh
 
 __all__ = ["holders", "holds", "holds_points", "is_known"]
 
@@ -49,6 +50,8 @@ def holders(body: Body, marks: Sequence[Mark], mesh: Mesh | None = None) -> tupl
         ((), (('low', 'middle', 'high'),))
     """
     if mesh is not None and body.shape == "mesh":
+        from pinbound.coverage.mesh_proof import prove
+
         proof = prove(mesh, marks)
         return (proof.used,) if proof.is_complete else ()
     alone = tuple((mark.name,) for mark in marks if holds(mark, body))

@@ -12,7 +12,6 @@ from pinbound.annotations import Annotations, LeftOutMark, Mark
 from pinbound.boundaries.boundary import Boundary
 from pinbound.coverage.bodies import Body
 from pinbound.coverage.body_meshes import MeshSource
-from pinbound.coverage.covers import covers
 from pinbound.coverage.holding import holders, is_known
 from pinbound.coverage.poses import Poses
 from pinbound.coverage.reach import MOST_PATHS, Reach
@@ -310,6 +309,8 @@ class _Survey:
     @cached_property
     def shapes(self) -> dict[str, list[Mark]]:
         """Marks that hold each link's bodies, to prove with; none if one of them is not read."""
+        from pinbound.coverage.covers import covers
+
         found: dict[str, list[Mark]] = {}
         for link, bodies in self.bodies.items():
             plain = [body for body in bodies if is_known(body)]

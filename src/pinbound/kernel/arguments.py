@@ -12,8 +12,19 @@ from numpy.typing import NDArray
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.machine.compiled import has_numba
 from pinbound.typing import AnyArray as Array
+from pinbound.typing import Flags
 
-__all__ = ["BACKENDS", "Backend", "buffer", "check_choices", "in_threads", "real", "representable"]
+__all__ = [
+    "BACKENDS",
+    "Backend",
+    "buffer",
+    "check_choices",
+    "in_threads",
+    "real",
+    "representable",
+    "rows_buffer",
+    "take_smaller",
+]
 
 Backend = Literal["auto", "compiled", "numpy"]
 
@@ -68,6 +79,19 @@ def representable(Q: Array, dtype: np.dtype[Any]) -> NDArray[np.float64]:
     rows = np.array(Q, dtype=np.float64)
     rows[~(np.abs(rows) <= np.finfo(dtype).max)] = np.nan
     return rows
+
+
+def rows_buffer(out: Any, Q: Array, m: int, n: int, mode: str, dtype: np.dtype[Any]) -> Array:
+    """Return the array for norms or clearances (N, m), or gradients (N, m, n), as `buffer` does."""
+    shape = (len(Q), m, n) if mode == "gradients" else (len(Q), m)
+    return buffer(out, shape, dtype, columns=mode != "gradients", source=Q)
+
+
+def take_smaller(least: Array, found: Array) -> Flags:
+    """Write what is smaller in `found` (N,) over `least` (N,), and return where; a NaN is taken, and stays."""
+    smaller: Flags = ~(found >= least) & ~np.isnan(least)
+    np.copyto(least, found, where=smaller, casting="same_kind")
+    return smaller
 
 
 def buffer(out: Any, shape: tuple[int, ...], dtype: np.dtype[Any], columns: bool, source: Array) -> Array:

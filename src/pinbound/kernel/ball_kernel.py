@@ -53,6 +53,8 @@ _LEAST_ROWS = 8192
 class BallKernel(Kernel):
     """Evaluates pairs of marked points as `Kernel` does, by tables."""
 
+    _DERIVED = "tree"
+
     def __init__(
         self,
         pairs: Sequence[Pair],
@@ -66,14 +68,6 @@ class BallKernel(Kernel):
         if tree is not None:
             self.__dict__["tree"] = tree
         self._tables: dict[str, BallTables] = {}
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave machine code out; the receiver loads its own."""
-        return {"pairs": self.pairs, "n": self.n, "tree": self.tree, "reference": self.reference}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore what `__getstate__` kept."""
-        self.__init__(state["pairs"], state["n"], state["reference"], _no_common, state["tree"])
 
     @cached_property
     def tree(self) -> BallTree:
@@ -241,7 +235,3 @@ class BallKernel(Kernel):
 def longest(spots: Iterable[Spot]) -> float:
     """Return how far points may be, slides of rows that are no cases of their own included [m]; tables square it."""
     return max((spot.scale + _LARGEST_SLIDE["least"] * spot.rate for spot in spots), default=0.0)
-
-
-def _no_common() -> None:
-    """Return that there is no common frame."""

@@ -11,7 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.exceptions import DimensionError, UnsupportedError
-from pinbound.kernel.arguments import Backend, buffer, check_choices, in_threads, real, representable
+from pinbound.kernel.arguments import (
+    Backend,
+    buffer,
+    check_choices,
+    in_threads,
+    real,
+    representable,
+    rows_buffer,
+)
 from pinbound.kernel.choice import Choice, Work, notice_without_numba
 from pinbound.kernel.program import CommonMark, Pair, Program, Reference, compile_program
 from pinbound.kernel.source import FAR, kernel_source, scalar_source
@@ -35,6 +43,8 @@ class Kernel:
     the length of the paths near contact. In float64 their signs agree always: a number that rounding could have given
     another sign is taken from the reference.
     """
+
+    _DERIVED = "program"  # what is kept of the pairs where a kernel goes to another process
 
     def __init__(
         self,
@@ -65,11 +75,11 @@ class Kernel:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave machine code out; the receiver compiles or loads its own."""
-        return {"pairs": self.pairs, "n": self.n, "program": self.program, "reference": self.reference}
+        return {name: getattr(self, name) for name in ("pairs", "n", "reference", self._DERIVED)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore what `__getstate__` kept."""
-        self.__init__(state["pairs"], state["n"], state["reference"], _no_common, state["program"])
+        self.__init__(common=_no_common, **state)
 
     @cached_property
     def program(self) -> Program:
@@ -132,11 +142,9 @@ class Kernel:
         dtype: Any = np.float64,
     ) -> Array:
         """Return norms or clearances (N, m), or gradients (N, m, n); new arrays have contiguous columns."""
-        m = len(self.pairs)
-        shape = (len(Q), m, self.n) if mode == "gradients" else (len(Q), m)
         kind = self._kind(dtype, threads, backend)
-        result = buffer(out, shape, kind, columns=mode != "gradients", source=Q)
-        if not m or not len(Q):
+        result = rows_buffer(out, Q, len(self.pairs), self.n, mode, kind)
+        if not self.pairs or not len(Q):
             return result
         flat = result.reshape(len(Q), -1)
         if not np.shares_memory(flat, result):

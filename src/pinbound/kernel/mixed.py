@@ -13,7 +13,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.kernel.arguments import Backend, buffer, check_choices, in_threads, real, representable
+from pinbound.kernel.arguments import (
+    Backend,
+    check_choices,
+    in_threads,
+    real,
+    representable,
+    rows_buffer,
+    take_smaller,
+)
 from pinbound.kernel.ball_kernel import BallKernel, longest
 from pinbound.kernel.choice import notice_without_numba
 from pinbound.kernel.engine import Kernel
@@ -166,15 +174,13 @@ class MixedKernel:
         dtype: Any = np.float64,
     ) -> Array:
         """Return norms or clearances (N, m), or gradients (N, m, n)."""
-        m = len(self.pairs)
-        shape = (len(Q), m, self.n) if mode == "gradients" else (len(Q), m)
         check_choices(threads, backend)
         kind = real(dtype)
-        result = buffer(out, shape, kind, columns=mode != "gradients", source=Q)
+        result = rows_buffer(out, Q, len(self.pairs), self.n, mode, kind)
         if len(self._compiled):
             result[:, self._compiled] = self.kernel.rows(Q, mode, None, threads, backend, dtype)
         found, _ = self._search(representable(Q, kind), mode, threads, backend)
-        result[:, self.searched] = found.reshape(len(Q), len(self.searched), *shape[2:])
+        result[:, self.searched] = found.reshape(len(Q), len(self.searched), *result.shape[2:])
         return result
 
     def smallest(
@@ -191,9 +197,7 @@ class MixedKernel:
         if with_index:
             index = np.where(index < 0, -1, np.append(self._compiled, -1)[index])
         found, places = self._search(representable(Q, real(dtype)), "smallest", threads, backend)
-        clearance = found[:, 0]
-        smaller = ~(clearance >= least) & ~np.isnan(least)  # a NaN is taken, and stays
-        np.copyto(least, clearance, where=smaller, casting="same_kind")
+        smaller = take_smaller(least, found[:, 0])
         if with_index:
             index = np.where(smaller, self.searched[places], index)
             index[np.isnan(least)] = -1

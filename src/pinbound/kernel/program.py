@@ -25,6 +25,7 @@ from typing import Literal
 
 import numpy as np
 
+from pinbound.evaluate import separation
 from pinbound.kernel.angles import Angle, Angles
 from pinbound.kernel.nearest import cross, lowest, nearest
 from pinbound.kernel.scalars import Graph, Vector
@@ -84,15 +85,15 @@ class CommonMark:
 
 @dataclass(frozen=True)
 class Reference:
-    """The interpreter that the kernel has to equal, asked for rows that are not finite.
+    """The interpreter that the kernel has to equal, asked for rows that are not finite: that of separations.
 
     Attributes:
         norms: (N,) norms, or signed heights, of a path at Q (N, n).
         gradients: (N, n) gradients of the norm.
     """
 
-    norms: Callable[[RelativePath, Array], Array]
-    gradients: Callable[[RelativePath, Array], Array]
+    norms: Callable[[RelativePath, Array], Array] = separation.separations
+    gradients: Callable[[RelativePath, Array], Array] = separation.gradients
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.kernel.arguments import Backend, buffer, check_choices, real
+from pinbound.kernel.arguments import Backend, check_choices, real, rows_buffer, take_smaller
 from pinbound.kernel.engine import Kernel
 from pinbound.kernel.program import Pair
 from pinbound.typing import AnyArray as Array
@@ -56,10 +56,8 @@ class UnionKernel:
         dtype: Any = np.float64,
     ) -> Array:
         """Return norms or clearances (N, m), or gradients (N, m, n)."""
-        m = len(self.pairs)
-        shape = (len(Q), m, self.n) if mode == "gradients" else (len(Q), m)
         check_choices(threads, backend)
-        result = buffer(out, shape, real(dtype), columns=mode != "gradients", source=Q)
+        result = rows_buffer(out, Q, len(self.pairs), self.n, mode, real(dtype))
         for kernel, places in self.parts:
             result[:, places] = kernel.rows(Q, mode, None, threads, backend, dtype)
         return result
@@ -79,8 +77,7 @@ class UnionKernel:
         index = np.append(places, -1)[index] if with_index else index
         for kernel, places in others:
             found, which = kernel.smallest(Q, with_index, None, threads, backend, dtype)
-            smaller = ~(found >= least) & ~np.isnan(least)  # a NaN is taken, and stays
-            np.copyto(least, found, where=smaller)
+            smaller = take_smaller(least, found)
             if with_index:
                 index = np.where(smaller, np.append(places, -1)[which], index)
         return least, index

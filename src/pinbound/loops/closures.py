@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pinbound.annotations import ClosureMark, Mark, Point
-from pinbound.bounds.swept_bounds import swept_bundle
 from pinbound.evaluate import numeric
 from pinbound.model.coupling import Coupling, LinearLimit
 from pinbound.model.tree import Tree
@@ -168,6 +167,8 @@ def place_error(
 
 def _moved(path: RelativePath, reach: Array, n: int) -> Array:
     """Return by how much each coordinate behind the first n moves a path's distance, at most [m per unit]."""
+    from pinbound.bounds.swept_bounds import swept_bundle
+
     chain = path.minimal
     turned = swept_bundle([path], -reach, reach).arms[0] @ np.abs(chain.coefficients[:, n:])
     moved: Array = turned + np.linalg.norm(chain.slides[:, :, n:], axis=1).sum(axis=0)

@@ -6,7 +6,6 @@ import math
 from collections.abc import Collection, Mapping
 from copy import deepcopy
 from typing import Any, cast
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from lxml import etree
@@ -139,6 +138,8 @@ def _stock_text(document: Document, kinematics: Kinematics) -> str:
 
 
 def _quoted(name: str) -> str:
+    from xml.sax.saxutils import quoteattr  # loads urllib, http and ssl
+
     return quoteattr(name)
 
 

@@ -208,13 +208,6 @@ class Tree:
         total = sum(sign * coupling.row(one.name)[0] for one, sign in motion)
         return int(np.any(np.abs(total) > REDUCTION))
 
-    def are_adjacent(self, link_a: str, link_b: str, coupling: Coupling | None = None) -> bool:
-        """Return whether two links are neighbours: exactly one degree of freedom lies between them.
-
-        Fixed joints do not count, and masses, geometry and names of the links between do not matter.
-        """
-        return self.degrees_between(link_a, link_b, coupling) == 1
-
 
 def _same_axis(first: tuple[_Vector, _Vector], second: tuple[_Vector, _Vector], scale: float) -> bool:
     """Return whether two axes are parallel and pass through the same origin, up to the rounding of folded constants."""
