@@ -2,6 +2,7 @@
 
 import importlib.util
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -221,6 +222,18 @@ def test_bits_depend_neither_on_threads_nor_on_neighbours(robot: pb.Robot, monke
     assert np.all(np.isnan(wide[:, [0, 2]]))
     strided = np.repeat(Q, 2, axis=0)[::2]
     assert np.array_equal(B.free(strided, backend="compiled"), whole[2])
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_gradient_of_a_zero_norm_is_no_number(robot: pb.Robot, backend: Any) -> None:
+    known = robot.boundaries.kernel
+    assert isinstance(known, BallKernel)
+    ends = known.tree.ends.copy()
+    ends[3] = ends[3, 0]  # a ball and itself
+    kernel = BallKernel(known.pairs, known.n, known.reference, lambda: None, replace(known.tree, ends=ends))
+    found = kernel.rows(rows(robot, 20), "gradients", backend=backend)
+    assert np.all(np.isnan(found[:, 3]))
+    assert not np.any(np.isnan(np.delete(found, 3, axis=1)))
 
 
 def test_a_set_survives_pickling(robot: pb.Robot) -> None:

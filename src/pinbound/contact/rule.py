@@ -144,7 +144,7 @@ class ContactRule(Value):
     @cached_property
     def _arms(self) -> tuple[Array, Strip, tuple[float, float]] | None:
         """Coefficients, strip and arm lengths of two points of zero threshold and one effective angle, else None."""
-        if not self.path.is_plain or self.threshold != 0.0:
+        if not self.path.is_plain or self.threshold != 0.0 or self.path.turns_several:
             return None
         found = univariate.one_angle(self.path.minimal)
         if found is None:

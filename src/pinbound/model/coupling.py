@@ -16,7 +16,7 @@ from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.model.urdf import Joint, Mimic
 from pinbound.tolerances import FOLLOWS, LIMIT, UNIT_ROUNDOFF
 from pinbound.typing import Array, Flags
-from pinbound.values import Value
+from pinbound.values import FrozenDict, Value
 
 __all__ = [
     "Coupling",
@@ -70,6 +70,14 @@ class Coupling(Value):
         """Return the coefficients (n,) and the offset of one tree joint."""
         index = self.joints.index(joint)
         return self.S[index], float(self.offset[index])
+
+    @cached_property
+    def own(self) -> FrozenDict[str, int]:
+        """Which coordinate each joint follows that follows one alone, without an offset."""
+        sizes = np.abs(self.S)
+        single = (np.count_nonzero(sizes, axis=1) == 1) & (sizes.max(axis=1, initial=0.0) > FOLLOWS)
+        rows = np.flatnonzero(single & (self.offset == 0.0)).tolist()
+        return FrozenDict({self.joints[row]: int(np.argmax(sizes[row])) for row in rows})
 
     def text(self, joint: str) -> str:
         """Return what a joint does in terms of q, for people.

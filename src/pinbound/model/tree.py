@@ -12,7 +12,7 @@ from pinbound.model.coupling import Coupling
 from pinbound.model.urdf import Joint, Kinematics, Link
 from pinbound.tolerances import REDUCTION
 from pinbound.typing import Array
-from pinbound.values import FrozenDict
+from pinbound.values import FrozenDict, read_only
 
 __all__ = ["Tree"]
 
@@ -89,6 +89,33 @@ class Tree:
     def has_free_bodies(self) -> bool:
         """Whether there is a joint of several coordinates: floating or planar."""
         return any(joint.type in _FREEDOMS for joint in self.kinematics.joints)
+
+    @cached_property
+    def length(self) -> float:
+        """The sum of the lengths of all joints' origins [m]."""
+        return sum(float(np.linalg.norm(joint.translation)) for joint in self.kinematics.joints)
+
+    @cached_property
+    def frames_at_zero(self) -> FrozenDict[str, _Vector]:
+        """Where each link is with all joints at zero (3, 4), in the root link's frame."""
+        found: dict[str, _Vector] = {}
+        for link, joint, _ in self.walk():
+            if joint is None:
+                found[link.name] = np.eye(3, 4)
+                continue
+            turned, place = found[joint.parent][:, :3], found[joint.parent][:, 3]
+            found[link.name] = np.column_stack((turned @ joint.rotation, place + turned @ joint.translation))
+        return FrozenDict({name: read_only(frame) for name, frame in found.items()})
+
+    @cached_property
+    def lines_at_zero(self) -> FrozenDict[str, tuple[_Vector, _Vector]]:
+        """The axis (3,) of each joint, and a place on it, in the root link's frame, with all joints at zero."""
+        frames = self.frames_at_zero
+        lines = {
+            joint.name: (frames[joint.child][:, :3] @ joint.axis, frames[joint.child][:, 3])
+            for joint in self.kinematics.joints
+        }
+        return FrozenDict({name: (read_only(axis), place) for name, (axis, place) in lines.items()})
 
     @cached_property
     def helpers(self) -> frozenset[str]:

@@ -27,6 +27,7 @@ from pinbound.model.urdf import MOVING_TYPES, Joint
 from pinbound.path.chain import Chain, HullChain, drop_head, reduce_chain, split
 from pinbound.path.frames import best_frame
 from pinbound.path.kind import Case, Form, Kind
+from pinbound.path.several import has_several_angles
 from pinbound.tolerances import REDUCTION
 from pinbound.typing import Array
 from pinbound.values import Value
@@ -93,6 +94,11 @@ class RelativePath(Value):
             return Form.CONSTANT
         turns_once = chain.rotations == 1 and not np.any(chain.slides)
         return Form.ONE_ANGLE if turns_once and self.case is not Case.LINE else Form.SMOOTH
+
+    @property
+    def turns_several(self) -> bool:
+        """Whether it is proven, without being traced, that there are several effective angles."""
+        return False
 
     @property
     def minimal(self) -> Chain:
@@ -203,39 +209,40 @@ def _traced(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:
 
 
 class _TracedLater(RelativePath):
-    """The path between two points, each part of it traced when it is first asked for.
-
-    A robot of 1,000 links and 5,000 boundaries loads without any; a chain of n coordinates is an array of n^2 numbers.
-    """
+    """The path between two points, each part of it traced when it is first asked for."""
 
     @classmethod
     def between(cls, tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:
         """Return the path; no joint of several coordinates is in the tree."""
         path = object.__new__(cls)
-        path.__dict__.update(_source=(tree, coupling, a, b), projection=None, normal=None, measure=Measure.DISTANCE)
-        path.__dict__.update(first_is_b=False, case=Case.POINTS)
+        path.__dict__.update(_source=(tree, coupling, a, b), projection=None, normal=None, case=Case.POINTS)
+        path.__dict__.update(measure=Measure.DISTANCE, first_is_b=False)
         return path
+
+    @property
+    def turns_several(self) -> bool:
+        """Whether there are several, for sure; `replace` makes a path whose parts are all there."""
+        return "difference" not in self.__dict__ and has_several_angles(*self._source)
 
     def __getattr__(self, name: str) -> Any:
         """Trace a part that is not there yet, and keep it."""
         if "_source" not in self.__dict__ or name not in _PARTS:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         tree, coupling, a, b = self.__dict__["_source"]
+        ancestor = tree.common_ancestor(a.link, b.link)
         if name == "difference":
             found: Any = minimal_chain(tree, coupling, a, b)
+        elif name == "ancestor":
+            found = ancestor
+        elif name == "kind":
+            found = _kind(tree, ancestor, a.link, b.link)
+        elif name == "frame":
+            moves = [_moves(tree.descent(ancestor, mark.link)) for mark in (a, b)]
+            found = best_frame(self.minimal, last_is_ancestor=moves[0] and not moves[1])
         else:
-            ancestor = tree.common_ancestor(a.link, b.link)
-            if name == "ancestor":
-                found = ancestor
-            elif name == "kind":
-                found = _kind(tree, ancestor, a.link, b.link)
-            elif name == "frame":
-                moves = [_moves(tree.descent(ancestor, mark.link)) for mark in (a, b)]
-                found = best_frame(self.minimal, last_is_ancestor=moves[0] and not moves[1])
-            else:
-                mark = a if name == "branch_a" else b
-                joints = tree.descent(ancestor, mark.link)
-                found = _branch(coupling, joints, _placed(mark, a, b), reach=mark.shape.reach)
+            mark = a if name == "branch_a" else b
+            down, placed = tree.descent(ancestor, mark.link), _placed(mark, a, b)
+            found = _branch(coupling, down, placed, reach=mark.shape.reach)
         self.__dict__[name] = found
         return found
 
