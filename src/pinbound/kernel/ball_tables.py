@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -226,8 +226,8 @@ def _written(tree: BallTree, mode: str, most: Array, sure: float) -> tuple[Array
 
 def _walks(writer: _Writer, tree: BallTree, head: dict[str, int]) -> None:
     """Write for each pair the nodes above its first ball alone, then those above its second one alone."""
-    walks, ends = list[int](), [0]
-    for a, b in tree.ends.tolist():
+    walks, ends, both = list[int](), [0], cast(list[list[int]], tree.ends.tolist())
+    for a, b in both:
         for alone in tree.apart(tree.balls[a][0], tree.balls[b][0]):
             walks += alone
             ends.append(len(walks))

@@ -144,10 +144,15 @@ def _on_axis(spot: Spot) -> bool:
     """Return whether the last step's rotation does not move a point, nor what it slides by."""
     assert spot.step is not None
     axis = spot.step.axis
-    across = [spot.place - axis * float(axis @ spot.place)]
+    across = spot.place - axis * float(axis @ spot.place)
     ways = [way - axis * float(axis @ way) for way in spot.slides.values()]
-    is_near = max(map(abs, across[0].tolist())) <= REDUCTION * spot.scale
-    return is_near and all(max(map(abs, way.tolist())) <= REDUCTION for way in ways)
+    return _largest(across) <= REDUCTION * spot.scale and all(_largest(way) <= REDUCTION for way in ways)
+
+
+def _largest(vector: Array) -> float:
+    """Return the size of the largest component."""
+    x, y, z = vector.tolist()
+    return max(abs(x), abs(y), abs(z))
 
 
 def _carried(step: Step, place: Array, slides: Mapping[int, Array]) -> tuple[Array, dict[int, Array]]:
@@ -159,7 +164,7 @@ def _carried(step: Step, place: Array, slides: Mapping[int, Array]) -> tuple[Arr
 
 
 def _nonzero(slides: Mapping[int, Array]) -> dict[int, Array]:
-    return {j: way for j, way in slides.items() if max(map(abs, way.tolist())) > REDUCTION}
+    return {j: way for j, way in slides.items() if _largest(way) > REDUCTION}
 
 
 def _terms(row: Array) -> Terms:
