@@ -1,10 +1,14 @@
 """Covers of public robots' meshes: triangles, marks, vertices, excess, time; and every triangle proven to be held.
 
-    python benchmarks/covers.py --accuracy 0.002 --most 8 --seconds 300
+    python -m benchmarks.covers --only panda,ur5 --accuracy 0.002 --most 24
+    nice python -m benchmarks.covers --all --accuracy 0.02 --seconds 7200 --out covers-all.md
 
 Each robot's meshes are covered as `pinbound mark` covers them, and the proof is then made anew from the marks alone, by
-`robot.coverage`'s own code. A robot that starts after the seconds are spent is left out, and named. Exit code 1 if a
-triangle is not proven to lie in the marks.
+`robot.coverage`'s own code. `--all` takes every URDF of example-robot-data, and those of the folders that are given; a
+URDF with the same mesh files as one before is named with it, and not covered again. What cannot be loaded, and meshes
+that cannot be read, are named with their reason. With `--out` each row is written when it is there, and robots that the
+file has already are left out: a run that was ended goes on. A robot that starts after the seconds are spent is left
+out, and named. Exit code 1 if a triangle is not proven to lie in the marks.
 """
 
 from __future__ import annotations
@@ -17,7 +21,7 @@ from importlib.metadata import distribution
 from pathlib import Path
 
 import pinbound as pb
-from pinbound.coverage.bodies import read_bodies
+from pinbound.coverage.bodies import Body, read_bodies
 from pinbound.coverage.covers import BY, MOST_PARTS, By, covers
 from pinbound.coverage.mesh_proof import prove
 from pinbound.exceptions import Problems
@@ -51,10 +55,23 @@ class Row:
     wall: float
 
 
-def measured(name: str, accuracy: float, by: By, most: int) -> Row:
+def every_urdf(folders: list[Path]) -> dict[str, Path]:
+    """Return all URDFs of example-robot-data and of other folders, by name."""
+    found = {path.stem: path for path in sorted(ROBOTS.rglob("*.urdf"))}
+    for folder in folders:
+        found |= {path.stem: path for path in sorted(folder.rglob("*.urdf"))}
+    return found
+
+
+def mesh_bodies(path: Path) -> tuple[pb.Robot, list[Body]]:
+    """Return a robot, and its bodies that are meshes."""
+    robot = pb.load(path, package_dirs=[SHARE, path.parent.parent, path.parent.parent.parent])
+    return robot, [body for body in read_bodies(robot.document, Problems("")).bodies if body.shape == "mesh"]
+
+
+def measured(name: str, path: Path, accuracy: float, by: By, most: int) -> Row:
     """Cover one robot's meshes, and prove it again."""
-    robot = pb.load(ROBOTS / NAMES[name], package_dirs=[SHARE])
-    bodies = [body for body in read_bodies(robot.document, Problems("")).bodies if body.shape == "mesh"]
+    robot, bodies = mesh_bodies(path)
     missing = [body.name for body in bodies if robot.meshes.fault(body)]
     if missing:
         print(f"{name}: not read: {', '.join(missing)}", flush=True)
@@ -87,6 +104,19 @@ def table(rows: list[Row]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def same_meshes(path: Path, seen: dict[tuple[object, ...], str], name: str) -> str:
+    """Return why a robot is not covered: it cannot be loaded, has no meshes, or those of one before; else nothing."""
+    try:
+        _, bodies = mesh_bodies(path)
+    except pb.PinboundError as error:
+        return " ".join(str(error).split())[:160]
+    if not bodies:
+        return "no mesh among its bodies"
+    key = tuple(sorted((body.filename, body.scale) for body in bodies))
+    first = seen.setdefault(key, name)
+    return "" if first == name else f"the meshes of {first}"
+
+
 def main() -> int:
     """Run and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -95,15 +125,37 @@ def main() -> int:
     parser.add_argument("--most", type=int, default=MOST_PARTS, help="marks of a link")
     parser.add_argument("--seconds", type=float, default=300.0, help="after these no robot is started")
     parser.add_argument("--only", default="", help="robots, separated by commas")
+    parser.add_argument("--all", nargs="*", type=Path, help="every URDF, those of these folders, too")
+    parser.add_argument("--out", type=Path, help="where each row is written when it is there")
     options = parser.parse_args()
+    paths = {name: ROBOTS / place for name, place in NAMES.items()}
+    if options.all is not None:
+        paths = every_urdf(options.all)
+    chosen = [one for one in options.only.split(",") if one] or list(paths)
+    had = options.out.read_text() if options.out is not None and options.out.exists() else ""
     rows: list[Row] = []
+    seen: dict[tuple[object, ...], str] = {}
     start = time.perf_counter()
-    for name in [one for one in options.only.split(",") if one] or list(NAMES):
-        if time.perf_counter() - start > options.seconds:
-            print(f"{name}: left out, for the time is spent", flush=True)
+
+    def say(line: str) -> None:
+        print(line, flush=True)
+        if options.out is not None:
+            with options.out.open("a") as stream:
+                stream.write(line + "\n")
+
+    if options.out is not None and not had:
+        say("\n".join(table([]).splitlines()))
+    for name in chosen:
+        why = same_meshes(paths[name], seen, name) if options.all is not None else ""
+        if f"| {name} |" in had or f"{name}: " in had:
             continue
-        rows.append(measured(name, options.accuracy, options.by, options.most))
-        print(table(rows[-1:]), flush=True)
+        if why:
+            say(f"{name}: {why}")
+        elif time.perf_counter() - start > options.seconds:
+            print(f"{name}: left out, for the time is spent", flush=True)
+        else:
+            rows.append(measured(name, paths[name], options.accuracy, options.by, options.most))
+            say(table(rows[-1:]).splitlines()[-1])
     print(table(rows))
     return int(any(row.held < row.triangles for row in rows))
 

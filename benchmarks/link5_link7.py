@@ -113,8 +113,9 @@ def main() -> int:
         square = float(np.degrees(1.0)) ** 2  # of the axes, which are in degrees
         share = 100.0 * region.area / whole
         drawn.set_title(
-            f"Free of contact between link 5 and link 7:\n{square * region.area:,.0f} of {square * whole:,.0f} deg²"
-            f" ({share:.1f} %), proven to {100 * low / whole:.1f} - {100 * high / whole:.1f} %",
+            "Free of contact between link 5 and link 7:\n"
+            f"{square * region.area:,.0f} of {square * whole:,.0f} deg² ({share:.1f} %),\n"
+            f"proven {100 * low / whole:.1f} to {100 * high / whole:.1f} %",
             loc="left",
         )
         drawn.set_xlim(np.degrees(axes[0][0]) - 8.0)

@@ -339,3 +339,15 @@ def test_polygons_that_have_lost_corners_are_told(tmp_path: Path) -> None:
     mesh = read_mesh(written(tmp_path, "cut.obj", OBJ + "f 1 2 3\nf 1 3"))
     assert len(mesh.triangles) == 1
     assert mesh.notes == ("polygons of fewer than three corners are not used (1)",)
+
+
+def test_numbers_that_do_not_fit_give_an_error_and_no_warning(tmp_path: Path) -> None:
+    """A signalling NaN of a binary STL, and an index of a PLY that no int32 holds."""
+    record = struct.pack("<12f", *[0.0] * 12)[:-4] + (0x7FA00000).to_bytes(4, "little") + bytes(2)
+    (tmp_path / "nan.stl").write_bytes(bytes(80) + (1).to_bytes(4, "little") + record)
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "index.ply").write_text(head + "0 0 0\n1 0 0\n0 1 0\n3 0 1 99999999999\n")
+    for name in ("nan.stl", "index.ply"):
+        with pytest.raises(pb.InputError):
+            read_mesh(tmp_path / name)

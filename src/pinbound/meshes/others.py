@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import struct
+import warnings
 import zipfile
 import zlib
 from typing import Any
@@ -57,8 +58,10 @@ def read_other(data: bytes, suffix: str, source: str) -> tuple[Array, Ints]:
 
     loader: Any = trimesh
     try:
-        scene = loader.load_scene(io.BytesIO(data), file_type=suffix[1:], process=False)
-        mesh = scene.to_mesh()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of numbers that do not fit: they are looked at below
+            scene = loader.load_scene(io.BytesIO(data), file_type=suffix[1:], process=False)
+            mesh = scene.to_mesh()
         vertices, triangles = np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
     except _FAULTS as error:
         said = " ".join(str(error).split())[:80] or type(error).__name__

@@ -52,7 +52,8 @@ def read_stl(data: bytes, source: str) -> tuple[Array, NDArray[np.int64]]:
         if len(data) != wanted:
             said = f"says that it has {count} triangles, which take {wanted} bytes, and has {len(data)} bytes"
             refuse(source, said, "Export the mesh again")
-        corners = np.frombuffer(data, dtype=_RECORD, offset=_HEAD)["corners"].reshape(-1, 3).astype(np.float64)
+        with np.errstate(invalid="ignore"):  # what is no number is refused by name, later
+            corners = np.frombuffer(data, dtype=_RECORD, offset=_HEAD)["corners"].reshape(-1, 3).astype(np.float64)
     vertices, rows = np.unique(corners, axis=0, return_inverse=True)
     return vertices, rows.reshape(-1, 3)
 
