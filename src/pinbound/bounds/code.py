@@ -18,13 +18,13 @@ _NO_INDEX = np.empty(0, dtype=np.int64)
 class Code:
     """Machine code that is loaded, or compiled, once there is enough to do for it."""
 
-    def __init__(self, source: Callable[[], KernelSource], loading: int, compiling: int) -> None:
+    def __init__(self, source: Callable[[], KernelSource], loading: int = 1_000, compiling: int = 300_000) -> None:
         """Begin without.
 
         Args:
             source: Returns the text.
-            loading: Boxes that take NumPy as long as it takes to load the code.
-            compiling: Boxes that take NumPy as long as it takes to compile it.
+            loading: Boxes that take NumPy as long as it takes to load the code, 20 ms.
+            compiling: Boxes that take NumPy as long as it takes to compile it, a second.
         """
         self.source, self.work, self.loading, self.compiling = source, 0, loading, compiling
         self.code: MachineCode | None = None

@@ -18,7 +18,7 @@ __all__ = ["BoxFound", "is_worth", "search_box"]
 _ROOM = 1 << 14
 """Boxes that the queue holds at most."""
 
-_BOXES = Code(box_source, loading=1_000, compiling=300_000)
+_BOXES = Code(box_source)
 
 
 @dataclass(frozen=True)

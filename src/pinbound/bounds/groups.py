@@ -145,8 +145,7 @@ def _head(*values: float) -> Array:
     return found
 
 
-_WORTH_LOADING, _WORTH_COMPILING = 1_000, 300_000  # boxes: 20 ms, and a second, in NumPy
-_MOTIONS = Code(motion_source, _WORTH_LOADING, _WORTH_COMPILING)
+_MOTIONS = Code(motion_source)
 
 
 def groups_of(

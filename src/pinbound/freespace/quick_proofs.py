@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from pinbound.bounds.groups import Code
+from pinbound.bounds.code import Code
 from pinbound.certificates.constraints import ManyAngleBoundaries
 from pinbound.freespace.pairs import Pairs
 from pinbound.machine.compiled import has_numba
@@ -18,7 +18,7 @@ __all__ = ["ProofTables", "Stack"]
 
 _ROOM = 1 << 14
 """Boxes that the stack has room for; the last one first, so that a few for each halving suffice."""
-_PROOFS = Code(proof_source)
+_PROOFS = Code(proof_source, loading=1_000, compiling=300_000)
 
 
 @dataclass

@@ -44,7 +44,8 @@ def motion_source() -> KernelSource:
     text = _MOTIONS
     for name, part in (("ROWS", _ROWS), ("WALK", _WALK), ("TILE", _TILE), ("PAIR", _PAIR), ("REFINE", _REFINE)):
         text = put_part(text, name, part)
-    text = put_part(put_part(put_part(text, "WALK", _WALK), "PAIR", _PAIR), "ANGLES", _ANGLES)
+    for name, part in (("WALK", _WALK), ("PAIR", _PAIR), ("ANGLES", _ANGLES), ("BOUND", _BOUND)):
+        text = put_part(text, name, part)
     for name, value in (
         ("INFLATION", repr(INFLATION)),
         ("TILE", str(TILE)),
@@ -116,6 +117,19 @@ boxes += 1
 """
 """M and D of each rotation of a group, how far it turns over the part, and the rounding bound of its norms."""
 
+_BOUND = """
+norm, speed = math.sqrt(rx * rx + ry * ry + rz * rz), vx * vx + vy * vy + vz * vz
+tau = -(rx * vx + ry * vy + rz * vz) / speed
+tau = tau if tau < 0.5 else 0.5
+tau = tau if tau > -0.5 else -0.5
+tau = tau if speed > 0.0 else 0.0
+x, y, z = rx + tau * vx, ry + tau * vy, rz + tau * vz
+moved, second = norm - 0.5 * moved * $INFLATION, math.sqrt(x * x + y * y + z * z) - 0.125 * second * $INFLATION
+low = (moved if moved > second else second) - error * wide
+low = low if low > 0.0 else 0.0
+"""
+"""The norm in the middle of the part, and its lower bound: by lever arms, or by the way of r and its bend."""
+
 _TILE = """
 for p in range($TILE):
     out[p], out[p + 64], out[p + 128] = w[base + p], w[base + 64 + p], w[base + 128 + p]
@@ -145,16 +159,8 @@ for i in range(1, k + 1):
 f = base + 192 * (k + 1) + 64 * k
 for p in range($TILE):
     rx, ry, rz, vx, vy, vz = out[p], out[p + 64], out[p + 128], out[p + 192], out[p + 256], out[p + 320]
-    norm, speed = math.sqrt(rx * rx + ry * ry + rz * rz), vx * vx + vy * vy + vz * vz
-    tau = -(rx * vx + ry * vy + rz * vz) / speed
-    tau = tau if tau < 0.5 else 0.5
-    tau = tau if tau > -0.5 else -0.5
-    tau = tau if speed > 0.0 else 0.0
-    x, y, z = rx + tau * vx, ry + tau * vy, rz + tau * vz
-    plain = norm - 0.5 * out[p + 384] * $INFLATION
-    bent = math.sqrt(x * x + y * y + z * z) - 0.125 * out[p + 448] * $INFLATION
-    low = (plain if plain > bent else bent) - error * wide
-    low = low if low > 0.0 else 0.0
+    moved, second = out[p + 384], out[p + 448]
+    @BOUND
     out[p] = norm - w[f + p]
     out[p + 64] = low - w[f + p] - error
 boxes += np.int64(w[f + 64])
@@ -177,15 +183,7 @@ for i in range(k):
     moved += w[f + 64 * i] * out[pace + i]
     second += w[f + 64 * i] * out[squares + i]
 f += 64 * k
-norm, speed = math.sqrt(rx * rx + ry * ry + rz * rz), vx * vx + vy * vy + vz * vz
-tau = -(rx * vx + ry * vy + rz * vz) / speed
-tau = tau if tau < 0.5 else 0.5
-tau = tau if tau > -0.5 else -0.5
-tau = tau if speed > 0.0 else 0.0
-x, y, z = rx + tau * vx, ry + tau * vy, rz + tau * vz
-moved, second = norm - 0.5 * moved * $INFLATION, math.sqrt(x * x + y * y + z * z) - 0.125 * second * $INFLATION
-low = (moved if moved > second else second) - error * wide
-low = low if low > 0.0 else 0.0
+@BOUND
 low, value = low - w[f] - error, norm - w[f]
 """
 """The same of one pair, where `base` is."""
