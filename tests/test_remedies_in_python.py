@@ -26,12 +26,14 @@ from scipy import interpolate
 from typer.testing import CliRunner
 
 import pinbound as pb
+from pinbound.adapters.placo import half_spaces as placo_rows
 from pinbound.batch import RandomSource, evaluation_of, run
 from pinbound.cli import app
 from pinbound.coverage.bodies import Body
 from pinbound.coverage.covers import cover
 from pinbound.crosscheck.regions_level import check_region
 from pinbound.evaluate.touching import nearest_features
+from pinbound.export import drake_text
 from pinbound.figures.report import tool_link
 from pinbound.meshes import read_mesh
 from pinbound.model.coupling import LinearLimit
@@ -98,6 +100,12 @@ def made(text: str, *marks: pb.Annotations) -> pb.Robot:
 
 def planar() -> pb.Robot:
     return made(robot_xml(PLANAR, {}, []), BALLS)
+
+
+def to_move(name: str, at: str = "parcel") -> object:
+    """Ask for a boundary between a mark of the robot and one that moves."""
+    parcel = pb.Point("parcel", "base", (0.5, 0.5, 0.5), 0.01)
+    return pb.MovingMarks(planar(), [parcel], [pb.BoundaryMark("m", name, "parcel")]).at({at: np.eye(4)})
 
 
 def crane() -> pb.Robot:
@@ -281,6 +289,8 @@ UNKNOWN = [
     Unknown(
         "format", said("export minervabot_v3 table --format NAME --target q2 --dependent q3 --out HERE/t --whole"), "cs"
     ),
+    Unknown("mark", lambda name, _: to_move(name), "ss"),
+    Unknown("mark that moves", lambda name, _: to_move("s", name), "parcl"),
     Unknown("grid", lambda name, _: pb.limit_table(minerva(), "q2", "q3", grid=name), "fited"),
     Unknown("kind of export", lambda name, f: planar().boundaries and planar().export(name, f / "far.c"), "cc"),
     Unknown("kind of export", said("export minervabot_v3 NAME --out HERE/t.json"), "jso"),
@@ -1379,6 +1389,41 @@ def others() -> Iterator[Entry]:
 
     along = "move it along, or build the model with mimic=True"
     yield one(along, moved([0.1, 0.0, 0.0]), moved([0.1, 0.3, 0.0]), moved([0.1, 0.0], mimic=True))
+    unframed = pin.Model()
+    unframed.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "q1")
+    yield one(
+        "load() its URDF instead", lambda _: pb.from_pinocchio(unframed), lambda _: pb.load(text), lambda _: made(text)
+    )
+    # marks that move
+    ball, pair = pb.Point("ball", "base", (0.5, 0.5, 0.5), 0.01), pb.BoundaryMark("m", "ball", "free_mark")
+    seen = pb.Annotations.of([pb.Point("free_mark", "b", (0.1, 0.0, 0.0))], [])
+    seeing = lambda: made(robot_xml(PLANAR, {}, [])).with_annotations(seen)
+    moves = lambda marks, pairs=(): lambda _: pb.MovingMarks(seeing(), marks, pairs)
+    yield one("put it on the root link, {}", moves([replace(ball, link="b")]), moves([ball]))
+    yield one("give it another name", moves([replace(ball, name="free_mark")]), moves([ball]))
+    yield one(
+        "name one of each, or use with_annotations", moves([ball], [replace(pair, stop=True)]), moves([ball], [pair])
+    )
+    at = lambda pose: lambda _: pb.MovingMarks(seeing(), [ball], [pair]).at({"ball": pose})
+    yield one("give finite numbers (4, 4): a rotation, and metres", at(np.eye(3)), at(np.eye(4)))
+    yield one("give an orthonormal right-handed matrix", at(np.diag([1.0, 1, 2, 1])), at(np.eye(4)))
+    # half-spaces
+    row, place_of = ([[1.0, 0.0]], [1.0]), SimpleNamespace(state=SimpleNamespace(q=np.zeros(8)), get_joint_offset=len)
+    written = lambda given, names=("q1", "q2"): lambda _: drake_text({"home": given}, names)
+    yield one("give (k, n) and (k,)", written(([[1.0, 0.0]], [1.0, 2.0])), written(row))
+    yield one(
+        "leave such rows out", written(([[1.0], [1.0]], [1.0, np.inf]), ("q1",)), written(([[1.0]], [1.0]), ("q1",))
+    )
+    proven = lambda verdict: SimpleNamespace(A=row[0], b=row[1], verdict=verdict)
+    undecided, certified = written(proven(pb.Verdict.UNDECIDED)), written(proven(pb.Verdict.CERTIFIED))
+    yield one("give certified_polytope a larger budget, or another q", undecided, certified)
+    regions = lambda given: lambda _: drake_text(given, ("q1", "q2"))
+    yield one("give a name and a region at least", regions({}), regions({"home": row}))
+    yield one("give printable characters", regions({"a\nb": row}), regions({"a b": row}))
+    yield one("name each column once, in order", written(row, ("q1",)), written(row, ("q1", "q2")))
+    turning = lambda kind: made(robot_xml([joint("q1", kind, "base", "l1", xyz="0 0 1", limit="-1 1")], {}, []))
+    rows_of = lambda kind: lambda _: placo_rows(turning(kind), place_of, [[1.0]], [1.0])
+    yield one("Make it revolute, with limits", rows_of("continuous"), rows_of("revolute"))
     # robots
     kept = "Leave the condition out: the rule is then kept everywhere"
     stepped = lambda where: lambda _: pb.StepBounds(ruled(where))

@@ -227,6 +227,17 @@ def test_of_many_boundaries_those_that_are_left_out_cannot_be_met() -> None:
     assert len(cut) > 16, "the attack must come near more than are looked at first"
 
 
+def test_below_the_margin_a_step_loses_less_the_nearer_it_is() -> None:
+    """Sent along a ball again and again, the robot does not use up what is left of the clearance."""
+    robot = robot_with(["spheres"])
+    bounds, q, B = pb.StepBounds(robot), robot.home, robot.boundaries
+    for _ in range(60):  # to the margin, and then around the ball
+        rows, towards = bounds.rows(q, 0.3), B.signed_gradients(q)[0]
+        q = q + corner(rows, np.array([0.3, 0.1, 0.0, 0.2, 0.0]) - 3.0 * towards)
+        assert B.free(q)
+    assert 5e-5 < B.signed_clearances(q)[0] < 2e-3
+
+
 def test_bodies_are_measured_by_machine_code_as_by_the_reference() -> None:
     pytest.importorskip("numba")
     robot = robot_with([kind for kind in MARKS if kind != "stop"])

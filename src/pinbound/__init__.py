@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     )
     from pinbound.coverage import Coverage, CoverageRecord
     from pinbound.crosscheck import CrossCheck, cross_check
+    from pinbound.export.drake import save_drake_regions
     from pinbound.freespace import (
         FreeCover,
         FreePolytope,
@@ -87,8 +88,10 @@ if TYPE_CHECKING:
         swept_body,
         workspace_section,
     )
+    from pinbound.robot.from_pinocchio import from_pinocchio
     from pinbound.robot.limit_tables import LimitTable, limit_table
     from pinbound.robot.loading import load
+    from pinbound.robot.moving import MovingMarks
     from pinbound.robot.robot import Robot
 
 __version__ = "0.1.0"
@@ -136,6 +139,7 @@ __all__ = [
     "Membership",
     "Motion",
     "MotionHistory",
+    "MovingMarks",
     "Penetration",
     "PinboundError",
     "Place",
@@ -170,6 +174,7 @@ __all__ = [
     "feasible_region",
     "free_projection",
     "free_volume",
+    "from_pinocchio",
     "history",
     "limit_table",
     "load",
@@ -179,6 +184,7 @@ __all__ = [
     "propose_marks",
     "read_motion",
     "region_membership",
+    "save_drake_regions",
     "signed_clearances",
     "solve_ik",
     "swept_body",
@@ -221,7 +227,10 @@ _LATER = {
     "Robot": "pinbound.robot.robot",
     "CrossCheck": "pinbound.crosscheck",
     "LimitTable": "pinbound.robot.limit_tables",
+    "from_pinocchio": "pinbound.robot.from_pinocchio",
     "limit_table": "pinbound.robot.limit_tables",
+    "MovingMarks": "pinbound.robot.moving",
+    "save_drake_regions": "pinbound.export.drake",
     "StepBounds": "pinbound.adapters.steps",
     "StepRows": "pinbound.adapters.steps",
     "cross_check": "pinbound.crosscheck",

@@ -18,7 +18,7 @@ from pinbound.robot.robot import Robot
 from pinbound.robot.speeds import largest_speeds
 from pinbound.typing import Array
 
-__all__ = ["Polytope", "SafeSteps", "optional"]
+__all__ = ["Polytope", "SafeSteps", "half_spaces_of", "optional"]
 
 
 def optional(module: str, name: str, package: str) -> Any:
@@ -100,17 +100,28 @@ class Polytope:
             DimensionError: If A and b do not fit.
         """
         self.view = view
-        if isinstance(A, Region):
-            self.A, self.b = _of_region(robot, A)
-        else:
-            self.A, self.b = real_array(A, "A"), real_array([] if b is None else b, "b")
-        n = len(robot.coordinates)
-        if self.A.ndim != 2 or self.A.shape[1] != n or self.b.shape != (len(self.A),):
-            raise DimensionError(f"A has shape {self.A.shape} and b {self.b.shape}; give (k, {n}) and (k,)")
+        self.A, self.b = half_spaces_of(robot, A, b)
 
     def half_spaces(self, q: ArrayLike) -> tuple[Array, Array]:
         """Return G (k, nv) and h (k,) with `G d <= h` at the model's q."""
         return self.A @ self.view.E, self.b - self.A @ self.view.configurations(q)
+
+
+def half_spaces_of(robot: Robot, A: Any, b: ArrayLike | None = None) -> tuple[Array, Array]:
+    """Return A (k, n) and b (k,) of a convex region of all that the boundaries depend on, or of two arrays.
+
+    Raises:
+        UnsupportedError: If the region is not convex, or boundaries depend on coordinates that it holds.
+        DimensionError: If A and b do not fit.
+    """
+    if isinstance(A, Region):
+        rows, bound = _of_region(robot, A)
+    else:
+        rows, bound = real_array(A, "A"), real_array([] if b is None else b, "b")
+    n = len(robot.coordinates)
+    if rows.ndim != 2 or rows.shape[1] != n or bound.shape != (len(rows),):
+        raise DimensionError(f"A has shape {rows.shape} and b {bound.shape}; give (k, {n}) and (k,)")
+    return rows, bound
 
 
 def _of_region(robot: Robot, region: Region) -> tuple[Array, Array]:

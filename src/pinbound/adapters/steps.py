@@ -91,6 +91,11 @@ class _Row:
         below = linear + math.sqrt(linear * linear + 4.0 * self.bend * loss)
         return 2.0 * loss / below if below > 0.0 else math.inf
 
+    @property
+    def nearness(self) -> float:
+        """The clearance in units of the margin, at most 1."""
+        return min(1.0, self.value / self.margin) if self.margin > 0.0 else 1.0
+
     def swing(self, half: Array) -> float:
         """Return by how much the linear part may fall within the box."""
         return float(np.abs(self.g) @ half)
@@ -325,7 +330,7 @@ class StepBounds:
             self._tables.run(np.ascontiguousarray(q[None]), "clearances", found, np.zeros(1, dtype=np.int64))
             if np.all(np.isfinite(found)):
                 return found[0, places]
-        return np.array([float(self._areas[k].signed_clearance(q)) for k in places.tolist()])
+        return np.array([float(self._areas[k].signed_clearance(q)) for k in map(int, places)])
 
     def _prepare(self, q: Array, half: Array) -> None:
         """Make bounds that hold in a box around q, anew when steps lead out of it."""
@@ -355,9 +360,13 @@ class StepBounds:
 
 
 def _scale(rows: Sequence[_Row], half: Array, gain: float) -> float:
-    """Return the scale of the box at which no row that it can break loses more than the gain's share."""
+    """Return the scale of the box at which no row that it can break loses more than the gain's share.
+
+    Below the margin the share falls with the clearance: a step along a boundary loses by its curvature, and half of
+    what is left at each step would be nothing soon.
+    """
     broken = [row for row in rows if row.value > 0.0 and row.value - row.loss(1.0) - row.swing(half) <= 0.0]
-    return min([1.0, *[row.fits(gain * row.value) for row in broken]])
+    return min([1.0, *[row.fits(gain * row.value * row.nearness) for row in broken]])
 
 
 def _corner_rows(

@@ -15,12 +15,12 @@ from pinbound.robot.table_formats import FORMATS, GRIDS
 
 __all__ = ["export"]
 
-_KINDS = ("c", "json", "table")
+_KINDS = ("c", "json", "ros2", "table")
 
 
 def export(
     robot: RobotName,
-    kind: Annotated[str, typer.Argument(help="'c', 'json' (the reduced chains) or 'table' (coupled limits).")],
+    kind: Annotated[str, typer.Argument(help="'c', 'json' (the reduced chains), 'ros2' (joint_limits) or 'table'.")],
     out: Annotated[Path, typer.Option(help="File to write; of 'c' it ends in .c, and a header .h comes beside it.")],
     boundary: Annotated[list[str] | None, typer.Option(help="Only this boundary; may be given more than once.")] = None,
     form: Annotated[str, typer.Option("--format", help=f"Of a table: {', '.join(FORMATS)}.")] = "csv",
@@ -36,7 +36,7 @@ def export(
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write boundaries as C99, the reduced chains as JSON, or coupled limits as a table that other programs read."""
+    """Write boundaries as C99, the reduced chains as JSON, or limits as ROS 2 YAML or a table of coupled limits."""
     if kind not in _KINDS:
         raise UnknownNameError("kind of export", kind, _KINDS)
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)

@@ -210,22 +210,22 @@ def _angles(planes: Array, low: float, high: float, spacing: float, grid: str) -
     first, last = math.ceil(low / step - TABLE), math.floor(high / step + TABLE)
     multiples = np.asarray(np.arange(first, last + 1) * step, dtype=np.float64)
     inner = np.array(sorted(x for x in _breaks(planes) if low < x < high and _is_corner(planes, x)))
-    inner = inner[np.diff(inner, prepend=-math.inf) > TABLE].tolist()
-    if grid == "multiples" or (grid == "fitted" and not inner):
+    corners: list[float] = inner[np.diff(inner, prepend=-math.inf) > TABLE].tolist()
+    if grid == "multiples" or (grid == "fitted" and not corners):
         return multiples
     if grid == "corners":
         ends = (low + TABLE, high - TABLE)
-        every = np.unique(np.concatenate((multiples[(multiples > ends[0]) & (multiples < ends[1])], inner, ends)))
+        every = np.unique(np.concatenate((multiples[(multiples > ends[0]) & (multiples < ends[1])], corners, ends)))
         return every[np.concatenate(([True], np.diff(every) > TABLE))]
     candidates = [multiples]
-    for index, start in enumerate(inner):
-        for other in [*inner[:index], *inner[index + 1 :]] or [start + step]:
+    for index, start in enumerate(corners):
+        for other in [*corners[:index], *corners[index + 1 :]] or [start + step]:
             apart = abs(other - start)
             for more in range(_FINER):
                 width = apart / (max(math.ceil(apart / step - TABLE), 1) + more)
                 if width > 0.25 * step:  # corners that are nearer to each other would make a table without end
                     before, behind = math.floor((start - low) / width), math.floor((high - start) / width)
-                    candidates.append(start + width * np.arange(-before, behind + 1))
+                    candidates.append(np.asarray(start + width * np.arange(-before, behind + 1), dtype=np.float64))
 
     def rank(angles: Array) -> tuple[float, float, int]:
         """Less is lost, of the dependent joint, then of the target; else fewer entries are better."""

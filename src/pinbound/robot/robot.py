@@ -243,10 +243,11 @@ class Robot(Value):
 
         ``"c"``: C99 without dependencies, `path` (ending in .c) and a header beside it that states units and order:
         signed clearances, and their Jacobian. ``"json"``: the reduced chains as data, with the formula that evaluates
-        them.
+        them. ``"ros2"``: the YAML of `joint_limits`, of limits and boundaries of one coordinate each; couplings, which
+        it cannot say, are listed in it as lost.
 
         Args:
-            kind: ``"c"`` or ``"json"``.
+            kind: ``"c"``, ``"json"`` or ``"ros2"``.
             path: The file; one that exists is replaced.
             boundaries: Names of boundaries; None: all.
 
@@ -256,9 +257,9 @@ class Robot(Value):
         Raises:
             UnknownNameError: If there is no such kind, or no boundary of a name.
             UnsupportedError: If C is asked for of boxes, prisms or hulls, whose nearest points are searched for, or
-                JSON of hulls and cylinders, or JSON of a robot with rules that have conditions.
+                JSON of hulls and cylinders, or JSON or ROS 2 limits of a robot with rules that have conditions.
         """
-        from pinbound.export import c_files, chains_record, is_closed, signed_nodes
+        from pinbound.export import c_files, chains_record, is_closed, ros2_text, signed_nodes
 
         chosen = self.boundaries if boundaries is None else self.boundaries.select(boundaries)
         file, names = Path(path), chosen.names
@@ -271,8 +272,21 @@ class Robot(Value):
             )
             file.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
             return (file,)
+        if kind == "ros2":
+            refuse_conditions(self, "A list of limits")
+            places = [(one, self.coordinates.index(one.coordinates[0]) if one.coordinates else 0) for one in chosen]
+            known = [
+                (b.name, b.coordinates, b.limits(b.coordinates[0], self.home).around(float(self.home[place])))
+                if len(b.coordinates) == 1
+                else (b.name, b.coordinates, None)
+                for b, place in places
+            ]
+            words = [unit for _, unit in units]
+            text = ros2_text(self.name, self.coordinates, self.linear_limits, known, words)
+            file.write_text(text, encoding="utf-8")
+            return (file,)
         if kind != "c":
-            raise UnknownNameError("kind of export", kind, ("c", "json"))
+            raise UnknownNameError("kind of export", kind, ("c", "json", "ros2"))
         searched = [name for name, rule in zip(names, rules, strict=True) if not is_closed(rule)]
         if searched:
             said = (

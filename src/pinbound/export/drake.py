@@ -1,0 +1,89 @@
+"""Convex regions and polytopes as one file of Drake's named regions: `HPolyhedron`s, for `LoadIrisRegionsYamlFile`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinbound.exceptions import DimensionError, UnsupportedError
+from pinbound.export.half_spaces import half_spaces_text
+from pinbound.model.coupling import real_array
+from pinbound.typing import Array
+
+__all__ = ["drake_text", "half_spaces", "save_drake_regions"]
+
+
+def half_spaces(given: Any) -> tuple[Array, Array]:
+    """Return A (k, n) and b (k,) of a convex region, a certified polytope, or a pair of arrays.
+
+    Raises:
+        UnsupportedError: If the region is not convex, or the polytope is not certified.
+        DimensionError: If the arrays do not fit.
+
+    Example:
+        >>> half_spaces(([[1.0, 0.0]], [2.0]))
+        (array([[1., 0.]]), array([2.]))
+    """
+    if hasattr(given, "halfspaces"):
+        A, b = given.halfspaces()
+    elif hasattr(given, "A") and hasattr(given, "b"):
+        verdict = getattr(given, "verdict", None)
+        if verdict is not None and verdict.name != "CERTIFIED":
+            said = f"the polytope is {verdict.name}, and nothing is proven of its A and b"
+            raise UnsupportedError(f"{said}; give certified_polytope a larger budget, or another q")
+        A, b = given.A, given.b
+    else:
+        A, b = given
+    A, b = real_array(A, "A"), real_array(b, "b")
+    if A.ndim != 2 or b.shape != (len(A),) or not A.shape[1]:
+        raise DimensionError(f"A has shape {A.shape} and b {b.shape}; give (k, n) and (k,)")
+    if not (np.all(np.isfinite(A)) and np.all(np.isfinite(b))):
+        raise DimensionError("A and b hold a number that is not finite; leave such rows out")
+    return A, b
+
+
+def drake_text(regions: Mapping[str, Any], coordinates: Sequence[str] = ()) -> str:
+    """Return named regions of the same coordinates as Drake reads them, every number to its last bit.
+
+    Args:
+        regions: By name, what `half_spaces` takes.
+        coordinates: Names of the columns, said in a comment; regions that name theirs need none.
+
+    Raises:
+        UnsupportedError: If a region is not convex, or a polytope is not certified.
+        DimensionError: If there is no region, a name is empty, or arrays or coordinates do not fit.
+
+    Example:
+        >>> print(drake_text({"home": ([[1.0, 0.0], [0.0, -0.5]], [1.0, 2.0])}, ("q2", "q3")), end="")
+        # x = (q2, q3)
+        "home":
+          ambient_dimension: 2
+          A: [[1.0, 0.0], [0.0, -0.5]]
+          b: [1.0, 2.0]
+    """
+    if not regions:
+        raise DimensionError("there is no region to write; give a name and a region at least")
+    sets, columns = dict[str, tuple[Array, Array]](), tuple(coordinates)
+    for name, region in regions.items():
+        if not name or not name.isprintable():
+            raise DimensionError(f"a region's name is {name!r}; give printable characters")
+        sets[name] = half_spaces(region)
+        own = tuple(getattr(region, "coordinates", ()))
+        columns = columns or own
+        if len(columns) != sets[name][0].shape[1] or (own and own != columns):
+            said = f"{name!r} has {sets[name][0].shape[1]} columns{f', {own},' if own else ''} and {columns} are named"
+            raise DimensionError(f"{said}; name each column once, in order")
+    return half_spaces_text(sets, columns)
+
+
+def save_drake_regions(path: str | Path, regions: Mapping[str, Any], coordinates: Sequence[str] = ()) -> Path:
+    """Write `drake_text` to a file, and return it; one that exists is replaced.
+
+    Drake's q must be in the order of the columns, which a comment at the head of the file names.
+    """
+    file = Path(path)
+    file.write_text(drake_text(regions, coordinates), encoding="utf-8")
+    return file
