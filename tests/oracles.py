@@ -227,3 +227,24 @@ def random_machine(rng: np.random.Generator, joints: int, wild: bool = False, pl
         if kind != "fixed":
             moving.append(index)
     return Machine(found)
+
+
+def nonnegative_least_squares(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return `min |A x - b|` over x >= 0 (Lawson and Hanson). SciPy 1.15's own ends before the least, now and then."""
+    x, held = np.zeros(A.shape[1]), np.ones(A.shape[1], dtype=bool)
+    for _ in range(10 * A.shape[1]):
+        slope = A.T @ (b - A @ x)
+        if not held.any() or slope[held].max() <= 1e-14:
+            break
+        held[np.flatnonzero(held)[int(np.argmax(slope[held]))]] = False
+        while True:
+            z = np.zeros_like(x)
+            z[~held] = np.linalg.lstsq(A[:, ~held], b, rcond=None)[0]
+            low = ~held & (z <= 0.0)
+            if not low.any():
+                break
+            x += np.min(x[low] / (x[low] - z[low])) * (z - x)
+            held |= ~held & (x <= 1e-15)
+            x[held] = 0.0
+        x = z
+    return x

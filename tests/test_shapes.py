@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.optimize import nnls
 
 import pinbound as pb
+from oracles import nonnegative_least_squares
 from pinbound.annotations.shapes import extreme_vertices, hull
 from pinbound.coverage.bodies import Body
 from pinbound.coverage.holding import holds, holds_points
@@ -84,7 +84,7 @@ def placements(robot: pb.Robot, Q: Any) -> Any:
 def least_distance(V: Any, W: Any) -> float:
     """Return the distance of two hulls by least squares with positive weights, which is exact however many points."""
     D = (V[:, None] - W[None]).reshape(-1, 3)
-    x, _ = nnls(np.vstack((D.T, np.ones(len(D)))), np.array([0.0, 0.0, 0.0, 1.0]))
+    x = nonnegative_least_squares(np.vstack((D.T, np.ones(len(D)))), np.array([0.0, 0.0, 0.0, 1.0]))
     return float(np.linalg.norm(x @ D) / x.sum())
 
 

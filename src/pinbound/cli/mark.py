@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, cast
@@ -71,7 +72,8 @@ def mark(
     chosen = tuple(word.strip() for word in shapes.split(",") if word.strip())
     start = perf_counter()
     bar = console(stderr=True)
-    with Progress(console=bar, transient=True, disable=not bar.is_terminal) as progress:  # piped, it leaves a line
+    progress = Progress(console=bar, transient=True)
+    with progress if bar.is_terminal else nullcontext():  # where nothing is drawn it would leave an empty line
         task = progress.add_task("covers of meshes", total=None, visible=False)
 
         def step(done: int, total: int, link: str) -> None:
