@@ -101,13 +101,14 @@ def _lids(sides: Array, axis: Array) -> Array:
     least = np.eye(3)[int(np.argmin(np.abs(axis)))]
     u: Any = np.cross(axis, least)
     u /= np.linalg.norm(u)
-    flat = sides @ np.stack((u, np.cross(axis, u)), axis=1)
+    frame: Any = np.stack((u, np.cross(axis, u)), axis=1)
+    flat: Array = sides @ frame
     sides, flat = sides[np.any(flat[:, 0] != flat[:, 1], axis=1)], flat[np.any(flat[:, 0] != flat[:, 1], axis=1)]
     if len(sides) < 3:
         return np.zeros((0, 3, 3))
     points, place = np.unique(np.round(flat.reshape(-1, 2), 9), axis=0, return_index=True)
     try:
-        rows: Ints = Delaunay(points).simplices
+        rows: Ints = np.array(Delaunay(points).simplices, dtype=np.int64)
     except QhullError:  # it has no area
         return np.zeros((0, 3, 3))
     triangles = sides.reshape(-1, 3)[place][rows]
@@ -115,8 +116,8 @@ def _lids(sides: Array, axis: Array) -> Array:
         return triangles
     middles = points[rows].mean(axis=1)
     (x0, y0), (x1, y1) = flat[:, 0].T, flat[:, 1].T
-    rises = (y0 <= middles[:, 1:]).astype(np.int64) - (y1 <= middles[:, 1:])
-    share = np.divide(middles[:, 1:] - y0, y1 - y0, out=np.zeros(rises.shape), where=rises != 0)
-    right = (rises != 0) & (x0 + share * (x1 - x0) > middles[:, :1])
-    inside = (np.count_nonzero(right, axis=1) % 2 == 1) | (np.sum(np.where(right, rises, 0), axis=1) != 0)
+    rises: Ints = (y0 <= middles[:, 1:]).astype(np.int64) - (y1 <= middles[:, 1:])
+    share: Array = np.divide(middles[:, 1:] - y0, y1 - y0, out=np.zeros((len(rows), len(flat))), where=rises != 0)
+    right: Flags = (rises != 0) & (x0 + share * (x1 - x0) > middles[:, :1])
+    inside = (np.count_nonzero(right, axis=1) % 2 == 1) | (np.sum(rises * right, axis=1) != 0)
     return triangles[inside]

@@ -91,7 +91,7 @@ def _of_part(parts: Sequence[Surface], index: int, near: Near, around: float, fi
         open_ones = ~np.any(whole[pieces.beside] & (pieces.beside >= 0), axis=1)
         corners, owner = pieces.corners[open_ones], np.flatnonzero(open_ones)
         normals = pieces.normals if pieces.normals.size else np.full((len(pieces.corners), 1, 3), np.nan)
-        left = corners, normals[open_ones], owner
+        left: tuple[Array, Array, Ints] = corners, normals[open_ones], owner
         if sort == 0 and normals.shape[1] == 1 and around > 0.0:
             left = _uncovered(*left, others, around, whole)
         for halvings in range(_ROUNDS + 1):
@@ -100,7 +100,7 @@ def _of_part(parts: Sequence[Surface], index: int, near: Near, around: float, fi
                 whole[left[2][~shown]] = False
             if not np.any(shown):
                 break
-            corners, sides, owner = (one[shown] for one in left)
+            corners, sides, owner = left[0][shown], left[1][shown], left[2][shown]
             target = max(bound, lower * (1.0 + within) + within * fine)
             above, middle, found = near.bounds(corners, target)
             rows = np.argsort(-middle)[:_TRIED]

@@ -47,9 +47,9 @@ def best_cut(group: Array, place: Array, thick: float, near: Near) -> tuple[Arra
     planes = _planes(group, sketch.points, place, near)
     if not planes:
         return None
-    sides = [sketch.sides(*plane) for plane in planes]
+    sides: list[tuple[Array, Array]] = [sketch.sides(*plane) for plane in planes]
     costs = [sum(_volume(one, thick) for one in pair) for pair in sides]
-    order = np.argsort(costs, kind="stable")[:_COMPARED].tolist()
+    order: list[int] = np.argsort(costs, kind="stable")[:_COMPARED].tolist()
     order += [row for row in range(len(planes) - _TURNS, len(planes)) if row >= 0 and row not in order]
     best = min(order, key=lambda row: sum(_air(one, planes[row], near) for one in sides[row]))
     return cut_by_plane(group, *planes[best])
@@ -85,14 +85,18 @@ def _planes(group: Array, points: Array, place: Array, near: Near) -> list[Plane
 def _of_faces(group: Array) -> list[Plane]:
     """Return the planes in which most of the surface lies."""
     normals: Any = np.cross(group[:, 1] - group[:, 0], group[:, 2] - group[:, 0])
-    size = np.linalg.norm(normals, axis=1)
+    size: Array = np.linalg.norm(normals, axis=1)
     some = size > 0.0
+    units: Array
     units, areas = normals[some] / size[some, None], size[some]
     units = units * np.where(units[np.arange(len(units)), np.argmax(np.abs(units), axis=1)] < 0.0, -1.0, 1.0)[:, None]
-    at = np.einsum("ni,ni->n", units, group[some, 0])
-    extent = max(float(np.ptp(group.reshape(-1, 3), axis=0).max()), 1e-300)
-    keys = np.column_stack((np.round(units * 200.0), np.round(at / (_APART * extent))))
-    _, first, kind = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    at: Array = np.einsum("ni,ni->n", units, group[some, 0])
+    extent: float = max(float(np.ptp(group.reshape(-1, 3), axis=0).max()), 1e-300)
+    keys: Array = np.zeros((len(units), 4))
+    keys[:, :3], keys[:, 3] = np.round(units * 200.0), np.round(at / (_APART * extent))
+    first: Ints
+    kind: Ints
+    first, kind = np.unique(keys, axis=0, return_index=True, return_inverse=True)[1:]
     total = np.bincount(kind.ravel(), weights=areas)
     return [(units[first[row]], float(at[first[row]])) for row in np.argsort(-total)[:_FACES]]
 
@@ -117,7 +121,7 @@ class _Sketch:
         chosen[index[order]] = order
         self.points = flat[chosen]
         corners = index.reshape(-1, 3)
-        ends = np.sort(np.concatenate((corners[:, :2], corners[:, 1:], corners[:, ::2])), axis=1)
+        ends: Ints = np.sort(np.concatenate((corners[:, :2], corners[:, 1:], corners[:, ::2])), axis=1)
         pairs = np.unique(ends[:, 0] * count + ends[:, 1])
         self.start, self.end = pairs // count, pairs % count
 

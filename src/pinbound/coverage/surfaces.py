@@ -106,7 +106,9 @@ def _pieces(polytope: Polytope) -> tuple[Pieces, ...]:
     place[~clear] = -1
     beside = place[np.column_stack((one, two))]
     of_vertex: list[list[int]] = [[] for _ in range(count)]
-    for row, corners in zip(place.tolist(), facets.tolist(), strict=True):
+    rows_of: list[int] = place.tolist()
+    corners_of: list[list[int]] = facets.tolist()
+    for row, corners in zip(rows_of, corners_of, strict=True):
         for corner in corners:
             of_vertex[corner].append(row)
     width = max(map(len, of_vertex))

@@ -58,10 +58,10 @@ class Triangles:
         rim = np.flatnonzero(outside)
         if len(rim):
             d1, d2, uu, uv, vv = d1[rim], d2[rim], uu[rim], uv[rim], vv[rim]
-            one = np.clip(d1 * per_uu[rim], 0.0, 1.0)
-            two = np.clip(d2 * per_vv[rim], 0.0, 1.0)
-            along = np.clip((d2 - d1 + uu - uv) * per_ww[rim], 0.0, 1.0)  # from a + u towards a + v
-            least = one * (one * uu - 2.0 * d1)
+            one: Array = np.clip(d1 * per_uu[rim], 0.0, 1.0)
+            two: Array = np.clip(d2 * per_vv[rim], 0.0, 1.0)
+            along: Array = np.clip((d2 - d1 + uu - uv) * per_ww[rim], 0.0, 1.0)  # from a + u towards a + v
+            least: Array = one * (one * uu - 2.0 * d1)
             found = two * (two * vv - 2.0 * d2)
             nearer = found < least
             least = np.where(nearer, found, least)
