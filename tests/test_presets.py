@@ -179,3 +179,16 @@ def test_the_command_line_lists_robots_and_writes_a_start(tmp_path: Path, monkey
     assert there.exit_code == 2
     assert "is there already" in there.stderr
     assert runner.invoke(app, ["new", "scara", "--out", str(tmp_path)]).exit_code == 2
+
+
+def test_check_and_region_repeat_what_a_preset_does_not_know(tmp_path: Path) -> None:
+    runner, name = CliRunner(), "palletizers/fanuc_m410ib_700"
+    robot = pb.load(name)
+    known = list(robot.annotations.assumptions)
+    assert known
+    motion = tmp_path / "motion.csv"
+    motion.write_text("\n".join([",".join(robot.coordinates), *[",".join(map(str, robot.home))] * 2]) + "\n")
+    for words in (["region", name, "--coordinates", "J2,J3"], ["check", name, str(motion), "--limits-only"]):
+        said = runner.invoke(app, words).stdout
+        assert all(f"assumption: {one}" in said for one in known)
+        assert json.loads(runner.invoke(app, [*words, "--json"]).stdout)["assumptions"] == known

@@ -1242,11 +1242,21 @@ def others() -> Iterator[Entry]:
         answers += [robot.boundaries.signed_clearances(Q), robot.boundaries.free(Q), robot.coupling.expand(Q)]
         answers += [pb.certify(robot, Q), pb.certify_box(robot, *box), robot.to_pinocchio(robot.model, Q)]
         answers += [pb.certified_box(robot, robot.home, budget=pb.Budget(200)), pb.cross_check(robot, samples=10)]
+        answers += [robot.boundaries.limits(robot.coordinates[0], robot.home)]
         return answers
 
     through = "Supported through it are: values, gradients, Hessians, signed clearances, free, certify, certify_box, "
-    through += "certified_box, cross_check of points and bodies, coupling.expand, to_pinocchio"
+    through += "certified_box, feasible_region, limits, cross_check of points and bodies, coupling.expand, to_pinocchio"
     yield one(through, lambda _: linkage().coupling.S, supported)
+    turned = linkage().coordinates[0]
+    (value,) = linkage().home[[0]].tolist()
+    small, tiny = ((value - half, value + half) for half in (1e-3, 1e-6))
+    how_far = lambda **more: lambda _: linkage().boundaries.limits(turned, linkage().home, **more)
+    short = lambda **more: patched("pinbound.boundaries.looped_limits._FARTHEST", 1e-3, how_far(**more))
+    yield one("give window=(lower, upper), or the joint limits", short(), short(window=tiny))
+    arcs = lambda window: lambda _: linkage().boundaries[0].limits(turned, linkage().home, window=window)
+    few_open = lambda window: patched("pinbound.loops.through_loops._MOST_OPEN", 0, arcs(window))
+    yield one("change that distance, or give a smaller window (window=)", few_open((-4.0, 4.0)), few_open(small))
     slopes = lambda *shape: lambda _: linkage().boundaries.gradients(linkage().home[None], out=np.zeros(shape))
     yield one("give a writeable {} array of shape {}", slopes(2, 1, 1), slopes(1, 1, 1))
     polytope = lambda robot, **more: lambda _: pb.certified_polytope(robot(), robot().home, **more)
@@ -1537,6 +1547,7 @@ NOT_FOLLOWED: dict[str, str] = {
     "give a smaller accuracy, or start elsewhere": "no start is known that the finer accuracies leave in doubt",
     "take a smaller region": "no map is known whose folds cannot be traced but which folds",
     "give the mesh in metres": "no mesh is known that `read_mesh` takes and whose numbers are too large to prove",
+    "give a smaller window (window=, --window)": "it takes a loop that another loop moves, and that can go round",
     "give a smaller chord": "no section of one region is known that falls apart",
 }
 """Remedies that no entry follows, and why."""

@@ -231,3 +231,73 @@ def test_allowed_values_of_one_boundary_are_where_it_is_free_and_the_loop_closes
     with pytest.raises(pb.UnsupportedError, match="window"):
         one.limits("A", robot.home)
     assert one.limits("T", robot.home).intervals.tolist() == [[-math.inf, math.inf]]
+
+
+def test_a_gripper_of_two_four_bars_is_driven_by_one_coordinate(load_text: Load) -> None:
+    """As Robotiq's: both fingers are four-bars, the second crank mimics the first; pads stay level, and close."""
+    parts = [
+        Part("A", "base", "knuckle", 0.03 + 0j, lower=0.0, upper=0.8),
+        Part("B", "knuckle", "finger", complex(0.04 * np.exp(0.9j))),
+        Part("D", "base", "inner", 0.012 + 0.005j),
+        Part("A2", "base", "knuckle2", -0.03 + 0j, sign=-1, lower=0.0, upper=0.8),
+        Part("B2", "knuckle2", "finger2", complex(0.04 * np.exp(1j * (np.pi - 0.9))), sign=-1),
+        Part("D2", "base", "inner2", -0.012 + 0.005j, sign=-1),
+    ]
+    pins = [
+        ("right", "finger", -0.02 + 0.008j, "inner", complex(0.0445 * np.exp(0.88j))),
+        ("left", "finger2", 0.02 + 0.008j, "inner2", complex(0.0445 * np.exp(1j * (np.pi - 0.88)))),
+    ]
+    home = {"A": 0.1, "B": -0.1, "D": 0.1, "B2": -0.1, "D2": 0.1}
+    mechanism = Mechanism(parts, pins, {"right": ("B", "D"), "left": ("B2", "D2")}, home)
+    marks = """<pinbound:point name="pad" link="finger" xyz="0.005 0.05 0" radius="0.004"/>
+    <pinbound:point name="pad2" link="finger2" xyz="-0.005 0.05 0" radius="0.004"/>
+    <pinbound:boundary name="pads" a="pad" b="pad2"/>"""
+    text = mechanism.urdf(marks).replace(
+        '<joint name="A2" type="revolute">', '<joint name="A2" type="revolute"><mimic joint="A"/>'
+    )
+    robot = load_text(text)
+    assert isinstance(robot, LoopRobot)
+    assert robot.coordinates == ("A",)
+    found = robot.boundaries.limits("A", robot.home)
+    Q = np.linspace(found.lower, found.upper, 40)[1:-1, None]
+    theta = dict(zip(robot.coupling.joints, robot.coupling.expand(Q).T, strict=True))
+    for one in ("A", "B", "D"):
+        np.testing.assert_allclose(theta[one + "2"], theta[one], atol=1e-12)  # the mirror's image
+    assert robot.closure_residuals(Q).max() < 1e-13
+    assert robot.boundaries.free(Q).all()
+    assert pb.certify(robot, [Q[0], Q[-1]]).verdict is pb.Verdict.CERTIFIED
+
+
+def test_a_delta_robot_is_refused_with_the_reason(load_text: Load) -> None:
+    """Its arms end in universal joints: the loops are spatial, and nothing is taken for a planar one."""
+    parts = "".join(
+        f"""<joint name="m{k}" type="revolute"><parent link="base"/><child link="upper{k}"/><origin xyz="0 0 0"
+        rpy="0 0 {2.0943951 * k}"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+        <link name="upper{k}"/><joint name="u{k}" type="revolute"><parent link="upper{k}"/><child link="cross{k}"/>
+        <origin xyz="0.3 0 0"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+        <link name="cross{k}"/><joint name="v{k}" type="revolute"><parent link="cross{k}"/><child link="rod{k}"/>
+        <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint><link name="rod{k}"/>"""
+        for k in range(3)
+    )
+    pins = "".join(
+        f'<pinbound:closure name="arm{k}" link_a="rod0" xyz_a="0.2 0 -0.4" link_b="rod{k}" xyz_b="0.2 0 -0.4"/>'
+        for k in (1, 2)
+    )
+    text = f'<robot name="delta" xmlns:pinbound="urn:pinbound:1"><link name="base"/>{parts}'
+    text += f"<pinbound:annotations>{pins}</pinbound:annotations></robot>"
+    with pytest.raises(pb.InputError, match="spatial loop"):
+        load_text(text)
+
+
+def test_a_slider_crank_of_three_equal_terms_loads(load_text: Load) -> None:
+    """Its X can go round zero, and it asks for no angle of X."""
+    parts = [
+        Part("A", "base", "a", 0j),
+        Part("C", "a", "c", 0.3 + 0j),
+        Part("B", "c", "b", 0.25 + 0j),
+        Part("S", "base", "s", 0.2 + 0.1j, 1 + 0j),
+    ]
+    home = {"A": 0.5, "C": 0.3, "B": -1.2, "S": 0.3}
+    robot = load_text(Mechanism(parts, [("loop", "b", 0.5 + 0j, "s", 0j)], {"loop": ("B", "S")}, home).urdf())
+    Q = robot.home + np.random.default_rng(0).uniform(-0.2, 0.2, (50, 2))
+    assert robot.closure_residuals(Q).max() < 1e-13

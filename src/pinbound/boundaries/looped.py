@@ -28,8 +28,16 @@ __all__ = ["LoopBoundary", "LoopBoundarySet", "over_z"]
 
 
 def _chained(gradients: Array, J: Array) -> Array:
-    """Return `g_z dz/dq` for gradients (N, ..., n + k) and J (N, n + k, n)."""
-    return np.einsum("n...z,nzq->n...q", gradients, J)
+    """Return `g_z dz/dq` for gradients (N, ..., n + k) and J (N, n + k, n), whose first n rows are the identity."""
+    n = J.shape[2]
+    found, between = gradients[..., :n].copy(), (slice(None), *(None,) * (gradients.ndim - 2))
+    for index in range(n, J.shape[1]):
+        if not np.any(gradients[..., index]):
+            continue
+        for a in range(n):
+            if np.any(J[:, index, a]):
+                found[..., a] += gradients[..., index] * J[:, index, a][between]
+    return found
 
 
 class LoopBoundary(Boundary):
@@ -264,12 +272,11 @@ class LoopBoundarySet(BoundarySet):
         self, Q: ArrayLike, mode: str, ask: Callable[..., Array], out: Any, threads: int, backend: Any, dtype: Any
     ) -> Array:
         array = as_configurations(Q, self._coordinates)
-        Z = self.lift(array)
         if mode != "gradients":
-            return ask(Z, out, threads=threads, backend=backend, dtype=dtype)
+            return ask(self.lift(array), out, threads=threads, backend=backend, dtype=dtype)
+        Z, J = self.lift.with_jacobians(array if array.ndim > 1 else array[None])
         found = ask(Z, threads=threads, backend=backend, dtype=dtype)
-        rows = array if array.ndim > 1 else array[None]
-        chained = _chained(found if array.ndim > 1 else found[None], self.lift.jacobians(rows)).astype(found.dtype)
+        chained = np.asarray(_chained(found, J), dtype=found.dtype)
         chained = chained if array.ndim > 1 else chained[0]
         if out is None:
             return chained

@@ -16,6 +16,7 @@ from pinbound.cli.coverage import (
     coverage_record,
     nothing_to_check,
     require_coverage,
+    say_assumptions,
     say_coverage,
 )
 from pinbound.cli.shared import (
@@ -143,6 +144,7 @@ def _report(robot: Robot, motion: Motion, found: Certificate) -> None:
         print_table(f"Undecided ({len(found.open_parts)} parts)", columns, rows)
     for note in found.notes:
         out.print(f"note: {note}", markup=False)
+    say_assumptions(robot)
 
 
 def _row(robot: Robot, finding: Finding) -> tuple[str, ...]:
@@ -198,6 +200,7 @@ def _record(robot: Robot, motion: Motion, found: Certificate) -> dict[str, Any]:
             for p in found.open_parts
         ],
         "notes": found.notes,
+        "assumptions": robot.annotations.assumptions,
         "boxes": found.boxes,
         "seconds": found.seconds,
     }

@@ -10,6 +10,7 @@ import typer
 
 from pinbound.cli.shared import console, print_table
 from pinbound.coverage import Coverage, CoverageRecord, PairCoverage
+from pinbound.robot.robot import Robot
 
 __all__ = [
     "LimitsOnly",
@@ -18,6 +19,7 @@ __all__ = [
     "nothing_to_check",
     "print_coverage",
     "require_coverage",
+    "say_assumptions",
     "say_coverage",
 ]
 
@@ -27,6 +29,12 @@ RequireCoverage = Annotated[
 LimitsOnly = Annotated[bool, typer.Option("--limits-only", help="Check joint limits and nothing else.")]
 
 _MOST_LINES = 40
+
+
+def say_assumptions(robot: Robot) -> None:
+    """Print what is not published of a preset, and so not modelled, which every answer of it rests on."""
+    for one in robot.annotations.assumptions:
+        console().print(f"assumption: {one}", markup=False, soft_wrap=True)
 
 
 def say_coverage(record: CoverageRecord) -> None:

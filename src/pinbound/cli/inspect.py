@@ -12,7 +12,14 @@ from rich.text import Text
 from pinbound.annotations import FIELDS, Mark, kind_of
 from pinbound.boundaries.boundary import Boundary, ContactAngle
 from pinbound.boundaries.boundary_set import CoordinateLimits
-from pinbound.cli.coverage import RequireCoverage, coverage_record, print_coverage, require_coverage, say_coverage
+from pinbound.cli.coverage import (
+    RequireCoverage,
+    coverage_record,
+    print_coverage,
+    require_coverage,
+    say_assumptions,
+    say_coverage,
+)
 from pinbound.cli.shared import (
     Annotations,
     AsJson,
@@ -401,12 +408,14 @@ def region(
     if not len(loaded.boundaries):
         console().print("no boundary: the region is what the joint limits alone allow", markup=False)
     say_coverage(loaded.coverage.record)
+    say_assumptions(loaded)
     require_coverage(loaded.coverage, require_coverage_)
 
 
 def _region_record(region: Region) -> dict[str, Any]:
     return {
         "coordinates": region.coordinates,
+        "assumptions": region.slice.robot.annotations.assumptions,
         "at": dict(zip(region.robot_coordinates, region.at.tolist(), strict=True)),
         "vertices": region.vertices,
         "edges": [

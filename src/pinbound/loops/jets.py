@@ -11,7 +11,19 @@ from pinbound.bounds import intervals
 from pinbound.bounds.intervals import Interval
 from pinbound.typing import Array, Flags
 
-__all__ = ["Jet", "arctan2", "cos", "sin", "sqrt", "squared", "where"]
+__all__ = [
+    "Jet",
+    "arctan2",
+    "cos",
+    "jet_root",
+    "quotient_rate",
+    "ratio",
+    "root_below",
+    "sin",
+    "sqrt",
+    "squared",
+    "where",
+]
 
 T = TypeVar("T", Array, Interval)
 
@@ -114,3 +126,29 @@ def sin(x: T) -> T:
 def arctan2(y: Any, x: Any) -> Any:
     """Return the angle of (x, y)."""
     return intervals.arctan2(y, x) if isinstance(x, Interval) else np.arctan2(y, x)
+
+
+def root_below(Y: float, y: Jet) -> Jet:
+    """Return `sqrt(Y^2 - y^2)`."""
+    value = sqrt((Y - y.value) * (Y + y.value))
+    first = -(y.value * y.first) / value
+    return Jet(value, first, -(squared(y.first) + y.value * y.second + squared(first)) / value)
+
+
+def jet_root(x: Jet) -> Jet:
+    """Return the root."""
+    value = sqrt(x.value)
+    first = 0.5 * x.first / value
+    return Jet(value, first, (0.5 * x.second - squared(first)) / value)
+
+
+def ratio(x: Jet, y: Jet) -> Jet:
+    """Return a jet whose derivatives are those of an integral of `x' / y`: its value means nothing."""
+    first = x.first / y.value
+    return Jet(x.value, first, (x.second - first * y.first) / y.value)
+
+
+def quotient_rate(x: Jet, y: Jet) -> tuple[Any, Any]:
+    """Return the first two derivatives of an integral of `x' / y`."""
+    first = x.first / y.value
+    return first, (x.second - first * y.first) / y.value

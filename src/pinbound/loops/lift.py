@@ -146,7 +146,27 @@ class Lift(Value):
 
     def jacobians(self, Q: Array) -> Array:
         """Return `dz/dq` (N, n + k, n) of many q (N, n)."""
-        return self.derivatives(Q, order=1)[0]
+        return self.with_jacobians(Q)[1]
+
+    def with_jacobians(self, Q: Array) -> tuple[Array, Array]:
+        """Return z (N, n + k) and `dz/dq` (N, n + k, n) of many q (N, n), in one go."""
+        (count, n), size = Q.shape, len(self.names)
+        found, J = np.empty((count, size)), np.zeros((count, size, n))
+        J[:, np.arange(n), np.arange(n)] = 1.0
+        found[:, :n] = Q
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            for start in range(0, count, _BLOCK):
+                rows = slice(start, start + _BLOCK)
+                z = [Q[rows, k].copy() for k in range(n)] + [Q[rows, 0]] * (size - n)
+                ways: list[list[Array | float]] = [[float(k == a) for k in range(size)] for a in self.inputs]
+                for one, columns in zip(self.linkages, self.columns, strict=True):
+                    values, slopes = one.slopes(z, ways)
+                    for index, value in zip(columns, values, strict=True):
+                        found[rows, index] = z[index] = value
+                    for way, a, slope in zip(ways, self.inputs, slopes, strict=True):
+                        for index, rate in zip(columns, slope, strict=True):
+                            J[rows, index, a] = way[index] = rate
+        return found, J
 
     def derivatives(self, Q: Array, order: int) -> tuple[Array, Array]:
         """Return `dz/dq` (N, n + k, n) and `d^2 z / dq^2` (N, n + k, n, n), which is empty for order 1."""

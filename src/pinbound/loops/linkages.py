@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from pinbound.bounds.intervals import Interval
-from pinbound.loops.jets import Jet, arctan2, cos, sin, sqrt, squared
+from pinbound.loops.jets import Jet, arctan2, cos, jet_root, quotient_rate, ratio, root_below, sin, sqrt, squared
 from pinbound.tolerances import TOGGLE
 from pinbound.typing import Array
 from pinbound.values import Value
@@ -145,7 +145,22 @@ class Linkage(Value):
         Args:
             z: Columns (N,) of the coordinates; those that it does not use do not matter.
         """
-        x, y = self._moved_values(z)
+        return self._settled(*self._moved_values(z), z)
+
+    def slopes(
+        self, z: Sequence[Array], ways: Sequence[Sequence[Array | float]]
+    ) -> tuple[tuple[Array, ...], list[tuple[Array, ...]]]:
+        """Return what `values` gives, and its derivatives along ways, without the second derivatives of `solve`.
+
+        Args:
+            z: As for `values`.
+            ways: Of each way the derivative of every coordinate, 0.0 of those that stand still.
+        """
+        x, y, rates = self._moved_slopes(z, ways)
+        return self._settled(x, y, z), [self._slope(x, y, *rate, way) for rate, way in zip(rates, ways, strict=True)]
+
+    def _settled(self, x: Array, y: Array, z: Sequence[Array]) -> tuple[Array, ...]:
+        """Return the passive joints, the transmission and the turn where X is (x, y)."""
         Y, Z = self.lengths
         most = 0.5 * TOGGLE
         flat = math.sqrt((1.0 - most) * (1.0 + most))
@@ -190,6 +205,60 @@ class Linkage(Value):
                 u, v = u * c - v * s, u * s + v * c
             x, y = x + u, y + v
         return np.asarray(x), np.asarray(y)
+
+    def _moved_slopes(
+        self, z: Sequence[Array], ways: Sequence[Sequence[Array | float]]
+    ) -> tuple[Array, Array, list[tuple[Any, Any]]]:
+        """Return X, and its derivatives along ways."""
+        x: Any = 0.0
+        y: Any = 0.0
+        rates: list[tuple[Any, Any]] = [(0.0, 0.0) for _ in ways]
+        for row, vector, slides in zip(self.angles, self.vectors.tolist(), self.slides, strict=True):
+            u, v = (start + _combined(slide, z) for start, slide in zip(vector, slides, strict=True))
+            turns, c, s = bool(np.any(row)), 1.0, 0.0
+            if turns:
+                angle = _combined(row, z)
+                c, s = np.cos(angle), np.sin(angle)
+                u, v = u * c - v * s, u * s + v * c
+            x, y = x + u, y + v
+            for place, way in enumerate(ways):
+                rate = _combined(row, way) if turns else 0.0
+                du, dv = (_combined(slide, way) for slide in slides)
+                dx, dy = rates[place]
+                rates[place] = dx - v * rate + (c * du - s * dv), dy + u * rate + (s * du + c * dv)
+        return np.asarray(x), np.asarray(y), rates
+
+    def _slope(self, x: Array, y: Array, dx: Any, dy: Any, way: Sequence[Array | float]) -> tuple[Array, ...]:
+        """Return the derivatives of what `_settled` gives where X is (x, y) and moves by (dx, dy)."""
+        Y, Z = self.lengths
+        most = 0.5 * TOGGLE
+        flat = math.sqrt((1.0 - most) * (1.0 + most))
+        dturn: Any = None
+        if self.form is Form.SLIDE:
+            held = np.clip(y, -Y * flat, Y * flat)
+            root = np.sqrt((Y - held) * (Y + held))
+            moved = np.where(held == y, dy, 0.0) / root
+            one, other, w = -self.sign * moved, self.sign * held * moved - dx, dy / Y
+        else:
+            square, change = x * x + y * y, 2.0 * (x * dx + y * dy)
+            if self.form is Form.ARMS:
+                low, high = ((Y * Y + Z * Z + sign * 2.0 * Y * Z * flat) for sign in (-1.0, 1.0))
+                held = np.clip(square, low, high)
+                area = np.sqrt(((Y + Z) ** 2 - held) * (held - (Y - Z) ** 2))
+                moved = self.sign * np.where(held == square, change, 0.0) / area
+                dturn = (x * dy - y * dx) / held
+                one = dturn + moved * (held + (Z * Z - Y * Y)) / (2.0 * held)
+                other, w = one - moved, change * (1.0 / (2.0 * Y * Z))
+            else:
+                low, _ = self.transmission_range
+                held = np.maximum(square, Y * Y + 0.25 * (low - Y * Y))
+                other = self.sign * 0.5 * np.where(held == square, change, 0.0) / np.sqrt(held - Y * Y)
+                dturn = (x * dy - y * dx) / held
+                one, w = dturn + Y * other / held, change
+        found: list[Array] = []
+        for mix, row in zip(self.mix.tolist(), self.rows, strict=True):
+            found.append(np.asarray(mix[0] * one + mix[1] * other + _combined(row, way)))
+        return (*found, w) if self.ahead >= 0 or dturn is None else (*found, w, dturn)
 
     def _turn_values(self, x: Array, y: Array, z: Sequence[Array]) -> Array:
         if self.ahead < 0:
@@ -242,7 +311,7 @@ class Linkage(Value):
         held = square.clipped(low, high)
         area = _area(held, Y, Z)
         turn = self._angle(x, y, square, held, z)
-        beyond = _ratio(held.times(-self.sign), area)  # d phi = -s d(D^2) / S
+        beyond = ratio(held.times(-self.sign), area)  # d phi = -s d(D^2) / S
         phi = Jet(arctan2(self.sign * area.value, held.value - (Y * Y + Z * Z)), beyond.first, beyond.second)
         aside = _aside(held, area, Y, Z, self.sign)
         alpha = turn.plus(math.pi) - aside
@@ -253,9 +322,9 @@ class Linkage(Value):
         most = 0.5 * TOGGLE
         flat = Y * math.sqrt((1.0 - most) * (1.0 + most))
         held = y.clipped(-flat, flat)
-        root = _root_below(Y, held)  # sqrt(Y^2 - y^2), its derivative -y y' / root
+        root = root_below(Y, held)  # sqrt(Y^2 - y^2), its derivative -y y' / root
         s = x.times(-1.0) - root.times(self.sign)
-        rate = _ratio(held.times(-self.sign), root)
+        rate = ratio(held.times(-self.sign), root)
         beta = Jet(self.sign * arctan2(-1.0 * held.value, root.value), rate.first, rate.second)
         beta = beta.plus(0.0 if self.sign > 0.0 else math.pi)
         return self._solution(beta, s, y.times(1.0 / Y), None, z)
@@ -265,11 +334,11 @@ class Linkage(Value):
         square = x.squared() + y.squared()
         low, _ = self.transmission_range
         held = square.clipped(b * b + 0.25 * (low - b * b), math.inf)
-        root = _root(held.plus(-b * b))
+        root = jet_root(held.plus(-b * b))
         s = root.times(self.sign)
         turn = self._angle(x, y, square, held, z)
         # the angle of (s, b): its derivative is -b s' / (s^2 + b^2)
-        rate = _quotient_rate(s.times(-b), held)
+        rate = quotient_rate(s.times(-b), held)
         within = Jet(arctan2(_like(b + 0.0, s.value), s.value), rate[0], rate[1])
         return self._solution(turn.plus(math.pi) - within, s, square, turn, z)
 
@@ -347,29 +416,6 @@ def _aside(square: Jet, area: Jet, Y: float, Z: float, sign: float) -> Jet:
     value = arctan2(sign * area.value, square.value - c)
     first = (g * square.first) * (-sign)
     return Jet(value, first, (slope * square.first + g * square.second) * (-sign))
-
-
-def _root_below(Y: float, y: Jet) -> Jet:
-    value = sqrt((Y - y.value) * (Y + y.value))
-    first = -(y.value * y.first) / value
-    return Jet(value, first, -(squared(y.first) + y.value * y.second + squared(first)) / value)
-
-
-def _root(x: Jet) -> Jet:
-    value = sqrt(x.value)
-    first = 0.5 * x.first / value
-    return Jet(value, first, (0.5 * x.second - squared(first)) / value)
-
-
-def _ratio(x: Jet, y: Jet) -> Jet:
-    """Return a jet whose derivatives are those of an integral of `x' / y`: its value means nothing."""
-    first = x.first / y.value
-    return Jet(x.value, first, (x.second - first * y.first) / y.value)
-
-
-def _quotient_rate(x: Jet, y: Jet) -> tuple[Any, Any]:
-    first = x.first / y.value
-    return first, (x.second - first * y.first) / y.value
 
 
 def _turned_back(x: Any, y: Any, start: float, lead: Any) -> Any:

@@ -19,7 +19,7 @@ import numpy as np
 from pinbound.bounds.swept_bounds import SweptBundle, over_box, rounding_bound, swept_bundle
 from pinbound.contact.rule import ContactRule
 from pinbound.evaluate import separation
-from pinbound.exceptions import DimensionError, UnsupportedError
+from pinbound.exceptions import UnsupportedError
 from pinbound.limits.univariate import gap_around
 from pinbound.loops.lift import Lift, LinearParts
 from pinbound.model.coupling import GuardedLimit, LinearLimit
@@ -290,11 +290,7 @@ def rules_through(guarded: Iterable[GuardedLimit], plane: LiftedPlane) -> list[L
 def contacts_through(
     name: str, rule: ContactRule, plane: LiftedPlane, margin: float = 0.0
 ) -> list[LoopContact | LoopLimit]:
-    """Return the contact of a boundary over z: of a stop both ends of home's gap, which are linear in z.
-
-    Raises:
-        DimensionError: If a stop's gap is narrower than twice the margin.
-    """
+    """Return the contact of a boundary over z: of a stop both ends of home's gap, which are linear in z."""
     if rule.stop is None:
         return [LoopContact(name, rule.path, rule.raised(margin), plane)]
     strips = rule.strips(margin)
@@ -302,8 +298,6 @@ def contacts_through(
     c, (strip, *_) = strips
     assert strip.half_width is not None
     low, high = gap_around(strip.angle, strip.half_width, 0.5 * (rule.stop.gap[0] + rule.stop.gap[1]))
-    if not low < high:
-        raise DimensionError(f"the margin leaves nothing of the gap of {name!r}; give a smaller margin")
     return [
         LoopLimit(name, name, row[None], np.array([end]), plane, is_contact=True)
         for row, end in ((c, high), (-c, -low))
