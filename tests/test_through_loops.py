@@ -10,7 +10,7 @@ import shapely
 import pinbound as pb
 from linkages import KINDS, Mechanism, Part, flooded, scene
 from pinbound.boundaries.looped import over_z
-from pinbound.loops.through_loops import LoopBounds, LoopContact, contacts_through, limits_through
+from pinbound.loops.through_loops import LoopBounds, LoopContact, LoopLimit, contacts_through, limits_through
 from pinbound.region.loop_slice import lifted_plane
 from pinbound.robot.loop_robot import LoopRobot
 from test_lifted import linkage
@@ -301,3 +301,40 @@ def test_a_slider_crank_of_three_equal_terms_loads(load_text: Load) -> None:
     robot = load_text(Mechanism(parts, [("loop", "b", 0.5 + 0j, "s", 0j)], {"loop": ("B", "S")}, home).urdf())
     Q = robot.home + np.random.default_rng(0).uniform(-0.2, 0.2, (50, 2))
     assert robot.closure_residuals(Q).max() < 1e-13
+
+
+def test_a_cell_across_a_cut_has_the_values_of_both_sides(load_text: Load) -> None:
+    """Across the cut of X's angle B and E jump by a turn: bounds over a cell hold what they are on both sides of it.
+
+    A limit's curve that ends at the cut once left a face open there: 0.6 rad^2 beyond B upper were said to be free.
+    """
+    rng = np.random.default_rng(7)
+    for number in range(42):
+        robot = scene(list(KINDS)[number % len(KINDS)], rng, load_text)
+        names = tuple(rng.choice(robot.coordinates, 2, replace=False).tolist())
+    region = pb.feasible_region(robot, names, width=0.05)
+    assert region.slice.lifted is not None
+    turn = region.slice.lifted.lift.names.index("loop turn")
+    curves = [one for one in region.slice.curves if isinstance(one, LoopLimit)]
+    bounds = LoopBounds(curves, *region.slice.window)
+    X = rng.uniform(*region.slice.window, (20_000, 2))
+    turns = region.slice.lifted.lifted(X)[:, turn]
+    at_cut = np.flatnonzero(np.abs(turns) > math.pi - 0.02)[:30]
+    near, turns = X[at_cut], turns[at_cut]
+    assert len(near) == 30
+    which = np.tile(np.arange(len(curves)), len(near))
+    half = np.full((len(which), 2), 0.02)
+    lower, upper = bounds.bounds(which, np.repeat(near, len(curves), axis=0), half)
+    jumped = 0
+    for _ in range(25):
+        moved = near + 0.02 * rng.uniform(-1.0, 1.0, near.shape)
+        values = np.stack([one.value(moved) for one in curves], axis=1).ravel()
+        assert np.all((lower <= values + 1e-12) & (values <= upper + 1e-12))
+        jumped += int(np.sum(np.abs(region.slice.lifted.lifted(moved)[:, turn] - turns) > math.pi))
+    assert jumped > 0
+    X, free, reached = flooded(region, 301)
+    lower_area, upper_area = region.area_interval
+    sides = region.slice.window[1] - region.slice.window[0]
+    rim = region.polygon.length * float(sides.max()) / 301
+    assert lower_area - rim <= reached.mean() * float(np.prod(sides)) <= upper_area + rim
+    assert not np.any(np.asarray(region.contains(X, order="region")) & ~free)

@@ -139,6 +139,11 @@ class Linkage(Value):
         ask = {Form.ARMS: self._arms, Form.SLIDE: self._slide, Form.TELESCOPE: self._telescope}[self.form]
         return ask(x, y, z)
 
+    @property
+    def turns_with_x(self) -> Array:
+        """(2,) how many turns the passive joints make when X goes round once, the arms standing still to it."""
+        return self.mix @ np.array([1.0, 1.0 if self.form is Form.ARMS else 0.0])
+
     def values(self, z: Sequence[Array]) -> tuple[Array, ...]:
         """Return what `solve` gives, values alone: both passive joints (N,), the transmission and, if it has one, turn.
 

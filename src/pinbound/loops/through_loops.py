@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -217,7 +217,28 @@ class LoopBounds:
         self._place[self._contacts] = np.arange(len(self._contacts))
         lower, upper = self.plane.configurations(np.stack((low, high)))
         box = self.plane.lift.over(lower[None], upper[None], self.plane.errors)
-        self._extent = box.lower[0], box.upper[0]
+        more = 2.0 * math.pi * np.sum([np.abs(jump) for _, jump in self._turns], axis=0)
+        self._extent = box.lower[0] - more, box.upper[0] + more
+
+    @cached_property
+    def _turns(self) -> list[tuple[int, Array]]:
+        """Of each loop whose X may go round: its turn's column, and by how many turns z jumps where that jumps by one.
+
+        NaN where another loop takes what jumps.
+        """
+        lift, found = self.plane.lift, list[tuple[int, Array]]()
+        for one, columns in zip(lift.linkages, lift.columns, strict=True):
+            if len(columns) < 4:
+                continue
+            jump = np.zeros(len(lift.names))
+            jump[list(columns[:2])], jump[columns[3]] = one.turns_with_x, 1.0
+            moved = np.flatnonzero(jump)
+            for other in lift.linkages:
+                uses = (np.any(part[..., moved[moved < part.shape[-1]]]) for part in (other.angles, other.rows))
+                if other is not one and any(uses):
+                    jump[:] = np.nan
+            found.append((columns[3], jump))
+        return found
 
     @cached_property
     def _bundle(self) -> tuple[SweptBundle, Array, Array]:
@@ -239,8 +260,28 @@ class LoopBounds:
             chosen = first[start : start + _ROWS]
             z = self.plane.over(middle[chosen], half[chosen])
             rows = np.flatnonzero((box >= start) & (box < start + len(chosen)))
-            lower[rows], upper[rows] = self._over(which[rows], z, box[rows] - start)
+            lower[rows], upper[rows] = self._around(which[rows], z, box[rows] - start)
         return lower, upper
+
+    def _around(self, which: Ints, z: LinearParts, box: Indices) -> tuple[Array, Array]:
+        """Return bounds that hold on both sides of a cut, where a box may lie across one.
+
+        F goes on smoothly over the cut, and is there by whole turns off what the passive joints are.
+        """
+        lower, upper = self._over(which, z, box)
+        cut = np.zeros(len(box), dtype=np.intp)
+        for column, jump in self._turns:
+            reach = np.minimum(np.abs(z.steps[:, :, column]).sum(axis=0) + z.off[:, column], z.half[:, column])
+            rows = np.flatnonzero(~(np.abs(z.centre[:, column]) + reach < (1.0 - _NOISY) * math.pi)[box])
+            if not len(rows):
+                continue
+            cut[rows] += 1
+            beyond = np.where(z.centre[:, column] > 0.0, -2.0 * math.pi, 2.0 * math.pi)
+            other = replace(z, centre=z.centre + beyond[:, None] * jump)
+            low, high = self._over(which[rows], other, box[rows])
+            lower[rows], upper[rows] = np.minimum(lower[rows], low), np.maximum(upper[rows], high)
+        open_ = (cut > 1) | ~np.isfinite(lower) | ~np.isfinite(upper)
+        return np.where(open_, -np.inf, lower), np.where(open_, np.inf, upper)
 
     def _over(self, which: Ints, z: LinearParts, box: Indices) -> tuple[Array, Array]:
         lower, upper = np.empty(len(which)), np.empty(len(which))
