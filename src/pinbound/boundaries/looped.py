@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from pinbound.boundaries.boundary import Boundary, checked_window, one_configuration
 from pinbound.boundaries.boundary_set import BoundarySet
-from pinbound.boundaries.looped_limits import allowed_arcs, coordinate_limits, moved_by
 from pinbound.boundaries.spans import CoordinateLimits, Smallest
 from pinbound.evaluate.depth import Penetration
 from pinbound.exceptions import DimensionError, UnknownNameError
@@ -195,6 +194,8 @@ class LoopBoundary(Boundary):
             DimensionError: If q is not finite or of another shape, or the window is none.
             UnsupportedError: If the coordinate moves a passive joint on the path, and there is no finite window.
         """
+        from pinbound.boundaries.looped_limits import allowed_arcs, moved_by
+
         if coordinate not in self.robot_coordinates:
             raise UnknownNameError("coordinate", coordinate, self.robot_coordinates)
         Q, index = as_configurations(q, self.robot_coordinates), self.robot_coordinates.index(coordinate)
@@ -326,6 +327,8 @@ class LoopBoundarySet(BoundarySet):
             DimensionError: If q is not one finite configuration, or the window is none, or does not hold q's value.
             UnsupportedError: If nothing is met within two turns, and the coordinate has no limits.
         """
+        from pinbound.boundaries.looped_limits import coordinate_limits
+
         if coordinate not in self._coordinates:
             raise UnknownNameError("coordinate", coordinate, self._coordinates)
         point = one_configuration(q, self._coordinates)

@@ -21,8 +21,6 @@ from pinbound.exceptions import (
     name_hint,
 )
 from pinbound.loops.closures import Closure, close, joint_errors, place_error
-from pinbound.loops.lift import Lift
-from pinbound.loops.loop_coupling import toggle_limits
 from pinbound.loops.loop_errors import carry, narrowed
 from pinbound.loops.parallelograms import settle
 from pinbound.model.coupling import Coupling, GuardedLimit, LinearLimit, couple, linear_limits, narrowed_by_mimics
@@ -36,8 +34,6 @@ from pinbound.path.relative import absolute_chain, direction_chain, relative_pat
 from pinbound.path.shared import link_spots, moved
 from pinbound.robot.axes import joint_home, new_coordinates
 from pinbound.robot.home import feasible_start
-from pinbound.robot.loop_loading import home_of_loops, marked_home, opened_loops
-from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.presets import FAMILY, PREFIX, find_model
 from pinbound.robot.robot import Robot
 from pinbound.robot.rules import rule_limits
@@ -46,6 +42,7 @@ from pinbound.typing import Array
 
 if TYPE_CHECKING:
     from pinbound.kernel import CommonMark
+    from pinbound.loops.lift import Lift
 
 __all__ = ["AnnotationSource", "load"]
 
@@ -160,6 +157,8 @@ def _made(
     settled = settle(tree, couple(tree.moving_joints), marks, problems)
     lift: Lift | None = None
     if settled.linkages:
+        from pinbound.robot.loop_loading import opened_loops  # late, here and below: few robots have such loops
+
         settled, lift = opened_loops(tree, settled, marks, problems)
     coupling = settled.coupling
     limits = linear_limits(tree.moving_joints, coupling)
@@ -169,13 +168,17 @@ def _made(
     limits = narrowed(limits, coupling, off)
     own = narrowed_by_mimics(tree.moving_joints, coupling, limits)
     if lift is not None:
-        limits = (*limits, *toggle_limits(lift, lift(marked_home(lift, marks))))
+        from pinbound.robot.loop_loading import toggles
+
+        limits = (*limits, *toggles(lift, marks))
     taken = [boundary.name for boundary in marks.boundaries]
     rules, guarded = rule_limits(marks.rules, coupling, off, problems, taken, marks.sources)
     limits = (*limits, *rules)
     if lift is None:
         home, notes = _home(tree, coupling, marks, limits, guarded, problems)
     else:
+        from pinbound.robot.loop_loading import home_of_loops
+
         home, notes = home_of_loops(lift, marks, limits, guarded, problems)
     slides = [joint.name for joint in tree.moving_joints if joint.type == "prismatic"]
     change = new_coordinates(marks.axes, coupling, problems, slides, marks.sources)
@@ -213,7 +216,13 @@ def _made(
         again=again,
         guarded_limits=guarded,
     )
-    return robot if lift is None else LoopRobot(replace(robot, again=None), lift, again)
+    return robot if lift is None else _with_loops(replace(robot, again=None), lift, again)
+
+
+def _with_loops(robot: Robot, lift: Lift, again: _Again) -> Robot:
+    from pinbound.robot.loop_robot import LoopRobot
+
+    return LoopRobot(robot, lift, again)
 
 
 def _excesses(marks: Annotations) -> list[str]:

@@ -11,14 +11,14 @@ from pinbound.annotations import Annotations
 from pinbound.exceptions import Problems, name_hint
 from pinbound.loops.closures import close
 from pinbound.loops.lift import Lift
-from pinbound.loops.loop_coupling import lifted
+from pinbound.loops.loop_coupling import lifted, toggle_limits
 from pinbound.loops.parallelograms import Settled
 from pinbound.model.coupling import GuardedLimit, LinearLimit
 from pinbound.model.tree import Tree
 from pinbound.tolerances import HOME
 from pinbound.typing import Array
 
-__all__ = ["home_of_loops", "marked_home", "opened_loops"]
+__all__ = ["home_of_loops", "opened_loops", "toggles"]
 
 
 def opened_loops(tree: Tree, settled: Settled, marks: Annotations, problems: Problems) -> tuple[Settled, Lift]:
@@ -39,7 +39,12 @@ def opened_loops(tree: Tree, settled: Settled, marks: Annotations, problems: Pro
     return replace(settled, coupling=coupling, closures=closures, linked=linked), lift
 
 
-def marked_home(lift: Lift, marks: Annotations) -> Array:
+def toggles(lift: Lift, marks: Annotations) -> tuple[LinearLimit, ...]:
+    """Return the toggles of the loops as limits, on home's side of them."""
+    return toggle_limits(lift, lift(_marked_home(lift, marks)))
+
+
+def _marked_home(lift: Lift, marks: Annotations) -> Array:
     """Return q as home marks it, zero where it marks nothing."""
     return np.array([marks.home.get(name, 0.0) for name in lift.coordinates], dtype=np.float64)
 
@@ -52,7 +57,7 @@ def home_of_loops(
     problems: Problems,
 ) -> tuple[Array, list[str]]:
     """Return home (n + k,): q as marked, zero where nothing is; passive joints as the loops put them."""
-    home = lift(marked_home(lift, marks))
+    home = lift(_marked_home(lift, marks))
     joints = dict(zip(lift.names, home.tolist(), strict=True))
     line, source = marks.home_line, marks.sources.get("home")
     for name in marks.home:
