@@ -59,8 +59,8 @@ class LoopBoundary(Boundary):
         for name in own:
             object.__setattr__(self, name, getattr(opened, name))
         home = None if opened.home is None else opened.home[:n]
-        values = {"robot_coordinates": lift.coordinates, "home": home, "opened": opened, "lift": lift}
-        values["closing"] = tuple(closing)
+        values: dict[str, object] = {"robot_coordinates": lift.coordinates, "home": home, "opened": opened}
+        values |= {"lift": lift, "closing": tuple(closing)}
         for name, value in values.items():
             object.__setattr__(self, name, value)
 

@@ -72,7 +72,7 @@ def _feed(known: Any, value: Any) -> None:
         for one in cast(Sequence[Any], value):
             _feed(known, one)
     elif value is None or isinstance(value, (str, bool, int, float, np.generic)):
-        known.update(repr(value).encode())
+        known.update(repr(cast(object, value)).encode())
     else:
         raise TypeError(f"no hash is defined for a {type(value).__name__}")
     known.update(b")")

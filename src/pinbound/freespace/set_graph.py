@@ -234,7 +234,8 @@ def touching(boxes: Array, apart: float = 0.0) -> Indices:
     order = np.argsort(boxes[:, 0, axis], kind="stable")
     low, high = boxes[order, 0], boxes[order, 1] + apart
     first_edges: Array = low[:, axis]
-    ends: Indices = np.searchsorted(first_edges, high[:, axis], side="right")
+    last_edges: Array = high[:, axis]
+    ends = np.searchsorted(first_edges, last_edges, side="right")
     counts = np.maximum(ends - np.arange(len(order)) - 1, 0)
     found: list[Indices] = []
     start = 0

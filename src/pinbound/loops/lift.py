@@ -232,7 +232,7 @@ class Lift(Value):
             along: Indices of the p coordinates that are not held: the others have a half-width of zero.
             errors: Of each loop [m].
         """
-        (count, n), size = centre.shape, len(self.names)
+        count, n, size = len(centre), int(centre.shape[1]), len(self.names)
         zero, one = Interval.at(np.zeros(count)), Interval.at(np.ones(count))
         box = [Interval.at(centre[:, k], half[:, k]) for k in range(n)]
         steps, off = np.zeros((len(along), count, size)), np.zeros((count, size))

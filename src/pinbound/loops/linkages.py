@@ -372,7 +372,7 @@ class Linkage(Value):
         return Jet(value if lead is None else value + lead.value, first, second)
 
 
-def _combined(row: Array, z: Sequence[Array]) -> Any:
+def _combined(row: Array, z: Sequence[Array | float]) -> Any:
     total: Any = 0.0
     for index in np.flatnonzero(row).tolist():
         c = float(row[index])

@@ -31,7 +31,7 @@ from pinbound.region.lines import Line, segment_owners, vertex_owners
 from pinbound.region.obstacles import obstacle_sides
 from pinbound.region.outlines import check_turns, is_searched, outline
 from pinbound.region.settling import Settled, settle
-from pinbound.region.slice import Slice, Strips
+from pinbound.region.slice import Curve, Slice, Strips
 from pinbound.region.tubes import Tubes
 from pinbound.region.turn_cuts import cuts_of
 from pinbound.tolerances import REGION_WIDTH, VERTEX
@@ -227,6 +227,7 @@ def _arranged(slice_: Slice, accuracy: float, tubes: Tubes | None, deadline: Dea
     for curve in slice_.curves if deadline is None else deadline.each(slice_.curves):
         if tubes is not None and curve in tubes.searched.curves:
             continue
+        assert isinstance(curve, Curve)  # all others are searched for
         found = outline(slice_, curve, wide, accuracy, deadline)
         error = max(error, found.chord_error)
         lines += found.lines

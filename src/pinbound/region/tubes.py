@@ -271,7 +271,8 @@ class Tubes:
         curves = self.searched.curves
         for number, polygon in enumerate(polygons):
             mine = chosen[owner[0][owner[1] == number]]
-            open_ = np.unique(self.cells.which[np.isin(self.cells.cell, mine)]).tolist()
+            which: Ints = self.cells.which[np.isin(self.cells.cell, mine)]
+            open_: list[int] = np.unique(which).tolist()
             first = min(open_, key=lambda which: curves[which].is_contact)  # a limit that is open: it ends all there is
             found.append((polygon, curves[first].name))
         return found
