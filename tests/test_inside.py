@@ -33,7 +33,7 @@ def body(rng: np.random.Generator) -> np.ndarray:
 
 
 def pair(a: np.ndarray, b: np.ndarray) -> Corners:
-    return corners_of([(a, b)], [(np.eye(3), np.eye(3))], 6, [True])
+    return corners_of([(a, b)], 6, [True])
 
 
 ONE = np.zeros(1, dtype=np.intp)

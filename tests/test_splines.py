@@ -115,7 +115,7 @@ def test_restricted_derivatives_hold_what_they_say() -> None:
                     slope = sum(comb(d, i) * exact**i * (1 - exact) ** (d - i) * v for i, v in enumerate(first))
                     slope *= Fraction(b) - Fraction(a)
                     low, high = part.slopes[0, :, j].min(), part.slopes[0, :, j].max()
-                    wide = Fraction(float(part.slope_radius[0, j])) * (1 + Fraction(1, 10**12))
+                    wide = Fraction(float(np.broadcast_to(part.slope_radius, (1, 2))[0, j])) * (1 + Fraction(1, 10**12))
                     if degree == 1:
                         wide += Fraction(float(abs(high))) / 10**15
                     assert Fraction(float(low)) - wide <= slope <= Fraction(float(high)) + wide

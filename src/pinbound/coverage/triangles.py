@@ -106,10 +106,11 @@ def cut_along(pieces: Array, triangles: Array) -> tuple[tuple[Array, Ints], tupl
         What is over or under the other triangle, and the rest: corners (m, 3, 3), and from which piece each is (m,).
 
     Example:
-        >>> large, small = 2.0 * np.eye(3)[None], np.array([[[2.0, 0, 0], [0, 2.0, 0], [1.0, 0.0, 1.0]]])
+        >>> large = np.array([[[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 5.0, 0.0]]])
+        >>> small = np.array([[[1.0, 1.0, 1.0], [2.0, 1.0, 1.0], [1.0, 2.0, 1.0]]])
         >>> (over, _), (rest, _) = cut_along(large, small)
         >>> len(over), len(rest)
-        (1, 1)
+        (1, 6)
     """
     kept, owner = pieces, np.arange(len(pieces))
     gone, whose = list[Array](), list[Ints]()
