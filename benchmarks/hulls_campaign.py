@@ -79,7 +79,9 @@ def random_mark(rng: np.random.Generator, name: str, link: str) -> Any:
     return pb.Point(name, link, place, 0.02)
 
 
-def random_robot(rng: np.random.Generator, folder: Path, number: int) -> tuple[pb.Robot, list[tuple[Any, Any, Any]]]:
+def random_robot(
+    rng: np.random.Generator, folder: Path, number: int, most: int
+) -> tuple[pb.Robot, list[tuple[Any, Any, Any]]]:
     """Return a robot, and pairs of marks that move against each other with their paths."""
     joints = int(rng.integers(2, 6))
     robot = pb.load(write(folder, mechanism(rng, ("planar", "spatial")[number % 2], joints, rng.random() < 0.3)))
@@ -91,7 +93,7 @@ def random_robot(rng: np.random.Generator, folder: Path, number: int) -> tuple[p
         for b in marks[:index]
         if a.link != b.link and not (isinstance(a, pb.Plane) and isinstance(b, pb.Plane))
     ]
-    chosen = [pairs[index] for index in rng.permutation(len(pairs))[:10]]
+    chosen = [pairs[index] for index in rng.permutation(len(pairs))[:most]]
     paths = [(pair, relative_path(robot.tree, robot.coupling, *pair)) for pair in chosen]
     return robot, [(*pair, path) for pair, path in paths if path.minimal.coordinates]
 
@@ -297,8 +299,8 @@ def shortest(A: Any, B: Any, towards: Any = None, above: float = np.inf) -> tupl
 class Campaign:
     """Counts of answers, and of wrong ones."""
 
-    def __init__(self, seed: int) -> None:
-        self.rng = np.random.default_rng(seed)
+    def __init__(self, seed: int, pairs: int) -> None:
+        self.rng, self.pairs = np.random.default_rng(seed), pairs
         self.asked: Counter[str] = Counter()
         self.wrong: list[str] = []
         self.open_clearance, self.slowest, self.gap = 0.0, 0.0, 0.0
@@ -359,7 +361,7 @@ class Campaign:
 
     def run(self, folder: Path, number: int) -> None:
         rng = self.rng
-        bare, pairs = random_robot(rng, folder, number)
+        bare, pairs = random_robot(rng, folder, number, self.pairs)
         if not pairs:
             return
         oracle = Oracle(bare, pairs)
@@ -454,11 +456,12 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=2000, help="motions of each seed")
     parser.add_argument("--seed", type=int, default=0, help="the first seed")
     parser.add_argument("--seeds", type=int, default=1, help="how many seeds, one after the other")
+    parser.add_argument("--pairs", type=int, default=10, help="boundaries of each robot, at most")
     parser.add_argument("--seconds", type=float, default=np.inf, help="stop after so many, whatever the count")
     arguments = parser.parse_args()
     started, wrong, total = time.perf_counter(), 0, Counter[str]()
     for seed in range(arguments.seed, arguments.seed + arguments.seeds):
-        campaign, number, began = Campaign(seed), 0, (time.perf_counter(), time.process_time())
+        campaign, number, began = Campaign(seed, arguments.pairs), 0, (time.perf_counter(), time.process_time())
         with tempfile.TemporaryDirectory() as folder:
             while campaign.asked["motions"] < arguments.count and time.perf_counter() - started < arguments.seconds:
                 campaign.run(Path(folder), number)
