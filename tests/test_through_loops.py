@@ -303,6 +303,34 @@ def test_a_slider_crank_of_three_equal_terms_loads(load_text: Load) -> None:
     assert robot.closure_residuals(Q).max() < 1e-13
 
 
+def test_a_loop_that_another_loop_moves_is_bounded_away_from_the_cut(load_text: Load) -> None:
+    """A four-bar on the five-bar's left crank, turned by its passive joint B: its numbers are finite, and hold."""
+    parts = [
+        Part("A", "base", "left", 0j, lower=-0.2, upper=2.9),
+        Part("B", "left", "near", 0.3 + 0j),
+        Part("D", "base", "right", 0.4 + 0j, lower=0.2, upper=3.2),
+        Part("E", "right", "far", 0.3 + 0j),
+        Part("K", "near", "coupler", 0.05 + 0j),
+        Part("R", "left", "rocker", 0.3 + 0.2j),
+    ]
+    pins = [("five", "near", 0.35 + 0j, "far", 0.35 + 0j), ("four", "coupler", 0.2 + 0j, "rocker", 0.15 + 0j)]
+    home = {"A": 2.0, "B": -1.0, "D": 1.1, "E": 1.0, "K": 2.0, "R": -1.5}
+    mechanism = Mechanism(parts, pins, {"five": ("B", "E"), "four": ("K", "R")}, home)
+    mechanism.home = {name: float(value) for name, value in mechanism.solved(home).items()}
+    wall = WALL.replace("rocker", "coupler").replace("0.4 0.05 0", "0.1 0 0")
+    robot = load_text(mechanism.urdf(wall))
+    assert isinstance(robot, LoopRobot)
+    box = np.stack((robot.home[:2] - 0.05, robot.home[:2] + 0.05))
+    plane = lifted_plane(robot, robot.home, (0, 1), box)
+    curves = list(contacts_through("p_w", over_z(robot.boundaries["p_w"]).rule, plane))
+    bounds, rng = LoopBounds(curves, *box), np.random.default_rng(0)
+    middle, half = robot.home[None, :2], np.full((1, 2), 0.02)
+    lower, upper = bounds.bounds(np.zeros(1, dtype=np.int64), middle, half)
+    assert np.all(np.isfinite(lower) & np.isfinite(upper))
+    values = curves[0].value(middle + rng.uniform(-0.02, 0.02, (500, 2)))
+    assert np.all((lower <= values) & (values <= upper))
+
+
 def test_a_cell_across_a_cut_has_the_values_of_both_sides(load_text: Load) -> None:
     """Across the cut of X's angle B and E jump by a turn: bounds over a cell hold what they are on both sides of it.
 

@@ -217,7 +217,7 @@ class LoopBounds:
         self._place[self._contacts] = np.arange(len(self._contacts))
         lower, upper = self.plane.configurations(np.stack((low, high)))
         box = self.plane.lift.over(lower[None], upper[None], self.plane.errors)
-        more = 2.0 * math.pi * np.sum([np.abs(jump) for _, jump in self._turns], axis=0)
+        more = 2.0 * math.pi * np.nansum([np.abs(jump) for _, jump in self._turns], axis=0)
         self._extent = box.lower[0] - more, box.upper[0] + more
 
     @cached_property
