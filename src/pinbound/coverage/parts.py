@@ -16,6 +16,7 @@ from pinbound.annotations import Box, Hull, Mark, Point, Segment
 from pinbound.annotations.shapes import extreme_vertices
 from pinbound.coverage.mesh_proof import away_from
 from pinbound.coverage.polytopes import Polytope
+from pinbound.geometry.rotations import matrix_rpy
 from pinbound.tolerances import HELD
 
 __all__ = ["FITS", "Fit", "directions", "outline"]
@@ -105,7 +106,7 @@ def _box(name: str, link: str, points: Array, budget: float) -> Mark:
         grown = HELD * (1.0 + float(np.abs(local).max()))
         size = high - low + 2.0 * grown
         middle = (0.5 * (low + high)) @ axes
-        bare = Box(name, link, _row(middle), _rpy(axes.T), _row(size))
+        bare = Box(name, link, _row(middle), matrix_rpy(axes.T), _row(size))
         out = float(away_from(bare.shape, extreme).max())
         if out > 0.0:
             bare = Box(name, link, bare.xyz, bare.rpy, _row(size + 2.0 * _LARGER * out))
@@ -135,15 +136,6 @@ def _principal(points: Array) -> Array:
     """Return the axes (3, 3), rows, along which points spread, the longest first; right-handed."""
     axes: Any = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)[2]
     return axes * np.linalg.det(axes)
-
-
-def _rpy(rotation: Array) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw [rad] of a rotation (3, 3)."""
-    pitch = math.asin(max(-1.0, min(1.0, -float(rotation[2, 0]))))
-    if abs(rotation[2, 0]) > 1.0 - 1e-12:  # roll and yaw turn about one axis: yaw does all of it
-        return 0.0, pitch, math.atan2(-float(rotation[0, 1]), float(rotation[1, 1]))
-    roll = math.atan2(float(rotation[2, 1]), float(rotation[2, 2]))
-    return roll, pitch, math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
 
 
 def _ball_centre(points: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pinbound.typing import Array
 
-__all__ = ["rotate", "rotation_matrix", "rpy_matrix"]
+__all__ = ["matrix_rpy", "rotate", "rotation_matrix", "rpy_matrix"]
 
 Components: TypeAlias = tuple[Array, Array, Array]
 
@@ -65,3 +65,19 @@ def rpy_matrix(rpy: Sequence[float]) -> Array:
             [-sp, cp * sr, cp * cr],
         ]
     )
+
+
+def matrix_rpy(R: Array) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw [rad] of a rotation (3, 3); pitch is within a quarter turn.
+
+    Yaw is read off the first column, then turned back: `R_z(-yaw) R = R_y R_x` gives the other two. So the angles give
+    R again to rounding also near a pitch of a quarter turn, where roll and yaw by themselves are hardly known.
+
+    Example:
+        >>> np.round(matrix_rpy(rpy_matrix((0.1, 0.2, 0.3))), 12).tolist()
+        [0.1, 0.2, 0.3]
+    """
+    yaw = math.atan2(R[1, 0], R[0, 0])
+    s, c = math.sin(yaw), math.cos(yaw)
+    pitch = math.atan2(-R[2, 0], c * R[0, 0] + s * R[1, 0])
+    return math.atan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1]), pitch, yaw

@@ -7,7 +7,6 @@ not moved is not made again.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
@@ -19,7 +18,7 @@ from pinbound.annotations import BoundaryMark, Mark
 from pinbound.boundaries.boundary import Boundary
 from pinbound.boundaries.boundary_set import BoundarySet
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
-from pinbound.geometry.rotations import rpy_matrix
+from pinbound.geometry.rotations import matrix_rpy, rpy_matrix
 from pinbound.loops.closures import place_error
 from pinbound.model.coupling import real_array
 from pinbound.path.relative import relative_path
@@ -68,23 +67,12 @@ def moved_mark(mark: Mark, pose: ArrayLike) -> Mark:
         elif name == "ways":
             changed[name] = tuple(map(way, value))
         elif name == "rpy":
-            changed[name] = _rpy(R @ rpy_matrix(value))
+            changed[name] = matrix_rpy(R @ rpy_matrix(value))
     return replace(mark, **changed)
 
 
 _POINTS, _DIRECTIONS = ("xyz", "xyz_a", "xyz_b"), ("direction", "normal")
 """Fields of marks that are places, and those that are ways; `vertices` are many places, `ways` many ways."""
-
-_UPRIGHT = 1e-12  # the cosine of a pitch at which roll and yaw are one
-
-
-def _rpy(R: Array) -> tuple[float, float, float]:
-    """Return roll, pitch, yaw [rad] of a rotation."""
-    across = math.hypot(R[0, 0], R[1, 0])
-    pitch = math.atan2(-R[2, 0], across)
-    if across < _UPRIGHT:
-        return math.atan2(-R[1, 2], R[1, 1]), pitch, 0.0
-    return math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])
 
 
 def _checked(pose: ArrayLike) -> tuple[Array, Array]:
