@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 import pytest
@@ -10,7 +11,14 @@ import shapely
 import pinbound as pb
 from linkages import KINDS, Mechanism, Part, flooded, scene
 from pinbound.boundaries.looped import over_z
-from pinbound.loops.through_loops import LoopBounds, LoopContact, LoopLimit, contacts_through, limits_through
+from pinbound.loops.through_loops import (
+    LoopBounds,
+    LoopContact,
+    LoopLimit,
+    contacts_through,
+    limits_through,
+    proven_end,
+)
 from pinbound.region.loop_slice import lifted_plane
 from pinbound.robot.loop_robot import LoopRobot
 from test_lifted import linkage
@@ -301,6 +309,32 @@ def test_a_slider_crank_of_three_equal_terms_loads(load_text: Load) -> None:
     robot = load_text(Mechanism(parts, [("loop", "b", 0.5 + 0j, "s", 0j)], {"loop": ("B", "S")}, home).urdf())
     Q = robot.home + np.random.default_rng(0).uniform(-0.2, 0.2, (50, 2))
     assert robot.closure_residuals(Q).max() < 1e-13
+
+
+class Graze:
+    """Bounds of `(x - 1)^2 + miss`, and how often they are asked."""
+
+    curves = (None,)
+
+    def __init__(self, miss: float) -> None:
+        self.miss, self.asked = miss, 0
+
+    def bounds(self, which: np.ndarray, middle: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        self.asked += 1
+        x, h = middle[:, 0] - 1.0, half[:, 0]
+        value, rest = x * x + self.miss, 2.0 * np.abs(x) * h + h * h
+        return value - rest, value + rest
+
+
+@pytest.mark.parametrize("miss", [1e-4, 1e-8, 1e-12])
+def test_what_is_all_but_met_on_the_way_costs_a_few_steps(miss: float) -> None:
+    """Steps get short beside a near miss, and long again behind it: they are not kept short to the end."""
+    graze = Graze(miss)
+    assert proven_end(cast(LoopBounds, graze), 0.0, 12.0) == (12.0, -1)
+    assert graze.asked < 300
+    reached, which = proven_end(cast(LoopBounds, Graze(0.0)), 0.0, 12.0)
+    assert which == 0
+    assert 1.0 - 1e-7 < reached <= 1.0
 
 
 def test_a_loop_that_another_loop_moves_is_bounded_away_from_the_cut(load_text: Load) -> None:

@@ -348,8 +348,9 @@ def contacts_through(
 def proven_end(bounds: LoopBounds, value: float, end: float) -> tuple[float, int]:
     """Return how far from a value towards an end all curves are proven positive, and which stops it; -1: none does.
 
-    Steps that are proven are taken, others halved. The bounds are exact to second order, so that next to a simple zero
-    half of what is left, or more, is proven in one step; where it ends, a curve is zero to `tolerances.ROOT`.
+    Steps that are proven are taken, and the next one is twice as long; others are halved. The bounds are exact to
+    second order, so that next to a simple zero half of what is left, or more, is proven in one step; where it ends, a
+    curve is zero to `tolerances.ROOT`.
     """
     which, x, step = np.arange(len(bounds.curves)), value, abs(end - value)
     while x != end:
@@ -358,7 +359,7 @@ def proven_end(bounds: LoopBounds, value: float, end: float) -> tuple[float, int
         middle = np.full((len(which), 1), 0.5 * (x + reached))
         lower, _ = bounds.bounds(which, middle, np.full_like(middle, 0.5 * abs(reached - x) * (1.0 + 1e-9)))
         if np.all(lower > 0.0):
-            x = reached
+            x, step = reached, 2.0 * step
         elif step <= ROOT * max(1.0, abs(x)):
             return x, int(np.argmin(lower))
         else:
