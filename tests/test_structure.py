@@ -2,6 +2,7 @@
 
 import ast
 import graphlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -227,6 +228,19 @@ def test_which_case_a_path_is_is_asked_in_few_places(path: Path) -> None:
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_modules_stay_readable(path: Path) -> None:
     assert len(path.read_text().splitlines()) <= 450
+
+
+HERE = Path(__file__).parents[1]
+NAMED = sorted([*FILES, *HERE.glob("docs/*.md")])
+
+
+@pytest.mark.parametrize("path", NAMED, ids=lambda path: path.name)
+def test_modules_are_where_texts_say_they_are(path: Path) -> None:
+    stems = {module.stem for module in FILES}
+    for named in re.findall(r"`((?:[a-z_0-9]+/)+[a-z_0-9]+(?:\.py)?)`", path.read_text()):
+        place = Path(named).with_suffix(".py")
+        if place.stem in stems or place.name == Path(named).name:
+            assert (PACKAGE / place).exists() or (HERE / place).exists(), f"there is no {place}"
 
 
 def test_import_is_light() -> None:

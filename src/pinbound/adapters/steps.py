@@ -6,7 +6,7 @@ separation is at least `min_c phi_c`. Over a step d within the box `|d_j| <= s_j
     phi_c(q + d) >= phi_c(q) + g_c . d - K_c,       K_c = sup |d^2 r_c| / 2 over the box,
 
 so that `-g_c . d <= phi_c(q) - T - K_c`, a row a corner, keeps the pair apart for all of the step. K_c is what lever
-arms prove (`interpreters.bounds`) and falls with the square of the box: the box is made smaller until standing still
+arms prove (`bounds/bounds`) and falls with the square of the box: the box is made smaller until standing still
 keeps all rows. Stops and joint limits are linear in q. `docs/steps.md` derives it, and says what happens near contact.
 """
 

@@ -8,7 +8,7 @@ the origin of the hull of up to four corners, and the next corner is the furthes
 
 so that every answer carries its own proof: the search ends when both sides agree to rounding. Where they do not, as of
 flat bodies with the origin in their plane, the t that are free are solved for once more. `docs/segments.md`. Where
-there is Numba, and enough to do, `kernel/searched.py` does the same in machine code.
+there is Numba, and enough to do, `machine/searched.py` does the same in machine code.
 """
 
 from __future__ import annotations

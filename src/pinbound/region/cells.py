@@ -1,7 +1,7 @@
 """The plane cut into cells, each proven free or in contact; what cannot be told is halved to a stated width.
 
 Where contact is searched for (boxes, prisms, segments edge to edge) there is no smooth function whose zeros could be
-traced. But over a box of the plane the separation has proven bounds (`interpreters/swept_bounds`), so with the contact
+traced. But over a box of the plane the separation has proven bounds (`bounds/swept_bounds`), so with the contact
 distances T_b a cell is
 
     free:       lower_b > T_b for every boundary b;

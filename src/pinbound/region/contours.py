@@ -2,7 +2,7 @@
 
 The smooth function `g = |r|^2 - T^2` has `grad g = 2 J^T r`, and over a box of half-sides h around m its gradient
 differs from that at m by at most `d = M h`, `M_ij = 2 (a_i a_j + b A_ij)`, a_i and b bounding `|d_i r|` and `|r|` over
-the box, A_ij `|d_ij r|` (`interpreters/derivative_bounds`). Boxes are halved until each is one of
+the box, A_ij `|d_ij r|` (`bounds/derivative_bounds`). Boxes are halved until each is one of
 
     empty:   ||r(m)| - T| > sum rho_i h_i, or |g(m)| > |grad g(m)| h + d h / 2: no curve passes;
     regular: |d| <= sin(20 deg) |grad g(m)|, in units of the box's sides: normals turn by 20 degrees at most.

@@ -1,7 +1,7 @@
 """A plane of two coordinates: what bounds it, and which of its points are free.
 
 Held at the other coordinates, each boundary is one of three things in the plane, after its chain has been reduced
-again (`interpreters/restriction`):
+again (`path/restriction`):
 
     constant:   it does not depend on the plane; it only has to be free where the others are held;
     strip:      one effective angle; contact is `c . x in [phi* - w, phi* + w]`, every turn: straight lines, exact;
