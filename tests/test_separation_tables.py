@@ -151,3 +151,19 @@ def test_machine_code_is_loaded_once_it_is_worth_it(monkeypatch: pytest.MonkeyPa
     assert code.is_worth(1, 60.0)
     monkeypatch.setattr("pinbound.bounds.code.is_kept", lambda source: True)
     assert separation_tables.Code(separation_tables.separation_source, loading=100, compiling=1000).is_worth(100, 1.0)
+
+
+def test_what_is_not_a_number_proves_nothing(load_text: Load) -> None:
+    """A passive joint of a loop that cannot close has no angle: what it turns is nowhere, and so not clear."""
+    marks = """
+segments: [{name: rod, link: a, xyz_a: [0, 0, 0], xyz_b: [0.1, 0, 0.3]}]
+planes: [{name: floor, link: base, xyz: [0, 0, -1], normal: [0, 0, 1]}]
+boundaries: [{name: beta, a: rod, b: floor}]
+"""
+    turn = joint("q", "revolute", "base", "a", axis="0 1 0", limit="-3.2 3.2")
+    robot = load_text(f'{HEAD}<link name="base"/>{turn}</robot>', marks)
+    family = families(robot, tuple(robot.boundaries), -np.ones(1), np.ones(1))[-1]
+    nowhere, half = np.full((1, 1), np.nan), np.full((1, 1), 0.01)
+    _, lower = tables_of(family).over_box(np.zeros(1, dtype=np.intp), nowhere, half, family.error)
+    assert lower[0] == -np.inf
+    assert not family.enclose_box(np.zeros(1, dtype=np.intp), nowhere, half).clear[0]

@@ -368,9 +368,11 @@ for row_ in range(count):
     low = corner - moved * $INFLATION
     sloped = sloped - second * $INFLATION
     low = sloped if has_second and sloped > low else low
-    out[2 * row_], out[2 * row_ + 1] = value, low - off * $INFLATION - Q[errors + pair] * (1.0 + wide)
+    low = low - off * $INFLATION - Q[errors + pair] * (1.0 + wide)
+    out[2 * row_], out[2 * row_ + 1] = value, low if low < math.inf else 0.0 - math.inf
 return 0
 """
+"""The rows, one by one. The least of vertices that are not a number is infinite: such a bound proves nothing."""
 
 _PARTS: Final = (
     ("ANGLES", _ANGLES),
