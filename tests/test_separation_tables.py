@@ -153,6 +153,14 @@ def test_machine_code_is_loaded_once_it_is_worth_it(monkeypatch: pytest.MonkeyPa
     assert separation_tables.Code(separation_tables.separation_source, loading=100, compiling=1000).is_worth(100, 1.0)
 
 
+def test_the_folder_of_machine_code_is_asked_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[object] = []
+    monkeypatch.setattr("pinbound.bounds.code.is_kept", lambda source: bool(asked.append(source)))
+    code = separation_tables.Code(separation_tables.separation_source, loading=1, compiling=1000)
+    assert not any(code.is_worth(1, 60.0) for _ in range(20))
+    assert len(asked) == 1
+
+
 def test_what_is_not_a_number_proves_nothing(load_text: Load) -> None:
     """A passive joint of a loop that cannot close has no angle: what it turns is nowhere, and so not clear."""
     marks = """

@@ -28,6 +28,7 @@ class Code:
         """
         self.source, self.work, self.loading, self.compiling = source, 0, loading, compiling
         self.code: MachineCode | None = None
+        self.kept: bool | None = None
 
     def is_worth(self, boxes: int, seconds: float) -> bool:
         """Count boxes to come, and say whether the code is there, or worth it; `seconds` are left for the whole."""
@@ -36,7 +37,11 @@ class Code:
             return True
         if self.work >= self.compiling and seconds >= _COMPILING:
             return True
-        return self.work >= self.loading and is_kept(self.source())
+        if self.work < self.loading:
+            return False
+        if self.kept is None:  # asked once: it takes some 8 ms
+            self.kept = is_kept(self.source())
+        return self.kept
 
     def run(
         self, question: Array, out: Array, row: int, column: int, table: Array, count: int, index: Ints = _NO_INDEX
