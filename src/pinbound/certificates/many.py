@@ -19,7 +19,6 @@ from pinbound.certificates.records import Budget, Verdict, Verdicts
 from pinbound.certificates.scope import ONLY_LIMITS, covered, scope
 from pinbound.certificates.trajectory import refuse_far
 from pinbound.exceptions import DimensionError
-from pinbound.kernel import check_choices
 from pinbound.model.coupling import as_configurations
 from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
@@ -87,6 +86,8 @@ def certify_many(
     began = time.perf_counter()
     if not precision >= 0.0:
         raise DimensionError(f"the precision is {precision}; give a length in metres, zero or more")
+    from pinbound.kernel import check_choices  # which nothing else here needs
+
     check_choices(threads, "auto")
     chosen = scope(robot, boundaries, limits, limits_only)
     controls = _controls(starts, ends, robot.coordinates)

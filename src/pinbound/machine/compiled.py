@@ -12,7 +12,6 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import importlib
-import importlib.metadata
 import importlib.util
 import itertools
 import os
@@ -158,9 +157,11 @@ def _key(text: str) -> str:
 
 
 def _version(name: str) -> str:
+    from importlib import metadata
+
     try:
-        return importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:  # run from its sources
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:  # run from its sources
         return ""
 
 
