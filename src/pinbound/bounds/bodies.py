@@ -30,15 +30,15 @@ class SweptBundle:
     """m swept paths side by side.
 
     Attributes:
-        chains: Of each path its chain and its ways, 1 + K rows, padded with zeros.
+        chains: Of each path its chain and its edge vectors, 1 + K rows, padded with zeros.
         counts: (m,) rows of each path that are no padding.
-        arms: (m (1 + K), rotations) lever arms [m]: in the chain's row the largest of all corners; zero of ways.
-        corners: The corners of both bodies of each path, as coefficients of its ways.
+        arms: (m (1 + K), rotations) lever arms [m]: in the chain's row the largest of all corners; zero of edges.
+        corners: The corners of both bodies of each path, as coefficients of its edge vectors.
         zonotope: (m,) whether all t run over [0, 1].
-        across: (m, 3, 3) projections onto what counts: the identity, or across a line.
+        projection: (m, 3, 3) onto what counts: the identity, or across a line.
         normal: (m, 3) normals of planes, zero for others.
         flat: (m, 3) unit normal of the plane in which all that counts stays, but for a constant height: the one axis of
-            a path that is planar with its ways, or the direction of a line; zero for others.
+            a path that is planar with its edges, or the direction of a line; zero for others.
         is_signed: (m,) whether it measures a height.
         reach: (m,) [m], length of each path with its furthest corners.
         vertices: What the lever arms are made of.
@@ -49,7 +49,7 @@ class SweptBundle:
     arms: Array
     corners: Corners
     zonotope: Flags
-    across: Array
+    projection: Array
     normal: Array
     flat: Array
     is_signed: Flags
@@ -69,31 +69,35 @@ class SweptBundle:
 
 def swept_bundle(paths: Sequence[RelativePath], lower: Array, upper: Array) -> SweptBundle:
     """Return paths side by side, with lever arms that hold while q stays in a box (n,), (n,)."""
-    n, rows = len(lower), 1 + max((len(path.swept.directions) for path in paths), default=0)
-    # What the reduction took for zero is 1e-14 m of a way, however short the path: its scale must not be below 1.
+    n, rows = len(lower), 1 + max((len(path.difference.directions) for path in paths), default=0)
+    # What the reduction took for zero is 1e-14 m of an edge, however short the path: its scale must not be below 1.
     chains = [
         replace(chain, scale=max(chain.scale, 1.0))
         for path in paths
-        for chain in (path.minimal, *path.swept.turned, *[_nothing(path)] * (rows - 1 - len(path.swept.turned)))
+        for chain in (
+            path.minimal,
+            *path.difference.turned,
+            *[_nothing(path)] * (rows - 1 - len(path.difference.turned)),
+        )
     ]
     stacked = bundle(chains, n)
-    across, normal = np.tile(np.eye(3), (len(paths), 1, 1)), np.zeros((len(paths), 3))
+    projection, normal = np.tile(np.eye(3), (len(paths), 1, 1)), np.zeros((len(paths), 3))
     flat = np.array([_flat(path) for path in paths]).reshape(-1, 3)
     for row, path in enumerate(paths):
-        if path.across is not None:
-            across[row] = path.across.T @ path.across
-            normal[row] = path.across[0] if path.is_signed else 0.0
+        if path.projection is not None:
+            projection[row] = path.projection.T @ path.projection
+            normal[row] = path.projection[0] if path.is_signed else 0.0
     signed = np.array([path.is_signed for path in paths], dtype=np.bool_)
     searched = [path.form is Form.SEARCHED for path in paths]
-    corners = corners_of([path.swept.corners for path in paths], rows - 1, searched)
+    corners = corners_of([path.difference.corners for path in paths], rows - 1, searched)
     lengths = (stacked.scale + np.linalg.norm(stacked.offsets, axis=2).sum(axis=1)).reshape(len(paths), rows)
     found = SweptBundle(
         chains=stacked,
-        counts=np.array([1 + len(path.swept.directions) for path in paths], dtype=np.intp),
+        counts=np.array([1 + len(path.difference.directions) for path in paths], dtype=np.intp),
         arms=np.zeros((0, stacked.rotations)),
         corners=corners,
-        zonotope=np.array([path.swept.is_zonotope for path in paths], dtype=np.bool_),
-        across=across,
+        zonotope=np.array([path.difference.is_zonotope for path in paths], dtype=np.bool_),
+        projection=projection,
         normal=normal,
         flat=flat,
         is_signed=signed,
@@ -117,29 +121,29 @@ def with_arms(swept: SweptBundle, lower: Array, upper: Array) -> SweptBundle:
 
 
 def spread_of(corners: Corners, rows: Array) -> Array:
-    """Return what the rows (m, 1 + K) of each path are, all corners counted: the ways by their largest coefficients."""
+    """Return what the rows (m, 1 + K) of each path are, all corners counted: edges by their largest coefficients."""
     found: Array = rows[:, 0] + np.einsum("mk,mk->m", corners.spread, rows[:, 1:])
     return found
 
 
 def _sides(path: RelativePath) -> tuple[slice, slice]:
-    """Return the ways of the first body, and those of the second."""
-    split = path.swept.corners[0].shape[1]
-    return slice(0, split), slice(split, len(path.swept.directions))
+    """Return the edge vectors of the first body, and those of the second."""
+    split = path.difference.corners[0].shape[1]
+    return slice(0, split), slice(split, len(path.difference.directions))
 
 
 def _flat(path: RelativePath) -> Array:
-    """Return the normal of the plane that nothing leaves: no way leads out of it, no joint turns or slides so."""
-    if path.across is not None:
-        towards: Any = np.cross(path.across[0], path.across[-1])  # zero of a plane, which has one row
+    """Return the normal of the plane that nothing leaves: no edge leads out of it, no joint turns or slides so."""
+    if path.projection is not None:
+        towards: Any = np.cross(path.projection[0], path.projection[-1])  # zero of a plane, which has one row
         return towards
-    chain, ways = path.minimal, path.swept.directions
-    if not ways or not chain.rotations or not chain.is_planar:
+    chain, edges = path.minimal, path.difference.directions
+    if not edges or not chain.rotations or not chain.is_planar:
         return np.zeros(3)
     axis = chain.axes[0]
-    out = np.array([way @ axis for way in ways])  # (K, k + 1): how far each way leads out, block by block
+    out = np.array([edge @ axis for edge in edges])  # (K, k + 1): how far each edge leads out, block by block
     leading_out = float(np.abs(axis @ chain.slides).max())
-    for columns, corners in zip(_sides(path), path.swept.corners, strict=True):
+    for columns, corners in zip(_sides(path), path.difference.corners, strict=True):
         leading_out = max(leading_out, float(np.abs(corners @ out[columns]).max(initial=0.0)))
     return axis if leading_out <= REDUCTION else np.zeros(3)
 
@@ -168,9 +172,9 @@ def _vertices(paths: Sequence[RelativePath], n: int, rotations: int) -> _Vertice
     chains, owners, many = list[Chain](), list[int](), list[int]()
     along, across = list[Array](), list[Array]()
     for row, path in enumerate(paths):
-        corners = path.swept.corners
+        corners = path.difference.corners
         if len(corners[0]) * len(corners[1]) <= _FEW:
-            chains += path.swept.vertex_chains
+            chains += path.difference.vertex_chains
             owners += [row] * (len(corners[0]) * len(corners[1]))
             continue
         many.append(row)
@@ -193,13 +197,13 @@ def _vertices(paths: Sequence[RelativePath], n: int, rotations: int) -> _Vertice
 
 def _extremes(path: RelativePath) -> tuple[Array, Array]:
     """Return the largest `|u_i . b_i|` and `|u_i x b_i|` (rotations,) [m] of any pair of corners, block by block."""
-    chain, swept = path.minimal, path.swept
+    chain, difference = path.minimal, path.difference
     axes, blocks = chain.axes[:, None], np.zeros((chain.rotations, 1, 3)) + chain.offsets[1:, None]
     high = low = np.einsum("jvi,jvi->jv", axes, blocks)[:, 0]
-    ways = np.array(swept.directions)[:, 1:]
+    edges = np.array(difference.directions)[:, 1:]
     across, middle = np.zeros(chain.rotations), blocks[:, 0]
-    for columns, corners in zip(_sides(path), swept.corners, strict=True):
-        moved = np.einsum("vm,mji->jvi", corners, ways[columns])
+    for columns, corners in zip(_sides(path), difference.corners, strict=True):
+        moved = np.einsum("vm,mji->jvi", corners, edges[columns])
         along = np.einsum("jvi,jvi->jv", axes, moved)
         high, low = high + along.max(axis=1, initial=0.0), low + along.min(axis=1, initial=0.0)
         centre = 0.5 * (moved.max(axis=1) + moved.min(axis=1))
@@ -210,11 +214,11 @@ def _extremes(path: RelativePath) -> tuple[Array, Array]:
 
 
 def _nothing(path: RelativePath) -> Chain:
-    """Return a way that leads nowhere."""
+    """Return an edge vector that leads nowhere."""
     chain = path.minimal
     return replace(chain, offsets=np.zeros_like(chain.offsets), slides=np.zeros_like(chain.slides))
 
 
 def all_rows(swept: SweptBundle, which: Indices) -> Indices:
-    """Return the rows of the chains and ways of paths `which`."""
+    """Return the rows of the chains and edge vectors of paths `which`."""
     return (which[:, None] * swept.rows + np.arange(swept.rows)).ravel()

@@ -30,17 +30,17 @@ _AROUND = 16  # directions in a plane
 _FLATTEST = 1e-24  # of the squares of the widths of a body
 
 
-def ball(corners: Corners, which: Indices, w: Array, ways: Array) -> Array:
+def ball(corners: Corners, which: Indices, w: Array, edges: Array) -> Array:
     """Return the radius (N,) of a ball around the origin that is inside `w + sum_i t_i e_i`; zero if none is found.
 
     Args:
         corners: The corners that t runs over.
         which: (N,) whose.
         w: (N, 3) [m].
-        ways: (K, N, 3), the e_i.
+        edges: (K, N, 3), the e_i.
     """
-    along = np.einsum("ui,nij->nuj", _SPHERE, _rounder(corners.scatter[which], ways))
-    points = _supports(corners, which, w, ways, along)
+    along = np.einsum("ui,nij->nuj", _SPHERE, _rounder(corners.scatter[which], edges))
+    points = _supports(corners, which, w, edges, along)
     a, b, c = (points[:, _TRIANGLES[:, corner]] for corner in range(3))
     lengths = [np.sqrt(dot(x, x)) for x in (a, b, c)]
     volume = dot(a, cross(b, c))
@@ -50,14 +50,14 @@ def ball(corners: Corners, which: Indices, w: Array, ways: Array) -> Array:
     return _kept(turns, _triangles(a, b, c), points)
 
 
-def disc(corners: Corners, which: Indices, w: Array, ways: Array, normal: Array) -> Array:
+def disc(corners: Corners, which: Indices, w: Array, edges: Array, normal: Array) -> Array:
     """Return the radius (N,) of a disc around the origin's foot that is inside, of what stays in a plane (N, 3)."""
     first: Any = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal), axis=1)])
     first /= np.linalg.norm(first, axis=1)[:, None]
     second: Any = np.cross(normal, first)
     angles = 2.0 * math.pi * (np.arange(_AROUND) + 0.3) / _AROUND
     along = np.cos(angles)[:, None] * first[:, None] + np.sin(angles)[:, None] * second[:, None]
-    points = _supports(corners, which, w, ways, along)
+    points = _supports(corners, which, w, edges, along)
     flat = np.stack([np.einsum("nui,ni->nu", points, axis) for axis in (first, second)], axis=2)
     a, b = flat, np.roll(flat, -1, axis=1)
     crossed = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
@@ -73,20 +73,20 @@ def _kept(turns: Array, distance: Array, points: Array) -> Array:
     return np.where(winds, np.maximum(distance.min(axis=1) - _ROUNDING * size, 0.0), 0.0)
 
 
-def _rounder(scatter: Array, ways: Array) -> Array:
+def _rounder(scatter: Array, edges: Array) -> Array:
     """Return the maps (N, 3, 3) that make bodies about as wide along all directions, which flat ones are not."""
-    values, vectors = np.linalg.eigh(np.einsum("kni,nkl,lnj->nij", ways, scatter, ways))
+    values, vectors = np.linalg.eigh(np.einsum("kni,nkl,lnj->nij", edges, scatter, edges))
     widths = np.sqrt(np.maximum(values, _FLATTEST * values[:, 2:]))
     share = np.divide(widths[:, 2:], widths, out=np.ones_like(widths), where=widths > 0.0)
     return np.einsum("nik,nk,njk->nij", vectors, share, vectors)
 
 
-def _supports(corners: Corners, which: Indices, w: Array, ways: Array, directions: Array) -> Array:
+def _supports(corners: Corners, which: Indices, w: Array, edges: Array, directions: Array) -> Array:
     """Return the furthest points (N, U, 3) of the bodies along directions (N, U, 3)."""
     count, many = directions.shape[:2]
-    along = -np.einsum("kni,nui->nuk", ways, directions).reshape(count * many, len(ways))
-    t = corners.least(np.repeat(which, many), along)[1].reshape(count, many, len(ways))
-    found: Array = w[:, None] + np.einsum("nuk,kni->nui", t, ways)
+    along = -np.einsum("kni,nui->nuk", edges, directions).reshape(count * many, len(edges))
+    t = corners.least(np.repeat(which, many), along)[1].reshape(count, many, len(edges))
+    found: Array = w[:, None] + np.einsum("nuk,kni->nui", t, edges)
     return found
 
 

@@ -37,11 +37,11 @@ class Walks:
     sliding: Array
     turned: Array
 
-    def with_ways(self, ways: int) -> Walks:
-        """Return each walk once, and again for each of its `ways`, which turn with it but do not slide."""
-        rows = np.repeat(np.arange(len(self.joints)), 1 + ways)
+    def with_edges(self, edges: int) -> Walks:
+        """Return each walk once, and again for each of its `edges`, which turn with it but do not slide."""
+        rows = np.repeat(np.arange(len(self.joints)), 1 + edges)
         sliding = self.sliding[rows].copy()
-        sliding[np.arange(len(rows)) % (1 + ways) != 0] = 0.0
+        sliding[np.arange(len(rows)) % (1 + edges) != 0] = 0.0
         return Walks(self.joints[rows], self.turning[rows], sliding, self.turned[rows])
 
 

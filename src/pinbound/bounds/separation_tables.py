@@ -194,7 +194,7 @@ def _slides(swept: SweptBundle, first: int, k: int) -> Array:
 
 def _measured(swept: SweptBundle, pair: int) -> Array:
     """Return what is measured, the normal or any direction that counts, and the projection."""
-    projection, normal = swept.across[pair], swept.normal[pair]
+    projection, normal = swept.projection[pair], swept.normal[pair]
     if swept.is_signed[pair]:
         return np.array([2.0, *normal, *projection.ravel()])
     kind = 0.0 if np.array_equal(projection, np.eye(3)) else 1.0

@@ -48,9 +48,9 @@ __all__ = [
 
 _PROJECTING = 96
 """Unit roundoffs, relative to the length of a path with its furthest vertices: a unit vector, its products with the
-ways and of these with a corner, the nearest t (32); what a hull's vertices were moved by when it was made (64)."""
+edges and of these with a corner, the nearest t (32); what a hull's vertices were moved by when it was made (64)."""
 
-_FLAT = 3  # rows of a path with two ways, which span no body
+_FLAT = 3  # rows of a path with two edge vectors, which span no body
 _MOST_COORDINATES = 4  # of a box, all of whose corners are looked at
 _TOUCHING = 1e-12  # relative: bodies whose distance is rounding may overlap
 
@@ -80,7 +80,7 @@ def rounding_bound(swept: SweptBundle, walked: Walks | None, lower: Array, upper
 
 def chain_rounding(swept: SweptBundle, walked: Walks | None) -> Rounding:
     """Return what the rounding bounds of all chains and edge vectors are made of, but for how far q reaches."""
-    return Rounding.of(swept.chains, walked and walked.with_ways(swept.rows - 1))
+    return Rounding.of(swept.chains, walked and walked.with_edges(swept.rows - 1))
 
 
 def bound_of(swept: SweptBundle, rounding: Rounding, lower: Array, upper: Array, degree: int = 1) -> Array:
@@ -197,25 +197,25 @@ def _sloped(corners: Corners, which: Indices, along: Array, falls: Sequence[Arra
 
 def _measure(swept: SweptBundle, which: Indices, r: Array, n: Array) -> Array:
     """Return the distance, or the height along n, of vectors r (N, 3)."""
-    across = np.einsum("nij,nj->ni", swept.across[which], r)
-    length: Array = np.sqrt(np.einsum("ni,ni->n", across, across))
+    projected = np.einsum("nij,nj->ni", swept.projection[which], r)
+    length: Array = np.sqrt(np.einsum("ni,ni->n", projected, projected))
     return np.where(swept.is_signed[which], np.einsum("ni,ni->n", n, r), length)
 
 
 def separated(swept: SweptBundle, which: Indices, r: Array) -> tuple[Array, Array, Array, Array]:
-    """Return what chain and ways r (N, 1 + K, 3) say in the middle.
+    """Return what chain and edges r (N, 1 + K, 3) say in the middle.
 
     The separation (N,), the unit vector (N, 3) along which it is measured, and how far all may move while bodies that
     overlap are sure to do so still (N,); and the nearest t (N, K).
     """
     signed, normal = swept.is_signed[which], swept.normal[which]
-    measured = np.einsum("nij,ncj->cni", swept.across[which], r)
+    measured = np.einsum("nij,ncj->cni", swept.projection[which], r)
     t = _nearest(swept, which, measured)
     least = measured[0] + np.einsum("nk,kni->ni", t, measured[1:])
     length: Array = np.sqrt(np.einsum("ni,ni->n", least, least))
     unit: Array = np.divide(least, length[:, None], out=np.zeros_like(least), where=length[:, None] > 0.0)
     # Across a line once more: what rounding leaves of a short vector may point along the line, where nothing counts.
-    unit = np.einsum("nij,nj->ni", swept.across[which], unit)
+    unit = np.einsum("nij,nj->ni", swept.projection[which], unit)
     depth = _depth(swept, which, measured, least, length)
     if np.any(signed):
         along = np.einsum("nci,ni->nc", r, normal)
@@ -244,23 +244,23 @@ def _nearest(swept: SweptBundle, which: Indices, measured: Array) -> Array:
     return t
 
 
-def _searched(corners: Corners, which: Indices, w: Array, ways: Array) -> Array:
-    """Return the t (N, K) of hulls, bodies of more than three ways among them looked for pair by pair."""
+def _searched(corners: Corners, which: Indices, w: Array, edges: Array) -> Array:
+    """Return the t (N, K) of hulls, bodies of more than three edges among them looked for pair by pair."""
     wide = corners.wide[which]
     if np.any(wide):
-        found = np.zeros((len(w), len(ways)))
-        found[~wide] = _searched(corners, which[~wide], w[~wide], ways[:, ~wide]) if not np.all(wide) else 0.0
+        found = np.zeros((len(w), len(edges)))
+        found[~wide] = _searched(corners, which[~wide], w[~wide], edges[:, ~wide]) if not np.all(wide) else 0.0
         pairs: list[int] = np.unique(which[wide]).tolist()
         for pair in pairs:
             rows = np.flatnonzero(which == pair)
-            used = ways[: sum(one.shape[1] for one in corners.pairs[pair])][:, rows]
+            used = edges[: sum(one.shape[1] for one in corners.pairs[pair])][:, rows]
             found[rows, : len(used)] = nearest_hulls(w[rows], used, corners.pairs[pair])
         return found
-    slots, t = corners.slots[which], np.zeros((len(w), len(ways) + 1))
-    padded = np.concatenate((ways, np.zeros((1, *w.shape))))
+    slots, t = corners.slots[which], np.zeros((len(w), len(edges) + 1))
+    padded = np.concatenate((edges, np.zeros((1, *w.shape))))
     rows = np.arange(len(w))[:, None]
-    start = w + np.einsum("nk,kni->ni", corners.middle[which], ways)
-    size = _size(corners, which, w, ways)
+    start = w + np.einsum("nk,kni->ni", corners.middle[which], edges)
+    size = _size(corners, which, w, edges)
     found, _ = nearest_in_tables(w, padded[slots, rows], start, size, corners.table, corners.bodies[which])
     t[rows, slots] = found
     return t[:, :-1]
@@ -270,9 +270,9 @@ def _padded(t: Array, count: int) -> Array:
     return np.pad(t, ((0, 0), (0, count - t.shape[1])))
 
 
-def _size(corners: Corners, which: Indices, w: Array, ways: Array) -> Array:
+def _size(corners: Corners, which: Indices, w: Array, edges: Array) -> Array:
     """Return a bound of how long r is at any t (N,) [m]."""
-    lengths: Array = np.linalg.norm(ways, axis=2)
+    lengths: Array = np.linalg.norm(edges, axis=2)
     found: Array = np.linalg.norm(w, axis=1) + np.einsum("nk,kn->n", corners.spread[which], lengths)
     return found
 
@@ -299,5 +299,5 @@ def _depth(swept: SweptBundle, which: Indices, measured: Array, least: Array, le
     return depth
 
 
-def _polygon(corners: Corners, which: Indices, w: Array, ways: Array, plane: Array) -> Array:
-    return overlap_in_plane(w, ways, plane)
+def _polygon(corners: Corners, which: Indices, w: Array, edges: Array, plane: Array) -> Array:
+    return overlap_in_plane(w, edges, plane)

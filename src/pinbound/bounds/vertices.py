@@ -1,13 +1,13 @@
 """The vertices of many pairs of bodies: which of them is least along a direction, and what the others cost.
 
 The vector between two bodies is `r(t) = w + sum_i t_i e_i`, where t runs over the product of two convex hulls, one of
-each body, whose corners are given as coefficients of the ways e_i: none of a point, 0 and 1 of a segment, metres along
+each body, whose corners are given as coefficients of the edges e_i: none of a point, 0 and 1 of a segment, metres along
 orthogonal unit vectors of a polytope. Along a vector n every body is least at a corner,
 
     min_t n . r(t) = n . w + min_c (n . E_a) . c + min_c (n . E_b) . c,
 
-so that a pair needs its few ways at a configuration, and never a chain for a vertex. Bodies with the same corners share
-a table; rows that ask for one table are looked up in one matrix product. `docs/hull-proofs.md`.
+so that a pair needs its few edges at a configuration, and never a chain for a vertex. Bodies with the same corners
+share a table; rows that ask for one table are looked up in one matrix product. `docs/hull-proofs.md`.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from pinbound.typing import Array, Flags, Indices
 __all__ = ["Corners", "Side", "corners_of"]
 
 _MOST_NUMBERS = 1 << 21  # of a table of rows and vertices at a time, to bound memory
-_TABLE = 3  # ways of a body that stands in the table
+_TABLE = 3  # edges of a body that stands in the table
 
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One body of some pairs: its corners, and where its ways stand among the pair's.
+    """One body of some pairs: its corners, and where its edges stand among the pair's.
 
     Attributes:
-        corners: (k, m) coefficients of its ways.
-        columns: Its m ways among those of the pair.
+        corners: (k, m) coefficients of its edge vectors.
+        columns: Its m edges among those of the pair.
     """
 
     corners: Array
@@ -47,15 +47,15 @@ class Corners:
     Attributes:
         sides: Distinct sides.
         which: (m, 2) index among them, of the first and second body of each pair; -1 of a point.
-        spread: (m, K) the largest coefficient of each way, in size; K ways at most.
+        spread: (m, K) the largest coefficient of each edge, in size; K edges at most.
         middle: (m, K) coefficients of a place inside both bodies.
         scatter: (m, K, K) covariance of the coefficients of all pairs of corners.
         searched: (m,) whether the nearest places have no closed form.
         pairs: Of each pair the corners of its two bodies.
-        wide: (m,) whether a body has more than three ways, so that it does not stand in the table.
-        table: (V, 3) the corners of all sides, as coefficients of three ways each.
+        wide: (m,) whether a body has more than three edges, so that it does not stand in the table.
+        table: (V, 3) the corners of all sides, as coefficients of three edges each.
         bodies: (m, 4) first corner in the table and number of corners of either body; zero of a point.
-        slots: (m, 6) where the three ways of either body stand among the pair's; K where there is none.
+        slots: (m, 6) where the three edges of either body stand among the pair's; K where there is none.
     """
 
     sides: tuple[Side, ...]
@@ -127,21 +127,21 @@ class Corners:
 
 def corners_of(
     pairs: Sequence[tuple[Array, Array]],
-    ways: int,
+    edges: int,
     searched: Sequence[bool],
 ) -> Corners:
     """Return the corners of pairs, those that are equal once.
 
     Args:
         pairs: Of each pair the corners (k, m_a) and (k, m_b) of its two bodies; m is zero for a point.
-        ways: The number K of ways that every pair is padded to.
+        edges: The number K of edges that every pair is padded to.
         searched: Of each pair whether its nearest places have no closed form.
     """
     sides: list[Side] = []
     known: dict[tuple[bytes, ...], int] = {}
     which = np.full((len(pairs), 2), -1, dtype=np.intp)
-    spread, middle = np.zeros((len(pairs), ways)), np.zeros((len(pairs), ways))
-    scatter = np.zeros((len(pairs), ways, ways))
+    spread, middle = np.zeros((len(pairs), edges)), np.zeros((len(pairs), edges))
+    scatter = np.zeros((len(pairs), edges, edges))
     for row, bodies in enumerate(pairs):
         start = 0
         for number, corners in enumerate(bodies):
@@ -156,7 +156,7 @@ def corners_of(
                 known[key] = len(sides)
                 sides.append(Side(corners, columns))
             which[row, number] = known[key]
-    bodies, slots = np.zeros((len(pairs), 4)), np.full((len(pairs), 2 * _TABLE), ways, dtype=np.intp)
+    bodies, slots = np.zeros((len(pairs), 4)), np.full((len(pairs), 2 * _TABLE), edges, dtype=np.intp)
     wide = np.array([max(corners.shape[1] for corners in bodies) > _TABLE for bodies in pairs], dtype=np.bool_)
     tables = [np.zeros((0, _TABLE))]
     starts = np.zeros(len(sides))

@@ -95,7 +95,6 @@ class _Bodies:
         self.n = len(robot.coordinates)
         self.paths = [boundary.path for boundary in boundaries]
         self.walked = _walked(robot, boundaries)
-        self.slides = any(np.any(c.slides) for path in self.paths for c in (path.minimal, *path.swept.turned))
 
     @cached_property
     def _still(self) -> SweptBundle:
@@ -112,7 +111,7 @@ class _Bodies:
 
     def over(self, lower: Array, upper: Array) -> tuple[SweptBundle, Callable[[], SeparationTables]]:
         """Return the paths with lever arms that hold in a box: they depend on it only where something slides."""
-        if not self.slides:
+        if self._still.chains.slides is None:
             return self._still, lambda: self._tables
         moved = with_arms(self._still, lower, upper)
         return moved, cache(lambda: self._tables.with_arms(moved))
@@ -143,8 +142,8 @@ class Tables:
         self.order = np.array([places[boundary.name] for boundary in boundaries], dtype=np.intp)
         self.names = tuple(boundary.name for boundary in boundaries)
         turning = [boundary for boundary in boundaries if boundary.path.minimal.rotations == 1]
-        self.turning_bodies = tuple(boundary for boundary in turning if boundary.path.swept.directions)
-        self.turning = tuple(boundary for boundary in turning if not boundary.path.swept.directions)
+        self.turning_bodies = tuple(boundary for boundary in turning if boundary.path.difference.directions)
+        self.turning = tuple(boundary for boundary in turning if not boundary.path.difference.directions)
         self.is_loose = any(boundary.place_error for boundary in boundaries)
 
     def families(

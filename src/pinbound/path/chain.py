@@ -127,11 +127,6 @@ class HullChain(Value):
         still = np.zeros_like(self.chain.slides)
         return tuple(replace(self.chain, offsets=offsets, slides=still) for offsets in self.directions)
 
-    @property
-    def ways(self) -> tuple[Chain, ...]:
-        """Old name of `edges`."""
-        return self.edges
-
     @cached_property
     def edges(self) -> tuple[Chain, ...]:
         """The directions as chains, no longer than they need."""

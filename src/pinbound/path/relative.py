@@ -66,16 +66,6 @@ class RelativePath(Value):
     measure: Measure = Measure.DISTANCE
     first_is_b: bool = False
 
-    @property
-    def swept(self) -> HullChain:
-        """Old name of `difference`."""
-        return self.difference
-
-    @property
-    def across(self) -> Array | None:
-        """Old name of `projection`."""
-        return self.projection
-
     @cached_property
     def case(self) -> Case:
         """What is measured between what."""
