@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 
@@ -77,6 +78,28 @@ def test_files_come_back_and_stale_or_damaged_ones_are_refused(
     np.savez(tmp_path / "short.npz", **given)
     with pytest.raises(pb.InputError, match="no cover"):
         pb.load_cover(post, tmp_path / "short.npz")
+
+
+def test_a_file_that_is_damaged_anywhere_is_read_as_it_was_or_refused(post: pb.Robot, tmp_path: Path) -> None:
+    cover = pb.certified_cover(post, share=0.3, limits_only=True)
+    path = cover.save(tmp_path / "cover.npz")
+    whole = path.read_bytes()
+    refused, places = 0, range(0, len(whole), 5)
+    for place in places:
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << (place % 8)
+        path.write_bytes(damaged)
+        with contextlib.suppress(pb.InputError):
+            refused += 1
+            again = pb.load_cover(post, path)  # what is damaged may be a date, which nobody reads
+            refused -= 1
+            assert np.array_equal(again.boxes, cover.boxes)
+    assert refused > len(places) // 2
+    np.save(tmp_path / "array.npy", np.ones((2, 2)))
+    with pytest.raises(pb.InputError, match="no cover"):
+        pb.load_cover(post, tmp_path / "array.npy")
+    with pytest.raises(FileNotFoundError):
+        pb.load_cover(post, tmp_path / "missing.npz")
 
 
 def test_a_polytope_cover_comes_back_from_its_file(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
@@ -12,6 +11,8 @@ import numpy as np
 
 from pinbound.exceptions import InputError, Problem
 from pinbound.freespace.digest import content_digest
+from pinbound.tables.arrays import DAMAGE
+from pinbound.tables.rules import pass_on
 from pinbound.typing import AnyArray
 
 __all__ = ["read_file", "refused", "write_file"]
@@ -41,15 +42,17 @@ def read_file(path: Path) -> tuple[dict[str, Any], dict[str, AnyArray]]:
         InputError: If the file is none that it wrote, or is damaged.
         OSError: If it cannot be read.
     """
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            given: dict[str, AnyArray] = {name: file[name] for name in (*_ARRAYS, "kind", "header", "content")}
-        if str(given["kind"]) != _KIND:
-            raise KeyError("kind")
-        text = str(given["header"])
-        header: dict[str, Any] = json.loads(text)
-    except (KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise refused(path, "this is no cover, or one that is damaged") from error
+    with path.open("rb") as stream:
+        try:
+            with np.load(stream, allow_pickle=False) as file:
+                given: dict[str, AnyArray] = {name: file[name] for name in (*_ARRAYS, "kind", "header", "content")}
+            if str(given["kind"]) != _KIND:
+                raise KeyError("kind")
+            text = str(given["header"])
+            header: dict[str, Any] = json.loads(text)
+        except (*DAMAGE, OSError) as error:
+            pass_on(error)
+            raise refused(path, "this is no cover, or one that is damaged") from error
     if content_digest(text, *(given[name] for name in _ARRAYS)) != str(given["content"]):
         raise refused(path, "this cover is damaged: its contents are not those that were saved")
     return header, given

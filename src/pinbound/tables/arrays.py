@@ -21,12 +21,12 @@ from pinbound.exceptions import InputError, Problem
 from pinbound.tables.rules import BLOCK, bad, check_names, pass_on
 from pinbound.typing import Array
 
-__all__ = ["NpyTable", "NpzTable"]
+__all__ = ["DAMAGE", "NpyTable", "NpzTable"]
 
 _ZIPPED = (b"PK\x03\x04", b"PK\x05\x06")
 """What NumPy looks for where an archive begins, with entries or without."""
 
-_DAMAGE = (
+DAMAGE = (
     ValueError,
     EOFError,
     SyntaxError,
@@ -106,7 +106,7 @@ class NpyTable:
         try:
             with path.open("rb") as stream:
                 header = _header(stream)
-        except _DAMAGE as error:
+        except DAMAGE as error:
             raise bad(path, f"it is no NPY file ({error})", "Save it with numpy.save") from error
         if len(header.shape) != 2 or header.shape[1] != len(names) or not header.is_numeric:
             message = f"it holds an array {header.shape} of {header.dtype}"
@@ -200,7 +200,7 @@ class NpzTable:
                         lengths[_named(info)] = header.shape[0]
         except InputError:
             raise
-        except (*_DAMAGE, OSError) as error:
+        except (*DAMAGE, OSError) as error:
             pass_on(error)
             raise bad(path, f"it is no NPZ file of numbers ({error})", remedy) from error
         if len(set(lengths.values())) > 1:
@@ -229,7 +229,7 @@ class NpzTable:
                     count = min(BLOCK, self.rows - start)
                     parts = [_column(s, t, count) for s, t in zip(streams, types, strict=True)]
                     yield np.stack(parts, axis=1) if parts else np.empty((count, 0))
-        except (*_DAMAGE, OSError) as error:
+        except (*DAMAGE, OSError) as error:
             pass_on(error)
             raise bad(self.path, f"it is damaged ({error})", "Write it again with numpy.savez") from error
 
