@@ -112,3 +112,19 @@ def test_a_budget_that_is_spent_and_faults(tmp_path: Path) -> None:
         pb.free_volume(robot, ("j1", "j9"))
     with pytest.raises(pb.DimensionError, match="share"):
         pb.free_volume(robot, ("j1", "j2"), decided=0.0)
+
+
+def test_what_limits_leave_beyond_the_box_is_not_proven_to_be_in_contact() -> None:
+    """A mimic joint of slope 0.01 is within its limit until its coordinate is 1e-10 beyond it, out of contact there."""
+    joints = [
+        joint("a", "revolute", "base", "l1", xyz="0 0 1", limit="-2 2"),
+        joint("b", "revolute", "l1", "l2", xyz="0 0 1", limit="-2 2"),
+        joint("c", "revolute", "l2", "l3", xyz="0 0 1", limit="-0.01 0.01", mimic="b 0.01 0"),
+        joint("d", "revolute", "l2", "l4", xyz="0 0 1", limit="-1 1"),
+    ]
+    marks_ = [pb.Point("p", "l1", (0.0, 0.0, 2.0)), pb.Point("r", "l2", (0.0, 0.0, 1.0), 2.0 * math.sin(0.5 + 2.5e-11))]
+    found = pb.Annotations.of(marks_, [pb.BoundaryMark("near", "p", "r")], home={"b": 1.0 + 9e-11})
+    robot = pb.load(robot_xml(joints, {}, [])).with_annotations(found)
+    assert robot.boundaries.free(np.array([[0.0, 1.0, 0.0], [0.0, 1.0 + 9e-11, 0.0]])).tolist() == [False, True]
+    projection = pb.free_projection(robot, ("a", "d"), budget=pb.Budget(boxes=20_000, seconds=60.0))
+    assert not len(projection.outside)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,7 +34,7 @@ _ROWS = 16_384
 _FEWEST, MOST = 2, 4
 """How many coordinates can be paved."""
 _BESIDE = 2.0 * LIMIT
-"""How far beyond a box its pairs are bounded: a limit is kept up to LIMIT beyond it, and so are boxes at the edge."""
+"""How far beyond a limit a joint is taken to go: it is kept up to LIMIT beyond it, and so are boxes at the edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,10 +200,14 @@ class Paving:
                     high[used[0]] = end
                 elif face.normal[used[0]] < 0.0 and abs(end - low[used[0]]) < LIMIT * (1.0 + abs(end)):
                     low[used[0]] = end
+        # A mimic joint of a small slope lets its coordinate go further beyond the box.
+        beyond = [replace(face, bound=face.bound + _BESIDE * (1.0 + abs(face.bound))) for face in bounding]
+        far_low, far_high = outer_box([*beyond, *fixed], robot.coordinates)
+        beside = np.maximum(np.maximum(low - far_low, far_high - high), _BESIDE)
         self.axes, self.at, self.meter = axes, at, meter
-        self.low, self.high = low[axes], high[axes]
+        self.low, self.high, self.beside = low[axes], high[axes], beside[axes]
         farthest = np.maximum(np.abs(low), np.abs(high))
-        self.pairs = Pairs(robot, [robot.boundaries[one.name] for one in chosen], low - _BESIDE, high + _BESIDE)
+        self.pairs = Pairs(robot, [robot.boundaries[one.name] for one in chosen], low - beside, high + beside)
         self.rules = [[face] for face in limit_faces(robot, {}, farthest)]
         self.rules += [guarded_choices(one, farthest, robot.coordinates) for one in robot.guarded_limits]
         self.farthest = farthest
@@ -261,7 +265,7 @@ class Paving:
         rows = np.flatnonzero(item < len(self.pairs))
         if len(rows):
             beside = half[rows]
-            beside[:, self.axes] += _BESIDE
+            beside[:, self.axes] += self.beside
             found = self.pairs.bound(item[rows], centre[rows], beside)
             lower[rows], upper[rows] = found.lower, found.upper
         for index, choices in enumerate(self.rules):
@@ -276,10 +280,14 @@ class Paving:
         lost: Flags = np.ones(len(centre), dtype=np.bool_)
         for index, face in enumerate(choices):
             middle, wide = centre @ face.normal, (half / INFLATION) @ np.abs(face.normal)
-            rounding = 16.0 * UNIT_ROUNDOFF * (float(np.abs(face.normal) @ self.farthest) + abs(face.bound))
+            rounding = (
+                (2.0 * len(face.normal) + 12.0)
+                * UNIT_ROUNDOFF
+                * (float(np.abs(face.normal) @ self.farthest) + abs(face.bound))
+            )
             tolerance = 2.0 * LIMIT if index == 0 else -LIMIT
             kept |= middle + wide <= face.proven + (LIMIT if index == 0 else 0.0) - rounding
-            beyond = wide + _BESIDE * float(np.abs(face.normal[self.axes]).sum())
+            beyond = wide + float(np.abs(face.normal[self.axes]) @ self.beside)
             lost &= middle - beyond > face.bound + tolerance + rounding
         return np.where(kept, 1.0, 0.0), np.where(lost, -1.0, np.inf)
 
