@@ -21,10 +21,10 @@ from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.freespace.cover_records import ConvexSet, FreeCover
 from pinbound.freespace.digest import robot_digest
 from pinbound.freespace.faces import limit_faces, outer_box
-from pinbound.freespace.paving import MOST, Paving, axes_of, corners_of, volume_of_boxes
+from pinbound.freespace.paving import MOST, Paving, axes_of, corners_of, rounding_of_volumes, volume_of_boxes
 from pinbound.freespace.polytope import certified_polytope
 from pinbound.robot.robot import Robot
-from pinbound.tolerances import LIMIT, UNIT_ROUNDOFF
+from pinbound.tolerances import LIMIT
 from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["certified_cover"]
@@ -121,7 +121,7 @@ def _paved(
 
     reason = paving.run(is_enough)
     free, left = volume_of_boxes(paving.free), volume_of_boxes(paving.left)
-    room = 64.0 * UNIT_ROUNDOFF * float(np.prod(paving.high - paving.low))
+    room = rounding_of_volumes(float(np.prod(paving.high - paving.low)))
     least, most = max(0.0, free - room), free + left + room
     used = {name for one in chosen for name in one.coordinates}
     held = place.copy()

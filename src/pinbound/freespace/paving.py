@@ -27,7 +27,17 @@ from pinbound.tolerances import INFLATION, LIMIT, UNIT_ROUNDOFF
 from pinbound.typing import Array, Flags, Indices
 from pinbound.values import Value
 
-__all__ = ["MOST", "FreeVolume", "Paving", "axes_of", "corners_of", "free_volume", "volume_of_boxes"]
+__all__ = [
+    "MOST",
+    "FreeVolume",
+    "Paving",
+    "axes_of",
+    "corners_of",
+    "free_volume",
+    "halved",
+    "rounding_of_volumes",
+    "volume_of_boxes",
+]
 
 _BUDGET = Budget(boxes=20_000_000, seconds=10.0)
 _ROWS = 16_384
@@ -129,7 +139,7 @@ def free_volume(
     total = float(np.prod(paving.high - paving.low))
     reason = paving.run(lambda free, undecided: undecided <= (1.0 - decided) * total)
     free, contact = volume_of_boxes(paving.free), volume_of_boxes(paving.contact)
-    room = 64.0 * UNIT_ROUNDOFF * total
+    room = rounding_of_volumes(total)
     return FreeVolume(
         coordinates=names,
         at=held,
@@ -170,6 +180,21 @@ def volume_of_boxes(parts: Sequence[Array]) -> float:
 def corners_of(parts: Sequence[Array], k: int) -> Array:
     """Return all boxes (f, 2, k) of some parts."""
     return np.concatenate([np.empty((0, 2, k)), *parts])
+
+
+def rounding_of_volumes(total: float) -> float:
+    """Return a bound of the rounding of the volumes of boxes that together fill at most a box of this volume."""
+    return 64.0 * UNIT_ROUNDOFF * total
+
+
+def halved(boxes: Array, across: Indices) -> Array:
+    """Halve each box (N, 2, k) across one coordinate of each (N,): all first halves, then all second ones."""
+    rows = np.arange(len(boxes))
+    middle = 0.5 * (boxes[rows, 0, across] + boxes[rows, 1, across])
+    first, second = boxes.copy(), boxes.copy()
+    first[rows, 1, across] = middle
+    second[rows, 0, across] = middle
+    return np.concatenate([first, second])
 
 
 class Paving:
@@ -299,9 +324,4 @@ class Paving:
         weights[is_pair] = self.pairs.weights[which[is_pair]][:, self.axes]
         reach = weights * wide
         reach[~np.any(reach > 0.0, axis=1)] = wide[~np.any(reach > 0.0, axis=1)]
-        across, rows = np.argmax(reach, axis=1), np.arange(len(boxes))
-        middle = 0.5 * (boxes[rows, 0, across] + boxes[rows, 1, across])
-        first, second = boxes.copy(), boxes.copy()
-        first[rows, 1, across] = middle
-        second[rows, 0, across] = middle
-        return np.concatenate([first, second])
+        return halved(boxes, np.argmax(reach, axis=1))

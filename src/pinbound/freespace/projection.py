@@ -18,7 +18,7 @@ from pinbound.certificates.scope import covered, scope
 from pinbound.certificates.search import Meter
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError, UnsupportedError
-from pinbound.freespace.paving import Paving, axes_of
+from pinbound.freespace.paving import Paving, axes_of, halved, rounding_of_volumes, volume_of_boxes
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array, Flags, Indices
 from pinbound.values import Value
@@ -67,12 +67,14 @@ class FreeProjection(Value):
     @property
     def decided(self) -> float:
         """The share of the box that is decided, in [0, 1]."""
-        return max(0.0, 1.0 - _area(self.open) / float((self.box[1] - self.box[0]).prod()))
+        return max(0.0, 1.0 - volume_of_boxes([self.open]) / float((self.box[1] - self.box[0]).prod()))
 
     @property
     def areas(self) -> tuple[float, float]:
         """At least and at most so much is in [rad^2, metres where a joint slides]."""
-        return _area(self.inside), _area(self.inside) + _area(self.open)
+        inside, left = volume_of_boxes([self.inside]), volume_of_boxes([self.open])
+        room = rounding_of_volumes(float((self.box[1] - self.box[0]).prod()))
+        return max(0.0, inside - room), inside + left + room
 
 
 def free_projection(
@@ -138,10 +140,6 @@ def free_projection(
     )
 
 
-def _area(boxes: Array) -> float:
-    return float((boxes[:, 1] - boxes[:, 0]).prod(axis=1).sum())
-
-
 class _Search:
     """Cells (N, 2, 2) over the two coordinates, and a value of all others for each that may be its witness."""
 
@@ -152,7 +150,8 @@ class _Search:
         self.some: Any = robot.boundaries.select([one.name for one in chosen]) if chosen else None
         self.others = np.setdiff1d(np.arange(len(robot.coordinates)), axes)
         self.items = np.arange(len(paving.pairs) + len(paving.rules))
-        self.weights = np.vstack([paving.pairs.weights, *(np.abs(rule[0].normal)[None] for rule in paving.rules)])
+        weights = paving.pairs.weights[: len(paving.pairs)]  # behind them are those of groups, which are no items
+        self.weights = np.vstack([weights, *(np.abs(rule[0].normal)[None] for rule in paving.rules)])
         Q = rng.uniform(paving.low, paving.high, (_SAMPLES, len(paving.low)))
         free = Q[self._clearance(Q) > 0.0]
         self.values = free if len(free) else Q[:1]
@@ -168,9 +167,10 @@ class _Search:
         most = (1.0 - decided) * float(np.prod(high - low))
         while len(cells):
             reason = self.paving.meter.spent()
-            if _area(cells) <= most or reason:
+            is_enough = volume_of_boxes([cells]) <= most
+            if is_enough or reason:
                 self.left.append(cells)
-                return None if _area(cells) <= most else reason
+                return None if is_enough else reason
             is_open = np.ones(len(cells), dtype=np.bool_)
             known = known.copy()
             for start in range(0, len(cells), _CELLS):
@@ -180,11 +180,7 @@ class _Search:
                 is_open[part], known[part] = self._look(cells[part], known[part])
             cells, known = cells[is_open], known[is_open]
             wide = (cells[:, 1] - cells[:, 0]) / (high - low)
-            across, rows = np.argmax(wide, axis=1), np.arange(len(cells))
-            middle = 0.5 * (cells[rows, 0, across] + cells[rows, 1, across])
-            first, second = cells.copy(), cells.copy()
-            first[rows, 1, across], second[rows, 0, across] = middle, middle
-            cells, known = np.concatenate([first, second]), np.concatenate([known, known])
+            cells, known = halved(cells, np.argmax(wide, axis=1)), np.concatenate([known, known])
         return None
 
     def _look(self, cells: Array, known: Array) -> tuple[Flags, Array]:
@@ -235,7 +231,6 @@ class _Search:
 
     def _is_out(self, cells: Array) -> Flags:
         """Return which cells are proven out: boxes over the others are halved until each is proven not to be free."""
-        n = len(self.paving.low)
         boxes = np.repeat(np.stack([self.paving.low, self.paving.high])[None], len(cells), axis=0)
         boxes[:, :, self.axes] = cells
         cell, is_out = np.arange(len(cells)), np.ones(len(cells), dtype=np.bool_)
@@ -258,10 +253,6 @@ class _Search:
             is_out[cell[is_still]] = False
             keep = is_out[cell]
             boxes, cell, reach = boxes[keep], cell[keep], reach[keep]
-            across, rows = np.argmax(reach.reshape(-1, n), axis=1), np.arange(len(boxes))
-            middle = 0.5 * (boxes[rows, 0, across] + boxes[rows, 1, across])
-            first, second = boxes.copy(), boxes.copy()
-            first[rows, 1, across], second[rows, 0, across] = middle, middle
-            boxes, cell = np.concatenate([first, second]), np.concatenate([cell, cell])
+            boxes, cell = halved(boxes, np.argmax(reach, axis=1)), np.concatenate([cell, cell])
         is_out[cell] = False
         return is_out
