@@ -1,6 +1,7 @@
 """Tables of coupled limits, read by readers of our own that interpolate as the formats say: all they accept is free."""
 
 import json
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -121,6 +122,30 @@ def test_corners_fall_on_entries_where_a_format_allows_it(minerva: pb.Robot) -> 
         chords = (1.0 - share) * true[0] + share * true[2]
         lost.append(max(chords[0] - true[1, 0], true[1, 1] - chords[1]))
     assert whole.loss == pytest.approx(max(lost), abs=1e-8)
+
+
+@pytest.mark.parametrize("spacing", [1.0, 15.0, 60.0])
+def test_no_entry_is_where_the_target_alone_is_in_contact(spacing: float) -> None:
+    """Contact is at a whole multiple of the spacing; an angle a limit ends at is kept, for limits are closed."""
+    joints = [
+        joint("a", "revolute", "base", "l1", xyz="0 0 1", limit=f"-2.5 {math.radians(45.0)!r}"),
+        joint("b", "revolute", "l1", "l2", xyz="0 0 1", limit="-2 2"),
+    ]
+    ends = [
+        pb.Point("p", "base", (0.0, 0.0, 2.0)),
+        pb.Point("s", "l1", (0.0, 0.0, -1.0), 2.0 * math.sin(math.pi / 3.0)),
+    ]
+    marks = pb.Annotations.of(ends, [pb.BoundaryMark("front", "p", "s")])
+    robot = pb.load(robot_xml(joints, {}, [])).with_annotations(marks)
+    assert not robot.boundaries.free(np.array([np.radians(-60.0), 0.0]))
+    for grid in ("multiples", "fitted", "corners"):
+        table = pb.limit_table(robot, "a", "b", spacing=spacing, grid=grid)
+        for angles in (table.angles, np.radians(table.in_degrees()[0])):
+            Q = np.stack((angles, 0.5 * (table.lower + table.upper)), axis=1)
+            assert np.all(robot.boundaries.free(Q))
+        assert np.degrees(table.angles[0]) == pytest.approx(-60.0, abs=1e-6 if grid == "corners" else spacing + 1e-9)
+    whole = pb.limit_table(robot, "a", "b", spacing=15.0)
+    assert np.degrees(whole.angles).round(9).tolist() == [-45.0, -30.0, -15.0, 0.0, 15.0, 30.0, 45.0]
 
 
 def test_a_table_without_corners_and_one_with_corners_side_by_side() -> None:

@@ -17,7 +17,7 @@ from pinbound.boundaries.boundary import Boundary
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.robot.robot import Robot, refuse_conditions
 from pinbound.robot.table_formats import FORMATS, Table, degrees_of
-from pinbound.tolerances import TABLE
+from pinbound.tolerances import LIMIT, TABLE
 from pinbound.typing import Array
 
 __all__ = ["ENTRIES", "LimitTable", "limit_table"]
@@ -160,8 +160,10 @@ def _half_planes(robot: Robot, boundaries: Sequence[Boundary], pair: tuple[int, 
         for contact in one.contacts:
             gap = contact.gap(float(contact.coefficients @ robot.home))
             stop = one.rule.stop
-            ends = stop.free_gap if stop is not None else gap
-            _add(rows, contact.coefficients, ends, pair, one.name, robot)
+            low, high = stop.free_gap if stop is not None else gap
+            # Of contacts that the dependent joint changes, its limits keep away; of the others, the range of angles.
+            spare = 0.0 if contact.coefficients[pair[1]] else TABLE
+            _add(rows, contact.coefficients, (low + spare, high - spare), pair, one.name, robot)
     return np.array(rows).reshape(-1, 3)
 
 
@@ -199,7 +201,10 @@ def _entries(planes: Array, angles: Array, whole: bool) -> tuple[Array, Array, A
     lower, upper = rows[:, 0] + TABLE, rows[:, 1] - TABLE
     if whole:
         lower, upper = np.radians(np.ceil(np.degrees(lower))), np.radians(np.floor(np.degrees(upper)))
-    kept = np.flatnonzero(lower <= upper)
+    a, c, b = planes.T
+    straight = c == 0.0
+    within = np.all(np.outer(angles, a[straight]) <= b[straight] + LIMIT, axis=1)
+    kept = np.flatnonzero((lower <= upper) & within)
     inside = slice(int(kept[0]), int(kept[-1]) + 1) if len(kept) else slice(0)  # a convex set: no gap between
     return angles[inside], lower[inside], upper[inside]
 
