@@ -225,3 +225,11 @@ def test_both_readers_of_yaml_give_the_same_items_and_faults(tmp_path: Path, mon
                 said.append((read_sidecar(path, problems), problems.found))
         assert said[0] == said[1]
         assert said[0][0] or said[0][1]
+
+
+def test_numbers_of_numpy_are_numbers(minerva: pb.Robot) -> None:
+    mark = pb.Point("p", "base_link", tuple(np.array([0.3, 0.0, 0.0])), np.float64(0.01))
+    boundary = pb.BoundaryMark("near", "p", minerva.boundaries[0].point_b.name, np.float64(0.02))
+    got = minerva.with_annotations(pb.Annotations.of([mark], [boundary])).annotations
+    assert got.marks["p"] == mark
+    assert got.boundaries[-1] == boundary

@@ -149,11 +149,7 @@ def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
     def item(kind: str, record: Any) -> RawItem:
         required, optional = FIELDS[kind]
         values = {key: getattr(record, key) for key in (*required, *optional)}
-        kept = {
-            key: value
-            for key, value in values.items()
-            if key in required or (value not in ((), "") and value is not False)
-        }
+        kept = {key: value for key, value in values.items() if key in required or not _says_nothing(value)}
         said = {key: value if key == "passive" else _text(value) for key, value in kept.items()}
         return RawItem(kind, said, source, record.line)
 
@@ -186,6 +182,10 @@ def _rule_fields(rule: Rule | Condition) -> dict[str, Any]:
     if isinstance(rule, Rule) and rule.where:
         fields["where"] = tuple(_rule_fields(condition) for condition in rule.where)
     return fields
+
+
+def _says_nothing(value: object) -> bool:
+    return value is False or (isinstance(value, (str, tuple)) and not value)
 
 
 def _text(value: Any) -> str:
