@@ -69,7 +69,15 @@ def test_a_volume_of_three_coordinates_is_drawn(tmp_path: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pinbound.figures.free_figure._VOXELS", 6)
         figure = draw_free(robot, found)
-    assert figure.axes[0].get_zlabel() == "j4 [deg]"
+    axes = figure.axes[0]
+    assert axes.get_zlabel() == "j4 [deg]"
+    assert axes.get_title().startswith("j1 = 0.0 deg\n")
+    (squares,) = axes.collections  # one for all voxels: one for each voxel would take minutes to draw
+    middles = [0.5 * (one[1:] + one[:-1]) for one in (np.linspace(*found.box[:, axis], 7) for axis in range(3))]
+    points = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1)[..., None, :]
+    drawn = ~np.any(np.all((found.free[:, 0] <= points) & (points <= found.free[:, 1]), axis=-1), axis=-1)
+    padded = np.pad(drawn, 1).astype(int)
+    assert len(squares.get_facecolor()) == sum(int(np.abs(np.diff(padded, axis=axis)).sum()) for axis in range(3)) > 0
     four = pb.free_volume(robot, robot.coordinates, decided=0.01)
     with pytest.raises(pb.UnsupportedError, match="hold some"):
         draw_free(robot, four)

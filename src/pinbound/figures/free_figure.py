@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -11,21 +12,22 @@ from pinbound.exceptions import UnsupportedError
 from pinbound.figures.plots import without_math
 from pinbound.freespace import FreeProjection, FreeVolume
 from pinbound.robot.robot import Robot
-from pinbound.typing import Array, Flags
+from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["draw_free"]
 
 _FREE, _OPEN, _CONTACT = "#BFE3C9", "#E69F00", "#8A8A8A"
 _VOXELS = 36  # along each of three coordinates
-_AT_ONCE = 4096
+_SEEN_THROUGH = 0.35  # opacity of voxels, so that what lies behind the outer ones is seen
+_NAMED = 3  # coordinates that are held, in one line of the title
 
 
 def draw_free(robot: Robot, found: FreeVolume | FreeProjection) -> Any:
     """Draw a slice (two coordinates), a projection, or a volume (three coordinates); return the Matplotlib figure.
 
     Green is proven free, grey proven not to be, orange not decided. Of three coordinates what is *not* proven free is
-    drawn, as voxels whose middle lies in no free box: orange where it lies in an open one. Angles are in
-    degrees, lengths in mm.
+    drawn, as voxels whose middle lies in no free box: orange where it lies in an open one. The title says where the
+    other coordinates are held, and which share of the box is decided. Angles are in degrees, lengths in mm.
 
     Args:
         robot: The robot.
@@ -42,22 +44,47 @@ def draw_free(robot: Robot, found: FreeVolume | FreeProjection) -> Any:
     kinds = ["rad" if robot.turns(name) else "m" for name in names]
     scale = units.factors(kinds)
     labels = [f"{name} [{unit}]" for name, unit in zip(names, units.names(kinds), strict=True)]
-    figure = Figure(figsize=(6.4, 5.4), layout="constrained")
-    share = f"{100.0 * found.decided:.1f} % of the box decided"
+    figure = Figure(figsize=(6.4, 5.8), layout="constrained")
+    if isinstance(found, FreeProjection):
+        meanings = ("free for some value of the others", "free for no value", "not decided")
+        title = "Projection: the other coordinates take any value"
+    else:
+        meanings = ("free", "not free", "not decided")
+        title = _held(robot, found)
     if len(names) == 2:
         axes = cast(Any, figure).add_subplot()
         _plane(axes, found, scale)
-        what = "some value of the others is free" if isinstance(found, FreeProjection) else "free"
-        axes.set_title(f"green: {what}; grey: not; orange: not decided\n{share}", fontsize=9)
+        _legend(figure, zip(meanings, (_FREE, _CONTACT, _OPEN), strict=True))
     else:
         axes = cast(Any, figure).add_subplot(projection="3d")
         assert isinstance(found, FreeVolume)
         _voxels(axes, found, scale)
-        axes.set_zlabel(labels[2])
-        axes.set_title(f"grey: not free; orange: not decided; all else is free\n{share}", fontsize=9)
-    axes.set_xlabel(labels[0])
-    axes.set_ylabel(labels[1])
+        axes.set_zlabel(labels[2], labelpad=8.0)
+        axes.set_box_aspect(None, zoom=0.9)  # else labels are cut off
+        _legend(figure, zip(meanings[1:], (_CONTACT, _OPEN), strict=True))
+        title += "\na voxel is drawn where its middle lies in no box that is proven free"
+    axes.set_title(f"{title}\n{100.0 * found.decided:.1f} % of the box decided", fontsize=9)
+    axes.set_xlabel(labels[0], labelpad=None if len(names) == 2 else 12.0)
+    axes.set_ylabel(labels[1], labelpad=None if len(names) == 2 else 12.0)
     return without_math(figure)
+
+
+def _held(robot: Robot, found: FreeVolume) -> str:
+    """Return where the coordinates are held that are not drawn."""
+    held = [
+        f"{name} = {units.amount(value, 'rad' if robot.turns(name) else 'm', 1)}"
+        for name, value in zip(robot.coordinates, found.at.tolist(), strict=True)
+        if name not in found.coordinates
+    ]
+    lines = [", ".join(held[start : start + _NAMED]) for start in range(0, len(held), _NAMED)]
+    return ",\n".join(lines) or "All coordinates"
+
+
+def _legend(figure: Any, entries: Iterable[tuple[str, str]]) -> None:
+    from matplotlib.patches import Patch
+
+    patches = [Patch(facecolor=colour, label=meaning) for meaning, colour in entries]
+    figure.legend(handles=patches, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
 
 
 def _plane(axes: Any, found: FreeVolume | FreeProjection, scale: Array) -> None:
@@ -83,27 +110,51 @@ def _rectangle(low: Array, high: Array) -> Any:
 
 
 def _voxels(axes: Any, found: FreeVolume, scale: Array) -> None:
+    from matplotlib.colors import to_rgba
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
     ends: list[tuple[float, float]] = found.box.T.tolist()
     steps: list[Array] = [np.linspace(first, last, _VOXELS + 1) for first, last in ends]
     middles: list[Array] = [0.5 * (one[1:] + one[:-1]) for one in steps]
-    points: Array = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 3)
-    shape = (_VOXELS,) * 3
-    is_open = _in(found.open, points).reshape(shape)
-    is_blocked = ~_in(found.free, points).reshape(shape)
-    colours = np.where(is_open, _OPEN, _CONTACT)
+    is_drawn = ~_in(found.free, middles)
+    colours = np.where(_in(found.open, middles)[..., None], to_rgba(_OPEN, 0.9), to_rgba(_CONTACT, _SEEN_THROUGH))
     scaled: list[Array] = [one * factor for one, factor in zip(steps, scale, strict=True)]
-    corners = np.meshgrid(*scaled, indexing="ij")
-    axes.voxels(*corners, is_blocked, facecolors=colours, edgecolor="#FFFFFF", linewidth=0.1)
-    shown = (found.box * scale).T
-    axes.set(xlim=shown[0], ylim=shown[1], zlim=shown[2])
+    corners, owners = _faces(is_drawn)
+    places = np.stack([one[corners[..., axis]] for axis, one in enumerate(scaled)], axis=-1)
+    if len(places):
+        shown = colours[tuple(owners.T)]
+        axes.add_collection3d(
+            Poly3DCollection(places, facecolors=shown, edgecolors="#FFFFFF", linewidths=0.1, shade=True)
+        )
+    limits = (found.box * scale).T
+    axes.set(xlim=limits[0], ylim=limits[1], zlim=limits[2])
 
 
-def _in(boxes: Array, points: Array) -> Flags:
-    """Return which points (N, 3) lie in one of the boxes."""
-    found: Flags = np.zeros(len(points), dtype=np.bool_)
-    for start in range(0, len(boxes), _AT_ONCE):
-        some = boxes[start : start + _AT_ONCE]
-        for row in np.flatnonzero(~found):
-            x = points[row]
-            found[row] = bool(np.any(np.all((some[:, 0] <= x) & (x <= some[:, 1]), axis=1)))
+def _faces(is_drawn: Flags) -> tuple[Indices, Indices]:
+    """Return the squares between drawn voxels and others: corners (f, 4, 3) and the drawn voxel of each (f, 3).
+
+    Both are counted in voxels. One collection of squares is drawn in a second; Matplotlib's `voxels` makes one for
+    each voxel, which takes minutes.
+    """
+    corners: list[Indices] = []
+    owners: list[Indices] = []
+    for axis in range(3):
+        width = [(int(one == axis), int(one == axis)) for one in range(3)]
+        change = np.diff(np.pad(is_drawn, width).astype(np.int8), axis=axis)
+        across = np.eye(3, dtype=np.intp)[[one for one in range(3) if one != axis]]
+        square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) @ across
+        for side in (1, -1):  # its voxel is behind the square, or before it
+            at = np.argwhere(change == side)
+            corners.append(at[:, None] + square)
+            owners.append(at - (side < 0) * np.eye(3, dtype=np.intp)[axis])
+    return np.concatenate(corners), np.concatenate(owners)
+
+
+def _in(boxes: Array, middles: Sequence[Array]) -> Flags:
+    """Return which points of a grid lie in one of the boxes; `middles` are its ascending values along each axis."""
+    found: Flags = np.zeros([len(one) for one in middles], dtype=np.bool_)
+    first = [np.searchsorted(one, boxes[:, 0, axis], "left").tolist() for axis, one in enumerate(middles)]
+    last = [np.searchsorted(one, boxes[:, 1, axis], "right").tolist() for axis, one in enumerate(middles)]
+    for low, high in zip(zip(*first, strict=True), zip(*last, strict=True), strict=True):
+        found[tuple(map(slice, low, high))] = True
     return found
