@@ -109,7 +109,7 @@ def main() -> int:
         figure = plots.draw_region(region, robot.home[places])
         drawn = figure.axes[0]
         label = f"in contact, by coal ({int(touch.sum())})"
-        drawn.plot(*np.degrees(Q[touch][:, places]).T, ".", color="#D55E00", markersize=2.5, label=label, zorder=2)
+        drawn.plot(*np.degrees(Q[touch][:, places]).T, ".", color="#333333", markersize=2.5, label=label, zorder=2)
         square = float(np.degrees(1.0)) ** 2  # of the axes, which are in degrees
         share = 100.0 * region.area / whole
         drawn.set_title(
