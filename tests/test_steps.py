@@ -1,12 +1,18 @@
 """Steps within rows are safe all the way: attacked at the corners of what the rows allow, and against Pinocchio."""
 
+from dataclasses import dataclass, replace
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
 import pinbound as pb
+from pinbound.adapters.step_terms import StepRowTerms, StepTerms
+from pinbound.annotations.marks import Mark
 from pinbound.bounds.bounds import box_terms
 from pinbound.bounds.swept_bounds import all_rows, separated
+from pinbound.tolerances import STEP_LIMIT
 from robots import joint, robot_xml
 
 JOINTS = [
@@ -182,6 +188,8 @@ def test_half_spaces_hold_the_box(minerva: pb.Robot) -> None:
         ({"margin": -1.0}, "margin is"),
         ({"most": 0}, "most is"),
         ({"q": [np.nan, 0.0, 0.0]}, "not finite"),
+        ({"q": [0.0, -np.inf, 0.0]}, "not finite"),
+        ({"q": [0.0, 1e200, 0.0]}, "beyond 1e\\+100"),
     ],
 )
 def test_what_is_no_step_is_refused(changed: dict, said: str, minerva: pb.Robot) -> None:
@@ -197,11 +205,14 @@ def test_the_other_vertices_of_a_face_are_paid_for() -> None:
     notes = pb.Annotations.of(marks, [pb.BoundaryMark("b", "floor", "rim")])
     robot = pb.load(robot_xml(JOINTS, {}, [])).with_annotations(notes)
     q = np.zeros(len(robot.coordinates))
-    (row,) = pb.StepBounds(robot)._area_rows(q, np.full(len(q), 0.04), 0.0, 0.0, 1.0)
+    bounds = pb.StepBounds(robot)
+    bounds.rows(q, 0.04)
+    row = bounds._area_rows(q, np.full(len(q), 0.04), 0.0, 0.0, 1.0)
+    assert len(row.value) == 1
     D = np.random.default_rng(5).uniform(-0.04, 0.04, (400, len(q)))
     found = robot.boundaries.signed_clearances(q + D)[:, 0]
     assert found.min() < 0.002 < found.max()
-    assert np.all(found >= row.value - row.loss(1.0) + D @ row.g)
+    assert np.all(found >= row.value - row.loss(1.0) + D @ row.g[0])
     rows = pb.StepBounds(robot).rows(q, 0.04, limits=False, gain=1.0, margin=0.0, reserve=0.0)
     assert 0.5 < rows.scale < 1.0  # in this smaller box nothing can break the row
     assert robot.boundaries.signed_clearances(q + rows.scale * D).min() > 0.0
@@ -261,23 +272,207 @@ def test_terms_at_one_configuration_are_those_of_boxes() -> None:
     bounds, rng, step = pb.StepBounds(robot), np.random.default_rng(14), 1e-6
     half = np.full(len(robot.coordinates), 0.3)
     for q in rng.uniform(-1.2, 1.2, (3, len(robot.coordinates))):
-        bounds.rows(q, half)
-        for group in bounds._groups:
-            which = np.arange(len(group.places))
-            along, rates, bend, _ = group.at(which, q, half)
-            rows = all_rows(group.bundle, which)
-            many = len(rows)
-            terms = box_terms(
-                group.bundle.chains, group.bundle.arms, rows, np.tile(q, (many, 1)), np.tile(half, (many, 1))
-            )
-            assert np.allclose(2.0 * bend.ravel(), terms.second, rtol=1e-9)
-            r = terms.r.T.reshape(len(which), -1, 3)
-            n = separated(group.bundle, which, r)[1]
-            for j in range(len(q)):
-                ends = []
-                for sign in (step, -step):
-                    moved = np.tile(q + sign * np.eye(len(q))[j], (many, 1))
-                    there = box_terms(group.bundle.chains, group.bundle.arms, rows, moved, np.tile(half, (many, 1))).r
-                    ends.append(np.einsum("mci,mi->mc", there.T.reshape(len(which), -1, 3), n))
-                assert np.abs(rates[:, :, j] - (ends[0] - ends[1]) / (2 * step)).max() < 1e-8
-            assert np.abs(along - np.einsum("mci,mi->mc", r, n)).max() < 1e-13
+        terms = prepared(bounds, q, half)
+        which = np.arange(len(bounds._areas))
+        along, rates, bend, _ = terms.at(which, q, half)
+        bundle, rows = terms.bundle, all_rows(terms.bundle, which)
+        many = len(rows)
+        boxes = box_terms(bundle.chains, bundle.arms, rows, np.tile(q, (many, 1)), np.tile(half, (many, 1)))
+        assert boxes.second is not None
+        assert np.allclose(2.0 * bend, boxes.second[:: bundle.rows], rtol=1e-9)
+        r = boxes.r.T.reshape(len(which), -1, 3)
+        n = separated(bundle, which, r)[1]
+        for j in range(len(q)):
+            ends = []
+            for sign in (step, -step):
+                moved = np.tile(q + sign * np.eye(len(q))[j], (many, 1))
+                there = box_terms(bundle.chains, bundle.arms, rows, moved, np.tile(half, (many, 1))).r
+                ends.append(np.einsum("mci,mi->mc", there.T.reshape(len(which), -1, 3), n))
+            assert np.abs(rates[:, :, j] - (ends[0] - ends[1]) / (2 * step)).max() < 1e-8
+        assert np.abs(along - np.einsum("mci,mi->mc", r, n)).max() < 1e-13
+
+
+def prepared(bounds: pb.StepBounds, q: np.ndarray, half: np.ndarray) -> StepTerms:
+    bounds.rows(q, half)
+    assert bounds._terms is not None
+    return bounds._terms
+
+
+def random_arm(rng: np.random.Generator) -> pb.Robot:
+    """Return an arm of 3 to 6 joints, some of which slide or are mimicked, with marks of every kind on its links."""
+
+    def triple(low: float, high: float) -> tuple[float, float, float]:
+        x, y, z = rng.uniform(low, high, 3).tolist()
+        return x, y, z
+
+    def words(numbers: tuple[float, float, float]) -> str:
+        return " ".join(map(str, numbers))
+
+    joints, count = [], int(rng.integers(3, 7))
+    for k in range(count):
+        kind = "prismatic" if rng.random() < 0.25 else "revolute"
+        options = {"xyz": words(triple(-0.3, 0.3)), "rpy": words(triple(-1, 1)), "axis": words(triple(-1, 1))}
+        mimic = {"mimic": f"j{k - 1} {rng.uniform(-1, 1)} 0.1"} if k and rng.random() < 0.2 else {}
+        joints.append(joint(f"j{k}", kind, f"l{k}", f"l{k + 1}", limit="-0.3 0.3", **options, **mimic))
+    text = robot_xml(joints, {}, []).replace('"base"', '"l0"')
+
+    def mark(name: str, link: str, kind: int) -> Mark:
+        at = triple(-0.3, 0.3)
+        edges = tuple(triple(-0.2, 0.2) for _ in range(4))
+        if kind == 0:
+            return pb.Point(name, link, at, 0.02)
+        if kind == 1:
+            return pb.Segment(name, link, at, triple(-0.3, 0.3), 0.02)
+        if kind == 2:
+            return pb.Hull(name, link, tuple(triple(-0.2, 0.2) for _ in range(int(rng.integers(4, 12)))), 0.01)
+        if kind == 3:
+            return pb.Sweep(name, link, at, edges[: int(rng.integers(2, 5))])
+        return pb.Plane(name, link, at, triple(-1, 1)) if kind == 4 else pb.Line(name, link, at, triple(-1, 1), 0.02)
+
+    marks, bounds = list[Mark](), list[pb.BoundaryMark]()
+    for k in range(8):
+        first, last = 0, int(rng.integers(2, count + 1))
+        if rng.random() < 0.5:
+            first = int(rng.integers(0, last - 1))
+        pair = mark(f"a{k}", f"l{first}", int(rng.integers(0, 6))), mark(f"b{k}", f"l{last}", int(rng.integers(0, 4)))
+        marks += pair
+        bounds.append(pb.BoundaryMark(f"p{k}", pair[0].name, pair[1].name))
+    robot = pb.load(text)
+    while True:
+        try:
+            return robot.with_annotations(pb.Annotations.of(marks, bounds))
+        except pb.InputError as error:  # home must be free of them
+            said = " ".join(problem.message for problem in error.problems)
+            assert "home is outside the feasible region" in said
+            bounds = [one for one in bounds if f"{one.name!r}" not in said]
+
+
+@cache
+def random_arms() -> tuple[pb.Robot, ...]:
+    rng = np.random.default_rng(21)
+    return tuple(random_arm(rng) for _ in range(6))
+
+
+def test_on_random_robots_no_step_in_the_box_comes_nearer_than_the_rows_say() -> None:
+    """`h(q + d) >= min over rows of (value + g . d - loss - bend)`, for every d, whichever code made the rows."""
+    rng, asked, close = np.random.default_rng(22), 0, 0
+    for robot in random_arms():
+        bounds, B = pb.StepBounds(robot), robot.boundaries
+        assert not bounds.stops
+        bounds.prepare()
+        n, which = len(robot.coordinates), np.arange(len(B))
+        for size in (0.3, 0.05, 1e-3):
+            q, half = rng.uniform(-0.3, 0.3, n), size * rng.uniform(0.1, 1.0, n)
+            D = rng.uniform(-1, 1, (60, n)) * half
+            D[:30] = np.sign(D[:30]) * half  # corners
+            there, terms = B.signed_clearances(q + D), prepared(bounds, q, half)
+            for found in (terms.rows(which, q, half), terms.rows_in_numpy(which, q, half)):
+                assert set(found.places.tolist()) == set(which.tolist())
+                low = found.value - found.loss - found.bend + D @ found.g.T
+                for place in which:
+                    bound = low[:, found.places == place].min(axis=1) - bounds._distances[place]
+                    assert np.all(there[:, place] >= bound)
+                    asked += 1
+                    close += int(np.min(there[:, place] - bound) < size * size)
+    assert asked > 200
+    assert close > 0.7 * asked, "the rows must be near what they bound"
+
+
+def test_rows_in_machine_code_are_those_of_numpy() -> None:
+    """Where several vertices are least within rounding, either may have the row; its value is the same."""
+    pytest.importorskip("numba")
+    rng, asked, same = np.random.default_rng(23), 0, 0
+    for robot in random_arms():
+        bounds = pb.StepBounds(robot)
+        bounds.prepare()
+        which = np.arange(len(bounds._areas))
+        q, half = rng.uniform(-0.3, 0.3, len(robot.coordinates)), np.full(len(robot.coordinates), 0.1)
+        terms = prepared(bounds, q, half)
+        assert terms.tables is not None
+        found, known = terms.rows(which, q, half), terms.rows_in_numpy(which, q, half)
+        order = np.argsort(found.places, kind="stable")  # bodies of four edges and more come last
+        assert np.array_equal(found.places[order], known.places)
+        for row, place in zip(order, range(len(known.value)), strict=True):
+            if known.value[place] < 1e-6:
+                continue  # in contact there is no direction
+            asked += 1
+            assert found.value[row] == pytest.approx(known.value[place], abs=1e-7)
+            assert found.bend[row] == pytest.approx(known.bend[place], rel=1e-9)
+            differs = abs(found.loss[row] - known.loss[place]) + np.abs(found.g[row] - known.g[place]).max()
+            same += bool(differs < 1e-6)
+            if differs > 1e-6:
+                print(
+                    found.places[row],
+                    bounds._areas[found.places[row]].point_a,
+                    bounds._areas[found.places[row]].point_b,
+                    found.value[row] - known.value[place],
+                    found.loss[row],
+                    known.loss[place],
+                    found.g[row],
+                    known.g[place],
+                )
+    assert asked > 20
+    assert same > 0.98 * asked
+
+
+def test_a_pair_of_which_nothing_is_known_is_blocked() -> None:
+    """Numbers that are not finite, from whichever code, must not read as far away."""
+    robot = robot_with(["capsules"])
+    bounds = pb.StepBounds(robot)
+    terms = prepared(bounds, robot.home, np.full(5, 0.1))
+    for field in ("value", "g", "loss", "bend"):
+        for number in (np.nan, np.inf, -np.inf):
+            good = terms.rows_in_numpy(np.arange(1), robot.home, np.full(5, 0.1))
+            bad = np.full_like(getattr(good, field), number)
+            broken = replace(good, **{field: bad})
+            bounds._terms = Fixed(broken)  # type: ignore[assignment]
+            bounds._known[:] = np.nan
+            bounds._moved, bounds._slack = np.full((1, 5), 100.0), np.zeros(1)
+            rows = bounds.rows(robot.home, 0.1)
+            assert rows.blocked == ("b0",)
+            assert np.all(np.isfinite(rows.A))
+            assert any(np.all(a == 0.0) and b < 0.0 for a, b in zip(rows.A, rows.b, strict=True))
+
+
+@dataclass
+class Fixed:
+    """Rows that do not depend on what is asked."""
+
+    found: StepRowTerms
+
+    def rows(self, which: np.ndarray, q: np.ndarray, half: np.ndarray) -> StepRowTerms:
+        return self.found
+
+
+def test_a_finger_does_not_lengthen_the_arm_beyond_its_limits() -> None:
+    """Lever arms hold where joint limits are kept, as their rows see to; without these, wherever a step may lead."""
+    joints = [
+        joint("a", "revolute", "base", "l1", axis="0 0 1"),
+        joint("b", "prismatic", "l1", "l2", axis="1 0 0", xyz="0.3 0 0", limit="0 0.04"),
+        joint("c", "revolute", "l2", "l3", axis="0 0 1"),
+    ]
+    marks = [pb.Point("tip", "l3", (0.1, 0.0, 0.0), 0.01), pb.Point("post", "base", (0.3, 0.6, 0.0), 0.01)]
+    notes = pb.Annotations.of(marks, [pb.BoundaryMark("p", "tip", "post")])
+    robot = pb.load(robot_xml(joints, {}, [])).with_annotations(notes)
+    q, half = np.array([0.0, 0.02, 0.0]), np.array([0.5, 0.5, 0.5])
+    bounds = pb.StepBounds(robot)
+    bend = prepared(bounds, q, half).rows(np.arange(1), q, half).bend[0]
+    post = np.hypot(0.3, 0.6)  # seen from the tip the wrist turns all that lies beyond it, the shoulder the post alone
+
+    def expected(slid: float, turned: float) -> float:
+        arms = (0.3 + slid + STEP_LIMIT + post) * turned**2 + post * ((2.0 * turned) ** 2 - turned**2)
+        return 0.5 * (arms + 2.0 * turned * turned)
+
+    assert bend == pytest.approx(expected(0.04, 0.5), rel=1e-9)
+    bounds.rows(q, half, limits=False)
+    assert bounds._terms is not None
+    assert bounds._terms.rows(np.arange(1), q, half).bend[0] > bend + 0.05
+    outside = np.array([0.0, 0.4, 0.0])  # put there by hand: rows lead back, and bounds hold from there
+    bounds, half = pb.StepBounds(robot), np.full(3, 0.1)
+    bend = prepared(bounds, outside, half).rows(np.arange(1), outside, half).bend[0]
+    assert bend == pytest.approx(expected(0.4, 0.1), rel=1e-9)
+    rows = bounds.rows(outside, half)
+    assert "b" in rows.blocked
+    for d in np.random.default_rng(3).uniform(-1, 1, (200, 3)) * rows.step:
+        if np.all(rows.A[[name == "p" for name in rows.names]] @ d <= 0.0):
+            assert robot.boundaries.signed_clearances(outside + d)[0] > 0.0

@@ -65,6 +65,7 @@ __all__ = [
     "SAMPLE_ROUNDOFFS",
     "SOLVES",
     "STEP_BOX",
+    "STEP_LIMIT",
     "STEP_SEARCH",
     "STOP_MISS",
     "SYMBOLIC_DIGITS",
@@ -224,6 +225,9 @@ round by less (1e-14)."""
 
 STEP_BOX: Final = 1.0 + 1e-3
 """Factor on the box of a step in proofs: solvers of quadratic programs pass its sides by their tolerance, 1e-6 m."""
+
+STEP_LIMIT: Final = 1e-3
+"""Radians or metres. How far a step may pass a joint limit, in proofs of its rows: what a solver leaves of that row."""
 
 STEP_SEARCH: Final = 1e-6
 """Metres. What is added to the reach of a step before a boundary is left out of its rows: a search for nearest points

@@ -10,42 +10,61 @@ one vector a rotation for all of them, and then linear in the rates of q.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from pinbound.bounds.bounds import bends_over_box
+from pinbound.bounds.code import Code
 from pinbound.bounds.rounding import Walks
+from pinbound.bounds.separation_tables import SeparationTables, separation_tables
 from pinbound.bounds.swept_bounds import SweptBundle, all_rows, rounding_bound, separated, swept_bundle
+from pinbound.machine.compiled import has_numba
+from pinbound.machine.step_source import FEW, ROW, step_source
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import INFLATION
 from pinbound.typing import Array, Indices
 
-__all__ = ["StepTerms", "step_terms"]
+__all__ = ["StepRowTerms", "StepTerms", "load_code", "step_terms"]
+
+_CODE = Code(step_source, loading=200, compiling=100_000)
+"""Pairs: one takes NumPy some 100 us where a few are asked for."""
 
 
-@dataclass(frozen=True)
-class StepTerms:
-    """Paths of one number of edge vectors side by side.
+@dataclass(frozen=True, eq=False)
+class StepRowTerms:
+    """Rows `value + g . d - loss x - bend x^2 > 0` that keep pairs apart, x in [0, 1] being the scale of the box.
 
     Attributes:
-        places: (m,) of the boundaries.
-        bundle: The paths.
-        error: (m,) rounding bounds [m].
-        axes: (m, k, 3), of the rotations of each path.
-        coefficients: (m, k, n), of their angles.
-        offsets: (m, 1 + K, k + 1, 3), of chain and edge vectors [m].
-        slides: (m, 1 + K, k + 1, 3, n), or None if nothing slides.
+        places: (r,) which pair each row is of.
+        value: (r,) separation along n of a pair of vertices, all rounding taken off [m].
+        g: (r, n) its rates.
+        loss: (r,) what other pairs of vertices may pass below it over the box [m].
+        bend: (r,) half the bound of second derivatives over the box [m].
     """
 
     places: Indices
+    value: Array
+    g: Array
+    loss: Array
+    bend: Array
+
+
+@dataclass(frozen=True, eq=False)
+class StepTerms:
+    """Paths side by side.
+
+    Attributes:
+        bundle: The paths.
+        error: (m,) rounding bounds [m].
+        tables: The same for machine code; None where it cannot run.
+    """
+
     bundle: SweptBundle
     error: Array
-    axes: Array
-    coefficients: Array
-    offsets: Array
-    slides: Array | None
+    tables: SeparationTables | None
 
     @property
     def moved(self) -> Array:
@@ -56,15 +75,54 @@ class StepTerms:
             found = found + np.linalg.norm(chains.slides, axis=2).sum(axis=1)
         return found[::rows]
 
+    def rows(self, which: Indices, q: Array, half: Array) -> StepRowTerms:
+        """Return the rows of paths `which` (c,) at q (n,), for steps within `half` (n,), path by path."""
+        if self.tables is None or not _CODE.is_worth(len(which), np.inf):
+            return self.rows_in_numpy(which, q, half)
+        fits = self.tables.fits[which]
+        parts = [self._rows_in_machine_code(self.tables, which[fits], q, half)]
+        if not np.all(fits):
+            parts.append(self.rows_in_numpy(which[~fits], q, half))
+        return parts[0] if len(parts) == 1 else _joined(parts)
+
+    def _rows_in_machine_code(self, tables: SeparationTables, which: Indices, q: Array, half: Array) -> StepRowTerms:
+        size = ROW + len(q)
+        out = np.empty(FEW * size * len(which) + tables.room)
+        question = np.concatenate((q, half, np.ones(len(q)), self.error))
+        count = _CODE.run(question, out, 0, 0, tables.table, len(which), which.astype(np.int64))
+        found = out[: size * count].reshape(count, size)
+        return StepRowTerms(
+            places=found[:, 0].astype(np.intp), value=found[:, 1], g=found[:, ROW:], loss=found[:, 2], bend=found[:, 3]
+        )
+
+    def rows_in_numpy(self, which: Indices, q: Array, half: Array) -> StepRowTerms:
+        """Return the same without machine code, within what the rounding bounds hold."""
+        along, rates, bend, off = self.at(which, q, half)
+        along[:, 0] -= off
+        places, values, slopes, losses = list[int](), list[float](), list[Array](), list[float]()
+        for row, place in enumerate(map(int, which)):
+            for corner, loss in _taken(self.bundle.corners.pairs[place], along[row], rates[row], half):
+                places.append(row)
+                values.append(float(corner @ along[row, : len(corner)]))
+                slopes.append(corner @ rates[row, : len(corner)])
+                losses.append(loss)
+        rows = np.array(places, dtype=np.intp)
+        g = np.array(slopes).reshape(-1, len(q))
+        return StepRowTerms(which[rows], np.array(values), g, np.array(losses), bend[rows])
+
     def at(self, which: Indices, q: Array, half: Array) -> tuple[Array, Array, Array, Array]:
         """Return the terms of paths `which` (c,) at q (n,), for steps within `half` (n,).
 
-        That is `n . r` of chain and edge vectors (c, 1 + K) [m]; its rates (c, 1 + K, n); half the bound of its second
-        derivatives over the box (c, 1 + K) [m]; and the rounding bound of all (c,) [m].
+        That is `n . r` of chain and edge vectors (c, 1 + K) [m]; its rates (c, 1 + K, n); half the bound of second
+        derivatives of any pair of vertices over the box (c,) [m]; and the rounding bound of all (c,) [m].
         """
-        axes, C, offsets = self.axes[which], self.coefficients[which], self.offsets[which]
-        slides = None if self.slides is None else self.slides[which]
-        blocks = offsets if slides is None else offsets + slides @ q
+        chains, rows, c = self.bundle.chains, self.bundle.rows, len(which)
+        first, each = which * rows, all_rows(self.bundle, which)
+        axes, C = chains.axes[first], chains.coefficients[first]
+        blocks = chains.offsets[each].reshape(c, rows, -1, 3)
+        slides = None if chains.slides is None else chains.slides[each].reshape(c, rows, -1, 3, len(q))
+        if slides is not None:
+            blocks = blocks + slides @ q
         turns, k = _rotations(axes, C @ q), axes.shape[1]
         x, tails = blocks[:, :, k], list[Array]()
         for i in reversed(range(k)):
@@ -82,27 +140,48 @@ class StepTerms:
                 across = _cross(u[:, 0], axes[:, i])
                 rates[:, :, i] = (tails[k - 1 - i] @ across[:, :, None])[:, :, 0]
                 u = u @ turns[:, i]
-        chains, rows = self.bundle.chains, self.bundle.rows
-        second, wide = bends_over_box(chains, self.bundle.arms, all_rows(self.bundle, which), half)
-        off = self.error[which] * (1.0 + wide.sum(axis=1).reshape(-1, rows).max(axis=1))
-        return along, rates @ C + sliding, 0.5 * second.reshape(-1, rows) * INFLATION, off
+        second, wide = bends_over_box(chains, self.bundle.arms, first, half)
+        off = self.error[which] * (1.0 + wide.sum(axis=1))
+        return along, rates @ C + sliding, 0.5 * second * INFLATION, off
 
 
-def step_terms(places: Indices, paths: Sequence[RelativePath], walked: Walks, lower: Array, upper: Array) -> StepTerms:
-    """Return the terms of paths of one number of edge vectors, with bounds that hold in a box of q (n,), (n,)."""
+def step_terms(paths: Sequence[RelativePath], walked: Walks, lower: Array, upper: Array) -> StepTerms:
+    """Return the terms of paths, with bounds that hold in a box of q (n,), (n,)."""
     bundle = swept_bundle(paths, lower, upper)
     error = rounding_bound(bundle, walked, lower, upper)
-    chains, rows = bundle.chains, bundle.rows
-    m, (blocks, n) = len(paths), (chains.offsets.shape[1], len(lower))
-    return StepTerms(
-        places=places,
-        bundle=bundle,
-        error=error,
-        axes=chains.axes[::rows],
-        coefficients=chains.coefficients[::rows],
-        offsets=chains.offsets.reshape(m, rows, blocks, 3),
-        slides=None if chains.slides is None else chains.slides.reshape(m, rows, blocks, 3, n),
+    return StepTerms(bundle, error, separation_tables(bundle) if has_numba() and len(paths) else None)
+
+
+def load_code() -> None:
+    """Load the machine code now, compiled first where this machine has not done it yet."""
+    _CODE.load()
+
+
+def _joined(parts: Sequence[StepRowTerms]) -> StepRowTerms:
+    return StepRowTerms(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in ("places", "value", "g", "loss", "bend"))
     )
+
+
+def _taken(bodies: tuple[Array, Array], along: Array, rates: Array, half: Array) -> Iterator[tuple[Array, float]]:
+    """Return the pairs of vertices that have a row, as coefficients of chain and edges, and what others take back.
+
+    A separation along a direction is the least over the vertices of either body, so that each side is looked at alone.
+    """
+    first, second = bodies
+    if len(first) * len(second) <= FEW:
+        for pair in product(first, second):
+            yield np.concatenate(([1.0], *pair)), 0.0
+        return
+    split = 1 + first.shape[1]
+    taken, loss = [np.ones(1)], 0.0
+    for vertices, edges in ((first, slice(1, split)), (second, slice(split, split + second.shape[1]))):
+        heights = vertices @ along[edges]
+        least = int(np.argmin(heights))
+        swing = np.abs((vertices - vertices[least]) @ rates[edges]) @ half - (heights - heights[least])
+        loss += float(np.maximum(swing, 0.0).max())
+        taken.append(vertices[least])
+    yield np.concatenate(taken), loss * INFLATION
 
 
 def _rotations(axes: Array, angles: Array) -> Array:

@@ -12,27 +12,26 @@ keeps all rows. Stops and joint limits are linear in q. `docs/steps.md` derives 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pinbound.adapters.step_terms import StepTerms, step_terms
+from pinbound.adapters.step_terms import StepTerms, load_code, step_terms
 from pinbound.boundaries.boundary import Boundary, one_configuration
 from pinbound.bounds.rounding import walks
+from pinbound.certificates.trajectory import refuse_far
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.kernel.hulls import HullTables, is_ready, prepare_hulls, tables_of
 from pinbound.kernel.program import Pair
 from pinbound.machine.compiled import has_numba
 from pinbound.model.coupling import real_array
 from pinbound.robot.robot import Robot, refuse_conditions
-from pinbound.tolerances import INFLATION, LIMIT, STEP_BOX, STEP_SEARCH, UNIT_ROUNDOFF
-from pinbound.typing import Array, Indices
+from pinbound.tolerances import INFLATION, LIMIT, STEP_BOX, STEP_LIMIT, STEP_SEARCH, UNIT_ROUNDOFF
+from pinbound.typing import AnyArray, Array, Flags, Indices
 from pinbound.values import Value
 
 __all__ = ["StepBounds", "StepRows"]
@@ -40,7 +39,6 @@ __all__ = ["StepBounds", "StepRows"]
 _WORTH = 100_000  # measured boundaries from which compiling machine code (some seconds, once a machine) pays
 _FARTHEST = 1e6  # larger coordinates are measured by the reference
 _PROBED = 8  # boundaries that are looked at first: they shrink the box for the others
-_FEW = 8  # pairs of vertices that have a row each; of more, one row with the loss of the others
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,43 +69,74 @@ class StepRows(Value):
         return np.vstack((self.A, unit, -unit)), np.concatenate((self.b, self.step, self.step))
 
 
-@dataclass(frozen=True)
-class _Row:
-    """`value + g . d - linear x - bend x^2 > 0` is asked for, x in [0, 1] being the scale of the box."""
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Each asks for `value + g . d - linear x - bend x^2 > 0`, x in [0, 1] being the scale of the box."""
 
-    name: str
-    value: float
+    names: AnyArray
+    value: Array
     g: Array
-    linear: float = 0.0
-    bend: float = 0.0
-    margin: float = 0.0
-    share: float = 1.0
+    linear: Array
+    bend: Array
+    margin: Array
+    share: Array
 
-    def fits(self, loss: float, more: float = 0.0) -> float:
-        """Return the largest scale at which the losses, and `more` a scale, are at most `loss`."""
-        if loss <= 0.0:
-            return 0.0
-        linear = self.linear + more
-        below = linear + math.sqrt(linear * linear + 4.0 * self.bend * loss)
-        return 2.0 * loss / below if below > 0.0 else math.inf
+    @classmethod
+    def of(
+        cls,
+        names: AnyArray,
+        value: Array,
+        g: Array,
+        share: float,
+        margin: float = 0.0,
+        loss: tuple[Array, Array] | None = None,
+    ) -> _Rows:
+        """Return rows of one margin and share; nothing is lost where `loss` is None."""
+        linear, bend = (np.zeros_like(value),) * 2 if loss is None else loss
+        return cls(names, value, g, linear, bend, np.full_like(value, margin), np.full_like(value, share))
+
+    def take(self, which: Indices | Flags) -> _Rows:
+        """Return some of the rows."""
+        return _Rows(*(part[which] for part in self._parts))
+
+    def __add__(self, other: _Rows) -> _Rows:
+        return _Rows(*(np.concatenate(pair) for pair in zip(self._parts, other._parts, strict=True)))
 
     @property
-    def nearness(self) -> float:
-        """The clearance in units of the margin, at most 1."""
-        return min(1.0, self.value / self.margin) if self.margin > 0.0 else 1.0
+    def _parts(self) -> tuple[AnyArray, ...]:
+        return self.names, self.value, self.g, self.linear, self.bend, self.margin, self.share
 
-    def swing(self, half: Array) -> float:
+    def fits(self, loss: Array, more: Array | float = 0.0) -> Array:
+        """Return the largest scale at which the losses, and `more` a scale, are at most `loss`."""
+        linear = self.linear + more
+        below = linear + np.sqrt(linear * linear + 4.0 * self.bend * np.maximum(loss, 0.0))
+        none = np.where(loss > 0.0, np.inf, 0.0)
+        return np.divide(2.0 * loss, below, out=none, where=(loss > 0.0) & (below > 0.0))
+
+    @property
+    def nearness(self) -> Array:
+        """The clearances in units of the margin, at most 1."""
+        return np.minimum(
+            1.0, np.divide(self.value, self.margin, out=np.ones_like(self.value), where=self.margin > 0.0)
+        )
+
+    def swing(self, half: Array) -> Array:
         """Return by how much the linear part may fall within the box."""
-        return float(np.abs(self.g) @ half)
+        return np.abs(self.g) @ half
 
-    def loss(self, scale: float) -> float:
+    def loss(self, scale: float) -> Array:
         """Return what may be lost at a scale of the box."""
         return self.linear * scale + self.bend * scale * scale
 
-    def bound(self, scale: float) -> float:
+    def broken(self, half: Array) -> Flags:
+        """Return which rows a step within the box may break, as far as is proved."""
+        return ~(self.value - self.loss(1.0) - self.swing(half) > 0.0)
+
+    def bound(self, scale: float) -> Array:
         """Return b: what is proved to be safe, and no nearer than the margin; outwards where q is in contact."""
         safe = self.value - self.loss(scale)
-        return safe if self.value <= 0.0 else min(safe, max(self.share * (self.value - self.margin), 0.0))
+        kept = np.minimum(safe, np.maximum(self.share * (self.value - self.margin), 0.0))
+        return np.where(self.value > 0.0, kept, safe)
 
 
 class StepBounds:
@@ -136,7 +165,9 @@ class StepBounds:
         self.stops = [one for one in self.boundaries if one.is_stop]
         self._areas: tuple[Boundary, ...] = tuple(one for one in self.boundaries if not one.is_stop)
         self._box: tuple[Array, Array] | None = None
-        self._groups: list[StepTerms] = []
+        self._terms: StepTerms | None = None
+        self._names = np.array([one.name for one in self._areas], dtype=object)
+        self._distances = np.array([one.rule.distance for one in self._areas])
         self._moved = self._known = self._there = self._slack = np.zeros(0)
         self._asked, self._is_worth = 0, False
 
@@ -168,7 +199,8 @@ class StepBounds:
             reserve: [m] for what a solver may leave of a row: give more than its tolerance.
 
         Raises:
-            DimensionError: If q or step are of another shape or not finite, or an argument is outside its range.
+            DimensionError: If q or step are of another shape or not finite, q may come beyond `tolerances.FARTHEST`, or
+                an argument is outside its range.
             UnsupportedError: If joint limits are left out though bounds of the boundaries hold within them only.
         """
         if not limits and any(one.place_error for one in self.boundaries):
@@ -177,25 +209,33 @@ class StepBounds:
         point = one_configuration(q, self.robot.coordinates)
         asked = self._checked(step, gain, margin, reserve, most)
         half = asked * STEP_BOX
+        low, high = self._reached(point, half, limits)
+        refuse_far(low, high, self.robot.coordinates)
+        self._prepare(low, high)
         areas = self._area_rows(point, half, reserve, margin, gain)
-        ends = self._stop_rows(point, half, reserve, gain) + (self._limit_rows(point, half) if limits else [])
-        blocked = [row.name for row in areas if row.value <= 0.0] + [row.name for row in ends if row.value < 0.0]
-        found = [row for row in areas + ends if row.value - row.loss(1.0) - row.swing(half) <= 0.0]
+        rows = areas + self._stop_rows(point, half, reserve, gain)
+        rows = rows + self._limit_rows(point, half) if limits else rows
+        in_contact = np.append(~(areas.value > 0.0), rows.value[len(areas.value) :] < 0.0)
+        blocked = dict.fromkeys(rows.names[in_contact].tolist())
+        found = rows.take(rows.broken(half))
         scale = _scale(found, half, gain)
         if most is not None:
-            reach = [row.fits(row.value, row.swing(half)) for row in found]
-            free = sorted(x for row, x in zip(found, reach, strict=True) if row.name not in blocked)
+            reach = found.fits(found.value, found.swing(half))
+            is_blocked = np.array([name in blocked for name in found.names], dtype=np.bool_)
+            free = np.sort(reach[~is_blocked])
             if len(free) > most:
-                scale = min(scale, free[most] * (1.0 - LIMIT))
-                found = [row for row, x in zip(found, reach, strict=True) if x <= scale or row.name in blocked]
-        found = [row for row in found if row.bound(scale) <= scale * row.swing(half)]  # or nothing in the box breaks it
+                scale = min(scale, float(free[most]) * (1.0 - LIMIT))
+                found = found.take((reach <= scale) | is_blocked)
+        found = found.take(
+            found.bound(scale) <= scale * found.swing(half)
+        )  # of the others nothing in the box breaks any
         return StepRows(
-            A=-np.array([row.g for row in found]).reshape(-1, len(point)),
-            b=np.array([row.bound(scale) for row in found]),
+            A=-found.g,
+            b=found.bound(scale),
             step=asked * scale,
-            names=tuple(row.name for row in found),
+            names=tuple(found.names.tolist()),
             scale=float(scale),
-            blocked=tuple(dict.fromkeys(blocked)),
+            blocked=tuple(blocked),
         )
 
     def _checked(self, step: ArrayLike, gain: float, margin: float, reserve: float, most: int | None) -> Array:
@@ -211,7 +251,7 @@ class StepBounds:
         return np.broadcast_to(given, (n,)).astype(np.float64)
 
     @cached_property
-    def _stop_ends(self) -> tuple[Array, Array, Array, Array, tuple[str, ...]]:
+    def _stop_ends(self) -> tuple[Array, Array, Array, Array, AnyArray]:
         """Both ends of every stop's gap as `side . q + offset`: sides (k, n), offsets, sizes, amplitudes, names."""
         n = len(self.robot.coordinates)
         rules: list[Any] = [one.rule.stop for one in self.stops]
@@ -220,21 +260,21 @@ class StepBounds:
         sign = np.tile((1.0, -1.0), len(rules))
         size = np.repeat(np.abs(gaps).sum(axis=1), 2)
         amplitudes = np.repeat(np.array([stop.amplitude for stop in rules]), 2)
-        names = tuple(one.name for one in self.stops for _ in range(2))
-        return sign[:, None] * c, -sign * gaps.ravel(), size, amplitudes, names
+        names = [one.name for one in self.stops for _ in range(2)]
+        return sign[:, None] * c, -sign * gaps.ravel(), size, amplitudes, np.array(names, dtype=object)
 
-    def _stop_rows(self, q: Array, half: Array, reserve: float, gain: float) -> list[_Row]:
+    def _stop_rows(self, q: Array, half: Array, reserve: float, gain: float) -> _Rows:
         """Return the ends of stops' gaps that a step may reach: linear in q, so that nothing is lost."""
         sides, offsets, size, amplitudes, names = self._stop_ends
         room = sides @ q + offsets
         kept = LIMIT + UNIT_ROUNDOFF * (len(q) + 8.0) * (np.abs(sides) @ np.abs(q) + size)
         value = room - kept - 2.0 * reserve / amplitudes
         value = np.where(room > kept, np.maximum(value, 0.0), value)
-        reached = np.flatnonzero(value - np.abs(sides) @ half <= 0.0).tolist()
-        return [_Row(names[k], float(value[k]), sides[k], share=gain) for k in reached]
+        reached = np.flatnonzero(~(value - np.abs(sides) @ half > 0.0))
+        return _Rows.of(names[reached], value[reached], sides[reached], gain)
 
     @cached_property
-    def _limit_ends(self) -> tuple[Array, Array, tuple[str, ...]]:
+    def _limit_ends(self) -> tuple[Array, Array, AnyArray]:
         """Finite ends of all joint limits as `side . q + offset`: sides (k, n), offsets (k,), names."""
         sides, offsets, names = list[Array](), list[float](), list[str]()
         for limit in self.robot.linear_limits:
@@ -243,17 +283,21 @@ class StepBounds:
                     sides.append(sign * limit.coefficients)
                     offsets.append(sign * (limit.offset - end))
                     names.append(limit.joint)
-        return np.array(sides).reshape(-1, len(self.robot.coordinates)), np.array(offsets), tuple(names)
+        return (
+            np.array(sides).reshape(-1, len(self.robot.coordinates)),
+            np.array(offsets),
+            np.array(names, dtype=object),
+        )
 
-    def _limit_rows(self, q: Array, half: Array) -> list[_Row]:
+    def _limit_rows(self, q: Array, half: Array) -> _Rows:
         """Return the ends of joint limits that a step may reach."""
         sides, offsets, names = self._limit_ends
         room = sides @ q + offsets
         value = np.where(room >= -LIMIT, np.maximum(room, 0.0), room)
-        reached = np.flatnonzero(value - np.abs(sides) @ half <= 0.0).tolist()
-        return [_Row(names[k], float(value[k]), sides[k]) for k in reached]
+        reached = np.flatnonzero(~(value - np.abs(sides) @ half > 0.0))
+        return _Rows.of(names[reached], value[reached], sides[reached], 1.0)
 
-    def _area_rows(self, q: Array, half: Array, reserve: float, margin: float, gain: float) -> list[_Row]:
+    def _area_rows(self, q: Array, half: Array, reserve: float, margin: float, gain: float) -> _Rows:
         """Return the rows of the boundaries that a step may bring within the margin.
 
         Of many, those that a step reaches first come first: they shrink the box, and the smaller box reaches fewer.
@@ -267,20 +311,17 @@ class StepBounds:
         rest = rest[~(self._known[rest] - scale * reach[rest] - fixed[rest] > 0.0)]
         return rows + self._rows_of(np.sort(rest), q, half, reserve, margin, gain)
 
-    def _rows_of(self, near: Indices, q: Array, half: Array, reserve: float, margin: float, gain: float) -> list[_Row]:
+    def _rows_of(self, near: Indices, q: Array, half: Array, reserve: float, margin: float, gain: float) -> _Rows:
         """Return the rows of areas, by their places."""
-        rows: list[_Row] = []
-        for group in self._groups if len(near) else ():
-            which = np.flatnonzero(np.isin(group.places, near))
-            if not len(which):
-                continue
-            along, rates, bend, off = group.at(which, q, half)
-            for place, k in enumerate(map(int, group.places[which])):
-                boundary = self._areas[k]
-                value = along[place].copy()
-                value[0] -= boundary.rule.distance + off[place] + reserve
-                rows += _corner_rows(boundary, value, rates[place], bend[place], half, margin, gain)
-        return rows
+        if self._terms is None or not len(near):
+            return _Rows.of(np.empty(0, dtype=object), np.zeros(0), np.zeros((0, len(q))), gain)
+        found = self._terms.rows(near, q, half)
+        value = found.value - (self._distances[found.places] + reserve)
+        size = value + found.loss + found.bend + np.abs(found.g).sum(axis=1)
+        bad = ~np.isfinite(size)  # nothing is known: 0 . d <= -1 [m], which no step keeps
+        value, g = np.where(bad, -1.0, value), np.where(bad[:, None], 0.0, found.g)
+        loss = np.where(bad, 0.0, found.loss), np.where(bad, 0.0, found.bend)
+        return _Rows.of(self._names[found.places], value, g, gain, margin, loss)
 
     def _near(self, q: Array, half: Array, more: float) -> tuple[Indices, Array, Array]:
         """Return the places of the boundaries that some step may bring within `more` [m], and what proves the others.
@@ -290,7 +331,6 @@ class StepBounds:
         """
         if not self._areas:
             return np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros(0)
-        self._prepare(q, half)
         known, there = self._known, self._there
         reach, fixed = self._moved @ half * INFLATION, self._slack + more
         while True:
@@ -302,11 +342,16 @@ class StepBounds:
             known[stale], there[stale] = self._measured(q, stale), q
 
     def prepare(self) -> None:
-        """Load now what measures bodies, compiled first where this machine has not done it yet (some seconds).
+        """Make tables and load machine code now, compiled first where this machine has not done it yet (some seconds).
 
-        Otherwise it is loaded on the first call if it is there, and compiled in the middle of a long run.
+        Otherwise it is loaded at an early call if it is there, and compiled in the middle of a long run.
         """
-        if self._areas and self._tables is not None:
+        if not self._areas:
+            return
+        self._prepare(self.robot.home, self.robot.home)
+        if has_numba():
+            load_code()
+        if self._tables is not None:
             prepare_hulls()
             self._is_worth = True
 
@@ -332,66 +377,43 @@ class StepBounds:
                 return found[0, places]
         return np.array([float(self._areas[k].signed_clearance(q)) for k in map(int, places)])
 
-    def _prepare(self, q: Array, half: Array) -> None:
-        """Make bounds that hold in a box around q, anew when steps lead out of it."""
-        box = self._box
-        if box is not None and np.all(q - half >= box[0]) and np.all(q + half <= box[1]):
-            return
-        ends = q - half - 1.0, q + half + 1.0
-        if box is None:  # what joint limits leave is prepared at once
-            box = tuple(np.where(np.isfinite(end), end, q) for end in (self.robot.lower, self.robot.upper))
-            m, n = len(self._areas), len(q)
+    def _reached(self, q: Array, half: Array, limits: bool) -> tuple[Array, Array]:
+        """Return the box (n,), (n,) in which steps from q stay that keep the rows, those of joint limits too."""
+        low, high = q - half, q + half
+        if limits:
+            low = np.maximum(low, np.minimum(q, self.robot.lower) - STEP_LIMIT)
+            high = np.minimum(high, np.maximum(q, self.robot.upper) + STEP_LIMIT)
+        return low, high
+
+    def _prepare(self, low: Array, high: Array) -> None:
+        """Make bounds that hold in a box (n,), (n,), anew when steps lead out of the one before.
+
+        What joint limits leave is prepared at once. Lever arms grow with how far a joint slides, so that no more is
+        added than is needed, but for a unit where steps have led out of it.
+        """
+        if self._box is None:
+            ends = self.robot.lower - STEP_LIMIT, self.robot.upper + STEP_LIMIT
+            lower = np.minimum(low, np.where(np.isfinite(ends[0]), ends[0], low - 1.0))
+            upper = np.maximum(high, np.where(np.isfinite(ends[1]), ends[1], high + 1.0))
+            m, n = len(self._areas), len(low)
             self._known, self._there = np.full(m, np.nan), np.full((m, n), np.nan)
-        lower, upper = np.minimum(box[0], ends[0]), np.maximum(box[1], ends[1])
+        elif np.all(low >= self._box[0]) and np.all(high <= self._box[1]):
+            return
+        else:
+            lower = np.where(low < self._box[0], low - 1.0, self._box[0])
+            upper = np.where(high > self._box[1], high + 1.0, self._box[1])
         self._box = lower, upper
-        m, n = len(self._areas), len(q)
-        self._moved, self._slack, groups = np.zeros((m, n)), np.zeros(m), list[StepTerms]()
-        for edges in sorted({len(one.path.difference.directions) for one in self._areas}):
-            places = np.array(
-                [k for k, one in enumerate(self._areas) if len(one.path.difference.directions) == edges], np.intp
-            )
-            chosen = [self._areas[k] for k in map(int, places)]
-            links = [(one.ancestor, one.point_a.link, one.point_b.link) for one in chosen]
-            walked = walks(self.robot.tree, self.robot.coupling, links)
-            group = step_terms(places, [one.path for one in chosen], walked, lower, upper)
-            self._moved[places], self._slack[places] = group.moved, 8.0 * group.error + STEP_SEARCH
-            groups.append(group)
-        self._groups = groups
+        links = [(one.ancestor, one.point_a.link, one.point_b.link) for one in self._areas]
+        walked = walks(self.robot.tree, self.robot.coupling, links)
+        self._terms = terms = step_terms([one.path for one in self._areas], walked, lower, upper)
+        self._moved, self._slack = terms.moved, 8.0 * terms.error + STEP_SEARCH
 
 
-def _scale(rows: Sequence[_Row], half: Array, gain: float) -> float:
+def _scale(rows: _Rows, half: Array, gain: float) -> float:
     """Return the scale of the box at which no row that it can break loses more than the gain's share.
 
     Below the margin the share falls with the clearance: a step along a boundary loses by its curvature, and half of
     what is left at each step would be nothing soon.
     """
-    broken = [row for row in rows if row.value > 0.0 and row.value - row.loss(1.0) - row.swing(half) <= 0.0]
-    return min([1.0, *[row.fits(gain * row.value * row.nearness) for row in broken]])
-
-
-def _corner_rows(
-    boundary: Boundary, value: Array, rates: Array, bend: Array, half: Array, margin: float, gain: float
-) -> list[_Row]:
-    """Return a row for each pair of vertices, or one row with what the others may lose; `bend[0]` is that of any pair.
-
-    A separation along a direction is the least over the vertices of either body, so that each side is looked at alone.
-    """
-    first, second = boundary.path.difference.corners
-    if len(first) * len(second) <= _FEW:
-        found: list[_Row] = []
-        for pair in product(first, second):
-            chosen = np.concatenate(([1.0], *pair))
-            found.append(_Row(boundary.name, float(chosen @ value), chosen @ rates, 0.0, float(bend[0]), margin, gain))
-        return found
-    split = 1 + first.shape[1]
-    taken, loss = [np.ones(1)], 0.0
-    for corners, edges in ((first, slice(1, split)), (second, slice(split, None))):
-        heights = corners @ value[edges]
-        least = int(np.argmin(heights))
-        away = corners - corners[least]
-        swing = np.abs(away @ rates[edges]) @ half + np.abs(away) @ bend[edges] - (heights - heights[least])
-        loss += float(np.maximum(swing, 0.0).max())
-        taken.append(corners[least])
-    chosen = np.concatenate(taken)
-    lost = loss * INFLATION
-    return [_Row(boundary.name, float(chosen @ value), chosen @ rates, lost, float(bend[0]), margin, gain)]
+    rows = rows.take((rows.value > 0.0) & rows.broken(half))
+    return min(1.0, float(rows.fits(gain * rows.value * rows.nearness).min(initial=1.0)))

@@ -43,11 +43,16 @@ class Code:
             self.kept = is_kept(self.source())
         return self.kept
 
+    def load(self) -> MachineCode:
+        """Return the code, loaded or compiled now."""
+        if self.code is None:
+            self.code = compile_source(self.source())
+        return self.code
+
     def run(
         self, question: Array, out: Array, row: int, column: int, table: Array, count: int, index: Ints = _NO_INDEX
     ) -> int:
         """Ask it; it returns a whole number."""
-        if self.code is None:
-            self.code = compile_source(self.source())
+        code = self.load()
         address = [array.__array_interface__["data"][0] for array in (question, out, index, table)]
-        return int(self.code.function(*address[:2], row, column, *address[2:], count))
+        return int(code.function(*address[:2], row, column, *address[2:], count))

@@ -21,7 +21,22 @@ from pinbound.machine.motion_source import put_part
 from pinbound.machine.nearest_steps import FURTHEST, NEAREST_STEPS
 from pinbound.tolerances import INFLATION
 
-__all__ = ["EDGES", "LANES", "PAIR", "QUESTION", "TABLES", "room_of", "separation_source"]
+__all__ = [
+    "ANGLES",
+    "EDGES",
+    "HEAD",
+    "LANES",
+    "MOVES",
+    "PAIR",
+    "QUESTION",
+    "ROOM",
+    "SLOPES",
+    "SWINGS",
+    "TABLES",
+    "VECTORS",
+    "room_of",
+    "separation_source",
+]
 
 LANES: Final = 8
 """Vertices side by side."""
@@ -62,7 +77,29 @@ def room_of(rotations: int, blocks: int, n: int) -> int:
     return 9 * (rotations + 1) + 12 * rotations + 3 * blocks + 50 + 9 * max(n, 1) + 40 + 2 * LANES
 
 
-_ANGLES: Final = """
+HEAD: Final = """
+n, pairs, most, most_blocks = np.int64(w[0]), np.int64(w[1]), np.int64(w[2]), np.int64(w[3])
+agree, rounds, known, nothing, flat, sharp = w[5], np.int64(w[6]), w[7], w[8], w[9], w[10]
+"""
+"""What the head of the tables says."""
+
+ROOM: Final = """
+axes = mats + 9 * (most + 1)
+mosts, totals, rates_phi, asides = axes + 3 * most, axes + 4 * most, axes + 5 * most, axes + 6 * most
+squares, slopes, swings, turned = axes + 7 * most, axes + 8 * most, axes + 9 * most, axes + 12 * most
+vectors = turned + 3 * most_blocks
+across, alongs, rates = vectors + 21, vectors + 42, vectors + 49
+signs, actives = rates + 7 * rate_count, rates + 8 * rate_count
+work = actives + rate_count + 1
+shares, tried, corners, found = work + 12, work + 16, work + 20, work + 28
+lanes = work + 40
+for j in range(9):
+    out[mats + j] = 0.0
+out[mats], out[mats + 4], out[mats + 8] = 1.0, 1.0, 1.0
+"""
+"""Places of room behind `mats`, as many numbers as `room_of` says; the first of the matrices turns nothing."""
+
+ANGLES: Final = """
 wide, total = 0.0, 0.0
 for i in range(k):
     c, phi, rate, fast, bend, aside, spread = turns + (n + 3) * i, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -109,7 +146,7 @@ for i in range(k):
 """
 """Of each rotation how far it turns to either side, how fast, and the bound of its second derivatives; M and U."""
 
-_VECTORS: Final = """
+VECTORS: Final = """
 place = turned
 for v in range(7):
     x, y, z, block = 0.0, 0.0, 0.0, np.int64(w[p + 2 + 2 * v])
@@ -144,7 +181,21 @@ if w[p + 25] == 1.0:
 """
 """The chain and the edge vectors in the middle, each block as it is turned; across a line what counts of them."""
 
-_SLOPES: Final = """
+SWINGS: Final = """
+if w[p + 25] == 1.0:
+    x, y, z, at = n0, n1, n2, p + 29
+    n0 = w[at] * x + w[at + 1] * y + w[at + 2] * z
+    n1 = w[at + 3] * x + w[at + 4] * y + w[at + 5] * z
+    n2 = w[at + 6] * x + w[at + 7] * y + w[at + 8] * z
+for i in range(k):
+    x, y, z = out[axes + 3 * i], out[axes + 3 * i + 1], out[axes + 3 * i + 2]
+    out[swings + 3 * i] = n1 * z - n2 * y
+    out[swings + 3 * i + 1] = n2 * x - n0 * z
+    out[swings + 3 * i + 2] = n0 * y - n1 * x
+"""
+"""n, across a line once more, and its cross products with all axes."""
+
+SLOPES: Final = """
 place = turned
 for v in range(7):
     x, y, z = out[vectors + 3 * v], out[vectors + 3 * v + 1], out[vectors + 3 * v + 2]
@@ -178,21 +229,21 @@ for v in range(7):
             at = slide + 1 + 3 * j
             px = bx * w[at] + by * w[at + 1] + bz * w[at + 2]
             if is_box:
-                out[rates + 7 * j] += px * Q[here + n + j]
+                out[rates + 7 * j] += px * Q[factors + j]
             else:
                 out[rates] += px * Q[here + 2 * n + j]
         slide += 1 + 4 * n
     if is_box:
         for i in range(k):
             for j in range(n):
-                out[rates + 7 * j + v] += w[turns + (n + 3) * i + j] * out[slopes + i] * Q[here + n + j]
+                out[rates + 7 * j + v] += w[turns + (n + 3) * i + j] * out[slopes + i] * Q[factors + j]
     else:
         for i in range(k):
             out[rates + v] += out[rates_phi + i] * out[slopes + i]
 """
-"""The products of n with the chain and the edge vectors, and their rates: along the piece, or half across the box."""
+"""n times the chain and the edge vectors, and their rates: along the piece, or each coordinate's times its factor."""
 
-_MOVES: Final = """
+MOVES: Final = """
 moved, off, slid = 0.0, 0.0, 0.0
 slide = np.int64(w[p + 17])
 for b in range(np.int64(w[p + 16])):
@@ -309,8 +360,7 @@ for j in range(rate_count):
 """Of a box: the least vertices, falling as the nearest places do, and by how much others may pass below these."""
 
 _ROWS: Final = """
-n, pairs, most, most_blocks = np.int64(w[0]), np.int64(w[1]), np.int64(w[2]), np.int64(w[3])
-agree, rounds, known, nothing, flat, sharp = w[5], np.int64(w[6]), w[7], w[8], w[9], w[10]
+@HEAD
 counting, is_box, slope_points, bend_points = 16, Q[0] > 0.0, np.int64(Q[1]), np.int64(Q[2])
 has_second, piece_size, errors, rate_count = Q[2] >= 0.0, np.int64(Q[3]), $QUESTION, np.int64(Q[5])
 bend_points = bend_points if bend_points > 0 else 0
@@ -319,22 +369,12 @@ part, curvature = 0.5, 0.125
 if is_box:
     part, curvature = 1.0, 0.5
 mats = 2 * count
-axes = mats + 9 * (most + 1)
-mosts, totals, rates_phi, asides = axes + 3 * most, axes + 4 * most, axes + 5 * most, axes + 6 * most
-squares, slopes, swings, turned = axes + 7 * most, axes + 8 * most, axes + 9 * most, axes + 12 * most
-vectors = turned + 3 * most_blocks
-across, alongs, rates = vectors + 21, vectors + 42, vectors + 49
-signs, actives = rates + 7 * rate_count, rates + 8 * rate_count
-work = actives + rate_count + 1
-shares, tried, corners, found = work + 12, work + 16, work + 20, work + 28
-lanes = work + 40
+@ROOM
 last_piece, last_turns = -1, -1
-for j in range(9):
-    out[mats + j] = 0.0
-out[mats], out[mats + 4], out[mats + 8] = 1.0, 1.0, 1.0
 for row_ in range(count):
     pair, piece = index[2 * row_], index[2 * row_ + 1]
     p, here = pairs + $PAIR * pair, pieces + piece_size * piece
+    factors = here + n
     k, turns = np.int64(w[p]), np.int64(w[p + 1])
     if piece != last_piece or turns != last_turns:
         @ANGLES
@@ -344,16 +384,7 @@ for row_ in range(count):
     if not (length > 0.0 or is_height):
         out[2 * row_], out[2 * row_ + 1] = 0.0, -math.inf
         continue
-    if w[p + 25] == 1.0:
-        x, y, z, at = n0, n1, n2, p + 29
-        n0 = w[at] * x + w[at + 1] * y + w[at + 2] * z
-        n1 = w[at + 3] * x + w[at + 4] * y + w[at + 5] * z
-        n2 = w[at + 6] * x + w[at + 7] * y + w[at + 8] * z
-    for i in range(k):
-        x, y, z = out[axes + 3 * i], out[axes + 3 * i + 1], out[axes + 3 * i + 2]
-        out[swings + 3 * i] = n1 * z - n2 * y
-        out[swings + 3 * i + 1] = n2 * x - n0 * z
-        out[swings + 3 * i + 2] = n0 * y - n1 * x
+    @SWINGS
     @SLOPES
     @MOVES
     for j in range(rate_count):
@@ -375,11 +406,14 @@ return 0
 """The rows, one by one. The least of vertices that are not a number is infinite: such a bound proves nothing."""
 
 _PARTS: Final = (
-    ("ANGLES", _ANGLES),
-    ("VECTORS", _VECTORS),
+    ("HEAD", HEAD),
+    ("ROOM", ROOM),
+    ("ANGLES", ANGLES),
+    ("VECTORS", VECTORS),
     *NEAREST_STEPS,
-    ("SLOPES", _SLOPES),
-    ("MOVES", _MOVES),
+    ("SWINGS", SWINGS),
+    ("SLOPES", SLOPES),
+    ("MOVES", MOVES),
     ("SLOPED", _SLOPED),
     ("TURNED", _TURNED),
     ("LEAST", _LEAST),

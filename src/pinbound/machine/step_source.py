@@ -1,0 +1,133 @@
+"""The text of step-safe rows, for LLVM: one for all robots, which reads the tables of `bounds/separation_tables.py`.
+
+At one q, for each pair that is asked for, the nearest places are searched for as in `separation_source`. Along their
+direction n the chain and the edge vectors of both bodies have values and rates, so that each pair of vertices is linear
+in the step, but for the bound of its bend. Few pairs of vertices have a row each. Of more the least one has a row, and
+what the others may take back over the box is its loss. `docs/steps.md` derives it.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Final
+
+from pinbound.machine.compiled import KernelSource
+from pinbound.machine.motion_source import put_part
+from pinbound.machine.nearest_steps import FURTHEST, NEAREST_STEPS
+from pinbound.machine.separation_source import ANGLES, HEAD, LANES, MOVES, PAIR, ROOM, SLOPES, SWINGS, VECTORS
+from pinbound.tolerances import INFLATION
+
+__all__ = ["FEW", "ROW", "step_source"]
+
+FEW: Final = 8
+"""Pairs of vertices that have a row each."""
+
+ROW: Final = 4
+"""Of a row, before its rates: its pair, its value, its loss and its bend over the box [m]."""
+
+
+@cache
+def step_source() -> KernelSource:
+    """Return the source; it has the prototype of all kernels, its tables in place of scratch.
+
+    A question is q, the half-widths of the box, n ones, and the rounding bounds of all pairs. The rows stand at the
+    beginning of the answer; returned is how many there are.
+    """
+    text = _STEPS
+    for name, part in _PARTS:
+        text = put_part(text, name, part)
+    for name, value in (("INFLATION", INFLATION), ("PAIR", PAIR), ("FEW", FEW), ("ROW", ROW)):
+        text = text.replace(f"${name}", repr(value))
+    return KernelSource(text, 0, LANES)
+
+
+_WRITE: Final = """
+at, many = np.int64(w[p + 19]), np.int64(w[p + 20])
+a0, a1, a2 = w[at + vertex_a], w[at + many + vertex_a], w[at + 2 * many + vertex_a]
+at, many = np.int64(w[p + 22]), np.int64(w[p + 23])
+b0, b1, b2 = w[at + vertex_b], w[at + many + vertex_b], w[at + 2 * many + vertex_b]
+for j in range(n + 1):
+    r, to = rates + 7 * (j - 1), row + $ROW + j - 1
+    if j == 0:
+        r, to = alongs, row + 1
+    value = out[r] + (a0 * out[r + 1] + a1 * out[r + 2] + a2 * out[r + 3])
+    out[to] = value + (b0 * out[r + 4] + b1 * out[r + 5] + b2 * out[r + 6])
+out[row], out[row + 1] = pair, out[row + 1] - off
+out[row + 2], out[row + 3] = loss * $INFLATION, second * $INFLATION
+row += $ROW + n
+"""
+"""The row of a pair of vertices."""
+
+_LOSS: Final = """
+for side in range(2):
+    at, many = np.int64(w[p + 19 + 3 * side]), np.int64(w[p + 20 + 3 * side])
+    last, first = np.int64(w[p + 21 + 3 * side]), 1 + 3 * side
+    ax, ay, az = out[alongs + first], out[alongs + first + 1], out[alongs + first + 2]
+    @FURTHEST
+    vertex_a, vertex_b = c if side == 0 else vertex_a, c
+    bx, by, bz = w[at + c], w[at + many + c], w[at + 2 * many + c]
+    most8 = every(0.0)
+    for i in range(many // 8):
+        x8, y8, z8 = wide(w, at + 8 * i), wide(w, at + many + 8 * i), wide(w, at + 2 * many + 8 * i)
+        dx8, dy8, dz8 = x8 - bx, y8 - by, z8 - bz
+        loss8 = low - (ax * x8 + ay * y8 + az * z8)
+        for j in range(n):
+            r = rates + 7 * j + first
+            fall8 = out[r] * dx8 + out[r + 1] * dy8 + out[r + 2] * dz8
+            loss8 = loss8 + Q[half + j] * pick(fall8 < 0.0, -fall8, fall8)
+        most8 = pick(loss8 > most8, loss8, most8)
+    out[lanes] = most8
+    low = 0.0
+    for i in range(8):
+        low = out[lanes + i] if out[lanes + i] > low else low
+    loss += low
+"""
+"""Both bodies' least vertices along n, and by how much the others may pass below them over the box."""
+
+_STEPS: Final = """
+@HEAD
+counting, is_box, slope_points, bend_points, rate_count = 16, True, 0, 0, n
+here, half, factors, errors, part, curvature = 0, n, 2 * n, 3 * n, 1.0, 0.5
+mats, row, last_turns = $FEW * ($ROW + n) * count, 0, -1
+@ROOM
+for number in range(count):
+    pair = index[number]
+    p = pairs + $PAIR * pair
+    k, turns = np.int64(w[p]), np.int64(w[p + 1])
+    if turns != last_turns:
+        @ANGLES
+        last_turns = turns
+    @VECTORS
+    @NEAREST
+    if not (length > 0.0 or is_height):
+        n0, n1, n2 = 0.0, 0.0, 0.0
+    @SWINGS
+    @SLOPES
+    @MOVES
+    off, loss, vertex_a, vertex_b = Q[errors + pair] * (1.0 + wide), 0.0, 0, 0
+    count_a, count_b = np.int64(w[p + 21]) + 1, np.int64(w[p + 24]) + 1
+    if count_a * count_b > $FEW:
+        @LOSS
+        @WRITE
+    else:
+        for both in range(count_a * count_b):
+            vertex_a = both // count_b
+            vertex_b = both - count_b * vertex_a
+            @WRITE
+return row // ($ROW + n)
+"""
+"""The rows, pair by pair. Bodies that overlap have no direction: n is zero, and with it all but the rounding bound."""
+
+_PARTS: Final = (
+    ("HEAD", HEAD),
+    ("ROOM", ROOM),
+    ("ANGLES", ANGLES),
+    ("VECTORS", VECTORS),
+    *NEAREST_STEPS,
+    ("SWINGS", SWINGS),
+    ("SLOPES", SLOPES),
+    ("MOVES", MOVES),
+    ("LOSS", _LOSS),
+    ("WRITE", _WRITE),
+    ("FURTHEST", FURTHEST),
+)
