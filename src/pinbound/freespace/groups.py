@@ -17,7 +17,7 @@ b_0. A ball on a wrist's axis stands for the bodies of a hand, whatever the last
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,12 +58,26 @@ class Groups:
     made_of: Indices
 
     @classmethod
-    def of(cls, boundaries: Sequence[Boundary], error: Array, grouped: Sequence[int]) -> Groups:
-        """Return the tree of boundaries; `grouped` are between two points, `error` (m,) bounds their rounding [m]."""
-        found = _Builder(boundaries, error)
+    def of(
+        cls,
+        boundaries: Sequence[Boundary],
+        error: Array,
+        grouped: Sequence[int],
+        chains: Mapping[int, Chain] | None = None,
+    ) -> Groups:
+        """Return the tree of boundaries.
+
+        Args:
+            boundaries: All of them.
+            error: (m,) bounds of their rounding [m].
+            grouped: Which are between two points, and do not slide.
+            chains: Of these, chains with the same norms; None: those of their paths.
+        """
+        known = {pair: boundaries[pair].path.minimal for pair in grouped} if chains is None else chains
+        found = _Builder(boundaries, error, known)
         alike: dict[tuple[bytes, bytes], list[int]] = {}
         for pair in grouped:
-            chain = boundaries[pair].path.minimal
+            chain = known[pair]
             alike.setdefault((chain.axes.tobytes(), chain.coefficients.tobytes()), []).append(pair)
         single = sorted(set(range(len(boundaries))) - set(grouped))
         roots = [*single, *(found.node(np.array(members)) for members in alike.values())]
@@ -79,8 +93,8 @@ class Groups:
 
 
 class _Builder:
-    def __init__(self, boundaries: Sequence[Boundary], error: Array) -> None:
-        self.boundaries, self.error = boundaries, error
+    def __init__(self, boundaries: Sequence[Boundary], error: Array, known: Mapping[int, Chain]) -> None:
+        self.boundaries, self.error, self.known = boundaries, error, known
         count = len(boundaries)
         self.pair, self.extra = list(range(count)), [0.0] * count
         self.halves = [(-1, -1)] * count
@@ -93,7 +107,7 @@ class _Builder:
         if len(members) == 1:
             return self._shorter(int(members[0]), members, (int(members[0]), -1), 0.0)
         some = [self.boundaries[int(pair)] for pair in members]
-        blocks = np.array([one.path.minimal.offsets for one in some])
+        blocks = np.array([self.known[int(pair)].offsets for pair in members])
         places = blocks.reshape(len(blocks), -1)
         threshold = np.array([self.boundaries[int(pair)].rule.placed_distance for pair in members])
         apart = np.linalg.norm(blocks[:, None] - blocks[None], axis=3).sum(axis=2)
@@ -121,12 +135,12 @@ class _Builder:
     def _shorter(self, best: int, members: Indices, halves: tuple[int, int], room: float) -> int:
         """Return a node with fewer coordinates for the same pairs; the pair itself, or -1, if there is none."""
         none = best if halves[1] < 0 else -1
-        whole = self.boundaries[best].path.minimal
+        whole = self.known[best]
         if whole.rotations < _FEWEST or np.any(whole.slides):
             return none
         blocks, chain, found = whole.offsets.copy(), whole, none
         threshold = np.array([self.boundaries[int(pair)].rule.placed_distance for pair in members])
-        theirs = np.array([self.boundaries[int(pair)].path.minimal.offsets for pair in members])
+        theirs = np.array([self.known[int(pair)].offsets for pair in members])
         own = self.boundaries[best].rule.placed_distance
         ends = [(0, whole.axes[0]), (whole.rotations, whole.axes[-1])]
         ends.sort(key=lambda one: float(np.linalg.norm(_across(blocks[one[0]], one[1]))))

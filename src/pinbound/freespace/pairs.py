@@ -22,7 +22,7 @@ from pinbound.robot.robot import Robot
 from pinbound.tolerances import INFLATION
 from pinbound.typing import Array, Indices
 
-__all__ = ["Affine", "Pairs"]
+__all__ = ["Affine", "Pairs", "bound_points"]
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Pairs:
                 continue
             mine = which[rows] - self.first[index]
             if isinstance(family, ManyAngleBoundaries) and family.chains.slides is None:
-                part = _points(family, mine, centre[rows], half[rows])
+                part = bound_points(family, mine, centre[rows], half[rows])
             else:
                 seen = family.enclose_box(mine, centre[rows], half[rows])
                 value = seen.value - seen.error
@@ -129,7 +129,7 @@ class Pairs:
         return self.bound(which, Q, np.zeros_like(Q)).value
 
 
-def _points(family: ManyAngleBoundaries, which: Indices, centre: Array, half: Array) -> Affine:
+def bound_points(family: ManyAngleBoundaries, which: Indices, centre: Array, half: Array) -> Affine:
     """Return the bounds of pairs of points whose joints turn only: one walk out, one walk back."""
     chains, k = family.chains, family.chains.rotations
     count = len(which)

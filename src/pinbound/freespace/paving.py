@@ -21,6 +21,7 @@ from pinbound.certificates.search import Meter
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.freespace.faces import Face, guarded_choices, limit_faces, outer_box
+from pinbound.freespace.held import HeldPairs, Lists
 from pinbound.freespace.pairs import Pairs
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import INFLATION, LIMIT, UNIT_ROUNDOFF
@@ -40,7 +41,6 @@ __all__ = [
 ]
 
 _BUDGET = Budget(boxes=20_000_000, seconds=10.0)
-_ROWS = 16_384
 _FEWEST, MOST = 2, 4
 """How many coordinates can be paved."""
 _BESIDE = 2.0 * LIMIT
@@ -242,42 +242,50 @@ class Paving:
 
     def run(self, is_enough: Callable[[float, float], bool]) -> Reason | None:
         """Halve until free and undecided volume are enough; return what of the budget ended it, if it did."""
-        m = len(self.pairs) + len(self.rules)
+        held = HeldPairs(self.pairs, self.axes, self.at, self.low, self.high, self.beside)
+        items = np.setdiff1d(np.arange(len(self.pairs) + len(self.rules)), held.rows)
         boxes = np.stack([self.low, self.high])[None]
-        box, item = np.zeros(m, dtype=np.intp), np.arange(m)
+        lists, box, item = held.first_lists(1), np.zeros(len(items), dtype=np.intp), items
         free = 0.0
         while len(boxes):
-            undecided = float(np.sum(np.prod(boxes[:, 1] - boxes[:, 0], axis=1)))
-            reason = self.meter.spent()
-            if is_enough(free, undecided) or reason:
-                self.left.append(boxes)
-                return None if is_enough(free, undecided) else reason
-            open_rows, is_contact = np.ones(len(box), dtype=np.bool_), np.zeros(len(boxes), dtype=np.bool_)
-            least, which = np.full(len(boxes), np.inf), np.zeros(len(boxes), dtype=np.intp)
-            for start in range(0, len(box), _ROWS):
-                part = slice(start, start + _ROWS)
-                if start and self.meter.spent():
-                    break
-                lower, upper = self.bounds(item[part], boxes[box[part]])
-                open_rows[part] = lower <= 0.0
-                is_contact[box[part][upper < 0.0]] = True
-                order = np.argsort(-lower, kind="stable")
-                better = lower[order] < least[box[part][order]]
-                rows = order[better]
-                least[box[part][rows]] = lower[rows]
-                which[box[part][rows]] = item[part][rows]
-                self.meter.boxes += len(lower)
-            keep = open_rows & ~is_contact[box]
-            is_open = np.zeros(len(boxes), dtype=np.bool_)
-            is_open[box[keep]] = True
-            self.contact.append(boxes[is_contact])
-            self.free.append(boxes[~is_contact & ~is_open])
-            free += float(np.sum(np.prod(self.free[-1][:, 1] - self.free[-1][:, 0], axis=1)))
-            number = np.cumsum(is_open) - 1
-            boxes, box, item = self._halved(boxes[is_open], which[is_open]), number[box[keep]], item[keep]
-            count = len(boxes) // 2
-            box, item = np.concatenate([box, box + count]), np.concatenate([item, item])
+            volume = np.prod(boxes[:, 1] - boxes[:, 0], axis=1)
+            undecided, rounds = float(volume.sum()), list[_Round]()
+            for start in range(0, len(boxes), held.most_boxes):
+                reason = self.meter.spent()
+                if is_enough(free, undecided) or reason:
+                    self.left += [boxes[start:], *(one.boxes for one in rounds)]
+                    return None if is_enough(free, undecided) else reason
+                part = slice(start, start + held.most_boxes)
+                rows = slice(*np.searchsorted(box, [part.start, part.stop]))
+                one = self._round(held, boxes[part], lists.take(part), box[rows] - start, item[rows])
+                self.free.append(boxes[part][one.is_free])
+                self.contact.append(boxes[part][one.is_contact])
+                free += float(volume[part][one.is_free].sum())
+                undecided -= float(volume[part][one.is_free | one.is_contact].sum())
+                rounds.append(one)
+            boxes, lists, box, item = _joined(rounds)
         return None
+
+    def _round(self, held: HeldPairs, boxes: Array, lists: Lists, box: Indices, item: Indices) -> _Round:
+        """Bound what is listed of some boxes, `item` being what is bounded with all coordinates; halve those left."""
+        count = len(boxes)
+        found = held.decide(boxes, lists, self.meter.budget.seconds - self.meter.seconds)
+        lower, upper = self.bounds(item, boxes[box]) if len(item) else (np.empty(0), np.empty(0))
+        self.meter.boxes += found.bounded + len(item)
+        contact = found.contact.copy()
+        contact[box[upper < 0.0]] = True
+        keep = ~(lower > 0.0)
+        least, which = np.full(count, np.inf), np.zeros(count, dtype=np.intp)
+        order = np.argsort(-lower[keep], kind="stable")  # the least one last, and kept
+        least[box[keep][order]], which[box[keep][order]] = lower[keep][order], item[keep][order]
+        is_open = ~contact & ((found.lists.length > 0) | (least < np.inf))
+        across = found.across.copy()
+        others = np.flatnonzero(is_open & (least < found.least))
+        across[others] = self._across(boxes[others], which[others])
+        keep &= is_open[box]
+        number = np.cumsum(is_open) - 1
+        halves = halved(boxes[is_open], across[is_open])
+        return _Round(halves, found.lists.take(is_open), number[box[keep]], item[keep], ~contact & ~is_open, contact)
 
     def bounds(self, item: Indices, boxes: Array) -> tuple[Array, Array]:
         """Return lower bounds, above zero where proven kept, and upper ones, below zero where proven not to be."""
@@ -316,12 +324,49 @@ class Paving:
             lost &= middle - beyond > face.bound + tolerance + rounding
         return np.where(kept, 1.0, 0.0), np.where(lost, -1.0, np.inf)
 
-    def _halved(self, boxes: Array, which: Indices) -> Array:
-        """Halve each box across the coordinate that moves its worst pair most; of limits the widest one."""
+    def _across(self, boxes: Array, which: Indices) -> Indices:
+        """Return the coordinate to halve each box across: that moves its worst pair most; of limits the widest one."""
         wide = boxes[:, 1] - boxes[:, 0]
         weights = np.ones((len(boxes), len(self.axes)))
         is_pair = which < len(self.pairs)
         weights[is_pair] = self.pairs.weights[which[is_pair]][:, self.axes]
         reach = weights * wide
         reach[~np.any(reach > 0.0, axis=1)] = wide[~np.any(reach > 0.0, axis=1)]
-        return halved(boxes, np.argmax(reach, axis=1))
+        return np.argmax(reach, axis=1)
+
+
+@dataclass(frozen=True)
+class _Round:
+    """What a round made of some boxes.
+
+    Attributes:
+        boxes: (2 o, 2, k) the halves of the o boxes that are open, first halves first.
+        lists: Of these o boxes.
+        box: Of entries that are bounded with all coordinates, which of the o boxes.
+        item: What they are.
+        is_free: Which of the boxes that were asked about are free.
+        is_contact: Which are in contact, or beyond a limit.
+    """
+
+    boxes: Array
+    lists: Lists
+    box: Indices
+    item: Indices
+    is_free: Flags
+    is_contact: Flags
+
+
+def _joined(rounds: Sequence[_Round]) -> tuple[Array, Lists, Indices, Indices]:
+    """Return the halves of all rounds, their lists, and the entries with all coordinates, by box."""
+    nodes, first, length = list[Indices](), list[Indices](), list[Indices]()
+    box, item, listed, boxes = list[Indices](), list[Indices](), 0, 0
+    for one in rounds:
+        count = len(one.lists.first)
+        nodes.append(one.lists.nodes)
+        first += [one.lists.first + listed] * 2
+        length += [one.lists.length] * 2
+        box += [one.box + boxes, one.box + boxes + count]
+        item += [one.item] * 2
+        listed, boxes = listed + len(one.lists.nodes), boxes + 2 * count
+    lists = Lists(np.concatenate(nodes), np.concatenate(first), np.concatenate(length))
+    return np.concatenate([one.boxes for one in rounds]), lists, np.concatenate(box), np.concatenate(item)

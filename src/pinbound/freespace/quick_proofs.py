@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -9,12 +10,13 @@ import numpy as np
 
 from pinbound.bounds.code import Code
 from pinbound.certificates.constraints import ManyAngleBoundaries
+from pinbound.freespace.groups import Groups
 from pinbound.freespace.pairs import Pairs
 from pinbound.machine.compiled import has_numba
 from pinbound.machine.proof_source import PROOF_HEAD, proof_source
 from pinbound.typing import Array, Flags, Indices
 
-__all__ = ["ProofTables", "Stack"]
+__all__ = ["ProofTables", "Stack", "node_table"]
 
 _ROOM = 1 << 14
 """Boxes that the stack has room for; the last one first, so that a few for each halving suffice."""
@@ -45,27 +47,14 @@ class ProofTables:
         n = pairs.weights.shape[1]
         self.n, self.known = n, np.zeros(len(groups.pair), dtype=np.bool_)
         self.is_empty = not (isinstance(family, ManyAngleBoundaries) and family.chains.slides is None)
-        blocks, places = list[Array](), np.zeros((len(pairs.weights), 2))
-        nodes = np.column_stack([groups.pair, groups.extra, groups.halves]).astype(np.float64)
-        start = 4 + nodes.size + places.size
-        self.turns = 1
-        for number in (1, 3) if not self.is_empty else ():
-            if number >= len(pairs.families):
-                continue
-            one, first = cast(ManyAngleBoundaries, pairs.families[number]), int(pairs.first[number])
-            self.turns = max(self.turns, one.chains.rotations)
-            for row in range(len(one.threshold)):
-                block, k = _block(one, row, pairs.weights[first + row])
-                places[first + row] = start, k
-                start += len(block)
-                blocks.append(block)
+        some = {} if self.is_empty else {number: pairs.families[number] for number in (1, 3)[: len(pairs.families) - 2]}
+        parts = [(int(pairs.first[number]), cast(ManyAngleBoundaries, one)) for number, one in some.items()]
         first, last = int(pairs.first[1]), int(pairs.first[2])
         if not self.is_empty:
             self.known = np.array([all(first <= p < last for p in some) for some in groups.members])
         used = pairs.weights > 0.0
         self.uses = np.array([np.any(used[list(some)], axis=0) for some in groups.members]).reshape(-1, n)
-        head = np.array([n, 4, 4 + nodes.size, self.turns], dtype=np.float64)
-        self.table = np.concatenate([head, nodes.ravel(), places.ravel(), *blocks])
+        self.table, self.turns = node_table(groups, parts, pairs.weights)
 
     def has(self, nodes: Indices) -> Flags:
         """Return which nodes machine code can bound."""
@@ -108,6 +97,28 @@ class ProofTables:
         filled = int(out[1])
         rows = out[queue : queue + size * filled].reshape(filled, size).copy()
         return Stack(rows, boxes, bool(out[0] == 1.0))
+
+
+def node_table(groups: Groups, parts: Sequence[tuple[int, ManyAngleBoundaries]], weights: Array) -> tuple[Array, int]:
+    """Return the numbers that machine code reads of nodes and of pairs, and the most rotations of one.
+
+    Args:
+        groups: The nodes.
+        parts: Pairs of points whose joints turn only, and the number of the first of each part.
+        weights: (p, n) of all pairs, those of other parts too.
+    """
+    nodes = np.column_stack([groups.pair, groups.extra, groups.halves]).astype(np.float64)
+    n, blocks, places, turns = weights.shape[1], list[Array](), np.zeros((len(weights), 2)), 1
+    start = 4 + nodes.size + places.size
+    for first, family in parts:
+        turns = max(turns, family.chains.rotations)
+        for row in range(len(family.threshold)):
+            block, k = _block(family, row, weights[first + row])
+            places[first + row] = start, k
+            start += len(block)
+            blocks.append(block)
+    head = np.array([n, 4, 4 + nodes.size, turns], dtype=np.float64)
+    return np.concatenate([head, nodes.ravel(), places.ravel(), *blocks]), turns
 
 
 def _block(family: ManyAngleBoundaries, row: int, weights: Array) -> tuple[Array, int]:

@@ -14,7 +14,7 @@ from pinbound.machine.compiled import KernelSource
 from pinbound.machine.motion_source import put_part
 from pinbound.tolerances import INFLATION
 
-__all__ = ["PROOF_HEAD", "proof_source"]
+__all__ = ["BOUND", "COARSE", "PROOF_HEAD", "proof_source"]
 
 PROOF_HEAD: Final = 8
 """At the head of a question: budget, boxes that the stack has room for, that it holds, faces, unit of rounding, margin,
@@ -23,32 +23,33 @@ share of the distance, the smallest box."""
 _LANES: Final = 8
 _WEIGHINGS: Final = 4
 _NARROW: Final = 0.02
-_COARSE: Final = 0.25
+COARSE: Final = 0.25
+"""Of what a group's clearance can change over a box: a group that is off by more is left where it is not clear."""
 
 
 @cache
 def proof_source() -> KernelSource:
     """Return the source; it has the prototype of all kernels, its tables in place of scratch."""
-    text = put_part(put_part(_PROOF, "BOUND", _BOUND), "WEIGH", _WEIGH)
+    text = put_part(put_part(_PROOF, "BOUND", BOUND), "WEIGH", _WEIGH)
     for name, value in (
         ("INFLATION", INFLATION),
         ("HEAD", PROOF_HEAD),
         ("WEIGHINGS", _WEIGHINGS),
         ("NARROW", _NARROW),
-        ("COARSE", _COARSE),
+        ("COARSE", COARSE),
     ):
         text = text.replace(f"${name}", repr(value))
     return KernelSource(text, 0, _LANES)
 
 
-_BOUND = """
+BOUND: Final = """
 threshold, error = w[data], w[data + 1]
 coefficients = data + 2
 axes = coefficients + k * n
 offsets = axes + 3 * k
 arms = offsets + 3 * k + 3
 weights = arms + k
-total, second, moved, third, down = 0.0, 0.0, 0.0, 0.0, 0.0
+total, second, moved, third, down, bent_up = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 for i in range(k):
     phi, wide, c = 0.0, 0.0, coefficients + i * n
     for j in range(n):
@@ -94,6 +95,7 @@ for i in range(k):
         bend = (ax * px + ay * py + az * pz) * out[paces + i] * out[paces + a]
         sunk = 0.5 * (0.0 - bend if bend < 0.0 else 0.0)
         down += sunk if a == i else abs(bend)
+        bent_up += 0.5 * abs(bend) if a == i else abs(bend)
         along = (x * ax + y * ay + z * az) * (1.0 - cos)
         out[m] = ax * cos + along * x + sin * (y * az - z * ay)
         out[m + 1] = ay * cos + along * y + sin * (z * ax - x * az)
@@ -106,7 +108,8 @@ for i in range(k):
 linear = 0.0
 for j in range(n):
     linear += abs(out[slopes + j]) * out[half + j]
-third = third / 6.0 + error * total * total + down
+cubic = third / 6.0 + error * total * total
+third = cubic + down
 rest = (0.5 * second if 0.5 * second < third else third) * $INFLATION + error * total
 value = norm - threshold - error - extra
 sunk = moved * $INFLATION + error * total
