@@ -18,6 +18,7 @@ import pytest
 from typer.testing import CliRunner
 
 import pinbound as pb
+from loop_texts import ANCHOR, five_bar, four_bar, loops, mjcf
 from pinbound.batch import RandomSource, evaluation_of, open_source, run
 from pinbound.cli import app
 from pinbound.meshes import find_mesh, read_mesh
@@ -861,7 +862,92 @@ def answered(folder: Path) -> object:
         return job(folder, scheduler=made.scheduler_address)
 
 
-ENTRIES = list(entries())
+def beside(name: str, text: str, robot: str | None = None) -> Do:
+    """Return a load of a five-bar with a file beside it that says its loop."""
+
+    def done(folder: Path) -> object:
+        (folder / name).write_text(text)
+        return pb.load(five_bar('type="fixed"') if robot is None else robot, annotations=folder / name)
+
+    return done
+
+
+def alone(name: str, text: str) -> Do:
+    """Return a reading of a file of annotations without a robot."""
+
+    def done(folder: Path) -> object:
+        (folder / name).write_text(text)
+        return pb.Annotations.load(folder / name)
+
+    return done
+
+
+def loop_files() -> Iterator[Entry]:
+    """Yield what is wrong with a robot.yaml, an MJCF model or a weld, and what to do."""
+    good, here = loops("3d"), "robot.yaml"
+    right = beside(here, good)
+    yield Entry("Load both: pinbound.load('robot.urdf', annotations='robot.yaml')", alone(here, good), right)
+    for remedy, bad in {
+        "Give each pair of closed_loop its type, 3d or 6d": loops("3d', '3d"),
+        "Name two frames: [frame_a, frame_b]": good.replace("'loop_B', ", ""),
+        "Write 3d (a pin) or 6d (a weld)": loops("planar"),
+        "Give each joint its type": loops("3d", "joint_name: ['free_l']\n"),
+        "Write [...]": good.replace("['3d']", "3d"),
+        "Remove it from joint_name if the one axis of the URDF is right; else it cannot be loaded": loops(
+            "3d", "joint_name: ['free_l']\njoint_type: ['SPHERICAL']\n"
+        ),
+    }.items():
+        yield Entry(remedy, beside(here, bad), right)
+    twice = five_bar('type="fixed"').replace('name="loop_B_frame"', 'name="crank_l"')
+    named = beside(here, good.replace("loop_B", "crank_l"), twice)
+    yield Entry("Give one of them another name in the URDF", named, right)
+
+    here, good = "robot.xml", mjcf(ANCHOR)
+    right = beside(here, good)
+    yield Entry("Load both: pinbound.load('robot.urdf', annotations='robot.xml')", alone(here, good), right)
+    weld, away = ANCHOR + '<weld body1="rod_l" body2="rod_r"/>', "remove it from the file that you give here"
+    for remedy, bad in {
+        "Give an MJCF model, a sidecar or an SRDF": "<robot/>",
+        "Save the model as one file (MuJoCo: mj_saveLastXML)": good.replace("</mujoco>", "<include/></mujoco>"),
+        "Save the model as one file": good.replace("</worldbody>", "<replicate/></worldbody>"),
+        "Save it with a new MuJoCo": good.replace("<default>", '<compiler coordinate="global"/><default>', 1),
+        "Name two bodies": good.replace('body2="rod_r"', 'body2="rod_l"'),
+        "Give one of the two": good.replace("anchor", "anker"),
+        "Give the MJCF that was made from this URDF, or write the closure in a sidecar (pinbound.yaml)": good.replace(
+            "0.1 0.2", "0.1 0.3"
+        ),
+        "Read are <connect> and linear <joint>. {}": mjcf(weld),
+        f"Write this coupling in a sidecar, and {away}": mjcf(ANCHOR + '<joint joint1="motor_r"/>'),
+        "Write finite numbers": good.replace("0.1 0.2", "0.1 two"),
+        "Keep one": good.replace('"rod_r" pos', '"rod_r" zaxis="0 0 1" quat="1 0 0 0" pos'),
+        "Give a direction": good.replace('"rod_r" pos', '"rod_r" zaxis="0 0 0" pos'),
+        "Give two directions": good.replace('"rod_r" pos', '"rod_r" xyaxes="1 0 0 1 0 0" pos'),
+    }.items():
+        yield Entry(remedy, beside(here, bad), right)
+    hung = mjcf('<connect body1="rod_l" anchor="0.2 0.25 0"/>').replace('"base">', '"base"><freejoint/>')
+    yield Entry("Name two bodies of the robot", beside(here, hung), right)
+
+    weld = FOUR_BAR.replace("passive=", 'weld="true" passive=')
+    tilted = weld.replace('<origin xyz="2 0 0"/>', '<origin xyz="2 0 0" rpy="1 0 0"/>')
+    remedy = "Give the pin alone (of type 3d, or without weld), or couple the joints of the loop by <mimic>"
+    yield Entry(remedy, only(tilted), only(FOUR_BAR))
+    both = FOUR_BAR.replace("passive=", 'active="j2" passive=')
+    yield Entry("Name it once", only(both), only(FOUR_BAR))
+    mark = "closures: [{{name: c, link_a: {}, xyz_a: [{}, 0, 0], link_b: {}, xyz_b: [0, 0, 0], weld: true, {}}}]".format
+    every = "active: [motor_l, free_l, motor_r, free_r, loop_A]"
+    held = [
+        beside("c.yaml", mark("ball", 0, "loop_B", one), five_bar()) for one in (every, "active: [motor_l, motor_r]")
+    ]
+    yield Entry("Leave one out of active and passive", *held)
+    uneven = [beside("c.yaml", mark("fore", one, "bar", "active: [lean]"), four_bar()) for one in (0.2000001, 0.2)]
+    yield Entry("Give closure {} equal sides, or {} the pin alone (without weld)", *uneven)
+    spatial = FOUR_BAR.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 1 0"/>', 1)
+    coupled = LOOSE.replace('<limit lower="-3"', '<mimic joint="j1" multiplier="-1"/><limit lower="-3"', 1) + END
+    remedy = "Couple its joints by <mimic> if they are proportional; else a robot with this loop cannot be loaded"
+    yield Entry(remedy, only(spatial), only(coupled))
+
+
+ENTRIES = [*entries(), *loop_files()]
 
 
 @pytest.mark.parametrize("entry", ENTRIES, ids=[f"{i}: {one.remedy[:40]}" for i, one in enumerate(ENTRIES)])

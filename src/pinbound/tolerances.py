@@ -43,6 +43,7 @@ __all__ = [
     "LONGEST",
     "LONGEST_SINGLE",
     "MESH_CHORD",
+    "MJCF_FRAME",
     "NEAR_STOP",
     "NEVER_MEETS",
     "ON_CONTOUR",
@@ -107,6 +108,10 @@ loop of micrometres would be equal."""
 EXACT_LOOP: Final = 2e-12
 """Relative to the length of a loop. Sides that differ by less are equal: folding six joints' constants in float64 can
 make this difference (`FOLDING` * 7^2 * 2^-53 = 1.4e-12 at most, 1e-15 as a rule)."""
+
+MJCF_FRAME: Final = 1e-6
+"""Metres, and of the entries of a rotation. A body of an MJCF model and a link of the URDF whose places at zero differ
+by more are not taken for one frame: a pin in it would be off by more than the tolerance of a closure."""
 
 TOGGLE: Final = 1e-4
 """Radians, of the angle between the two arms that close a loop. So near a toggle no q is allowed: beyond it the passive

@@ -40,7 +40,7 @@ FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "line": (("name", "link", "xyz", "direction"), ("radius",)),
     "plane": (("name", "link", "xyz", "normal"), ()),
     "boundary": (("name", "a", "b"), ("min_distance", "stop")),
-    "closure": (("name", "link_a", "xyz_a", "link_b", "xyz_b"), ("passive", "tolerance")),
+    "closure": (("name", "link_a", "xyz_a", "link_b", "xyz_b"), ("passive", "tolerance", "active", "weld")),
     "follower": (("joint", "primary"), ("multiplier", "offset")),
     "limit": (("joint", "lower", "upper"), ()),
     "axis": (("name", "instead_of", "coefficients"), ()),
@@ -96,8 +96,9 @@ class BoundaryMark:
 class ClosureMark:
     """A pin: `xyz_a` [m] of `link_a` and `xyz_b` [m] of `link_b` are the same place.
 
-    In an open tree `passive` may name the joints that follow; by default those furthest from the root do. `tolerance`
-    [m] is what the sides of its loop may differ by in all; what they do is carried as an error of the links' places.
+    In an open tree `passive` may name the joints that follow; by default those furthest from the root do, of those that
+    `active` does not name. `tolerance` [m] is what the sides of its loop may differ by in all; what they do is carried
+    as an error of the links' places. With `weld` the frames of both links have the same orientation, too.
     """
 
     name: str
@@ -108,6 +109,8 @@ class ClosureMark:
     passive: tuple[str, ...] = ()
     tolerance: float = CLOSURE
     line: int | None = None
+    active: tuple[str, ...] = ()
+    weld: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,8 +200,8 @@ class LeftOutMark:
 class RawItem(Value):
     """One element or YAML entry before validation: its kind, its fields as written, its place.
 
-    Fields are text; `passive` given as a list is a tuple of names, which may hold spaces. Of a rule, `coefficients` are
-    pairs of a joint and a number (of an axis, too), and `where` are mappings of such fields.
+    Fields are text; `passive` or `active` given as a list is a tuple of names, which may hold spaces. Of a rule,
+    `coefficients` are pairs of a joint and a number (of an axis, too), and `where` are mappings of such fields.
     """
 
     kind: str

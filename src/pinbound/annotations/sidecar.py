@@ -11,7 +11,7 @@ import yaml
 from pinbound.annotations.records import RawItem
 from pinbound.exceptions import MachineError, Problems, blames_the_path, name_hint
 
-__all__ = ["read_sidecar", "sidecar_text"]
+__all__ = ["read_node", "read_sidecar", "sidecar_items", "sidecar_text"]
 
 _LISTS = {
     "points": "point",
@@ -35,27 +35,37 @@ _LISTS = {
 
 def read_sidecar(path: Path, problems: Problems) -> list[RawItem]:
     """Return the raw items of a YAML sidecar; anchors, duplicate keys and unknown keys are faults."""
+    node = read_node(path, problems)
+    return [] if node is None else sidecar_items(node, path.name, problems)
+
+
+def read_node(path: Path, problems: Problems) -> yaml.Node | None:
+    """Return the document of a YAML file, with its lines; None if it is empty, or a fault: aliases and tags are."""
     source = path.name
     try:
         text = path.read_text(encoding="utf-8")
         loader = _quickest(text)
         if _refuse_structure(text, loader, source, problems):
-            return []
+            return None
         node = yaml.compose(text, Loader=loader)
     except OSError as error:
         if not blames_the_path(error):
             raise MachineError(f"{path}: reading failed: {error.strerror}; try again once it can be read") from error
         problems.add(f"cannot be read ({error.strerror})", "Check the path and its permissions", source=str(path))
-        return []
+        return None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         reason = getattr(error, "problem", None) or str(error) or type(error).__name__
         line = mark.line + 1 if mark else None
         problems.add(f"is not YAML: {reason}", "Mend the YAML", line, source)
-        return []
-    if node is None:
-        return []
-    _refuse_tags(node, source, problems)
+        return None
+    if node is not None:
+        _refuse_tags(node, source, problems)
+    return node
+
+
+def sidecar_items(node: yaml.Node, source: str, problems: Problems) -> list[RawItem]:
+    """Return the raw items of a sidecar's document; duplicate keys and unknown keys are faults."""
     return _Sidecar(source, problems).items(node)
 
 
@@ -162,7 +172,7 @@ class _Sidecar:
 
     def _field(self, name: str, node: yaml.Node) -> Any:
         """Return a field as text, but a list of names as a tuple: names may hold spaces; of rules see `RawItem`."""
-        if name == "passive" and isinstance(node, yaml.SequenceNode):
+        if name in ("passive", "active") and isinstance(node, yaml.SequenceNode):
             return tuple(self._plain(entry) for entry in node.value)
         if name == "coefficients":
             return tuple((key, self._plain(value)) for key, value in self._mapping(node, name).items())
@@ -216,7 +226,7 @@ def _value(key: str, given: Any) -> Any:
     if key in ("ways", "vertices"):
         numbers = [float(word) for word in text.split()]
         return [numbers[start : start + 3] for start in range(0, len(numbers), 3)]
-    if key == "stop":
+    if key in ("stop", "weld"):
         return text == "true"
     return float(text) if key in _NUMBERS else text
 

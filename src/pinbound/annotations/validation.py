@@ -292,11 +292,7 @@ class _Validator:
 
     def _stop(self, name: str, ends: tuple[Mark, Mark], distance: float) -> bool:
         """Return whether a boundary is declared as a stop, which two points of zero threshold can be."""
-        said = str(self.item.fields.get("stop", "false"))
-        if said not in ("true", "false"):
-            self._fault(f"stop of boundary {name!r} is {said!r}", "Write true or false")
-            return False
-        if said == "false":
+        if not self._said("stop", f"boundary {name!r}"):
             return False
         bodies = [mark.name for mark in ends if not mark.shape.is_point]
         round_ones = [mark.name for mark in ends if mark.shape.is_point and mark.shape.radius > 0.0]
@@ -325,16 +321,27 @@ class _Validator:
             self._fault(f"closure {item.fields['name']!r} joins link {link_a!r} to itself", "Name two links")
             return None
         tolerance = self._length("tolerance", CLOSURE)
-        name, passive = str(item.fields["name"]), self._passive(item.fields.get("passive", ()))
-        return ClosureMark(name, link_a, xyz_a, link_b, xyz_b, passive, tolerance, item.line)
+        name, passive, active = str(item.fields["name"]), self._joints("passive"), self._joints("active")
+        for both in set(passive) & set(active):
+            self._fault(f"closure {name!r} names {both!r} as passive and as active", "Name it once")
+        weld = self._said("weld", f"closure {name!r}")
+        return ClosureMark(name, link_a, xyz_a, link_b, xyz_b, passive, tolerance, item.line, active, weld)
 
-    def _passive(self, given: str | tuple[str, ...]) -> tuple[str, ...]:
+    def _said(self, key: str, what: str) -> bool:
+        """Return a field that is true or false, false if it is left out."""
+        said = str(self.item.fields.get(key, "false"))
+        if said not in ("true", "false"):
+            self._fault(f"{key} of {what} is {said!r}", "Write true or false")
+        return said == "true"
+
+    def _joints(self, key: str) -> tuple[str, ...]:
         """Return the joints that a list names, or a text: there a name may hold spaces if only one reading is known."""
+        given: str | tuple[str, ...] = self.item.fields.get(key, ())
         if isinstance(given, str):
             words = given.split()
             readings = _readings(words, self.names["joint"] or ())
             if len(readings) > 1:
-                said = f"passive = {given!r} of closure {self._name(self.item)!r} can be read as "
+                said = f"{key} = {given!r} of closure {self._name(self.item)!r} can be read as "
                 said += " or ".join(repr(list(one)) for one in readings)
                 self._fault(said, "Name the joints in a list, in a YAML sidecar")
                 return ()

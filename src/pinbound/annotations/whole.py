@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
+from pinbound.annotations.files import read_annotation_file
 from pinbound.annotations.inline import inline_text
 from pinbound.annotations.marks import Mark, Point
 from pinbound.annotations.records import (
@@ -23,8 +24,7 @@ from pinbound.annotations.records import (
     Rule,
     kind_of,
 )
-from pinbound.annotations.sidecar import read_sidecar, sidecar_text
-from pinbound.annotations.srdf import read_srdf
+from pinbound.annotations.sidecar import sidecar_text
 from pinbound.annotations.validation import sound_fields
 from pinbound.exceptions import Problems
 from pinbound.tolerances import CONTACT
@@ -104,8 +104,7 @@ class Annotations(Value):
         """
         file = Path(path)
         problems = Problems(file.name)
-        items = read_srdf(file, problems).items if file.suffix == ".srdf" else read_sidecar(file, problems)
-        annotations = validate(items, problems)
+        annotations = validate(read_annotation_file(file, problems).items, problems)
         problems.raise_if_any()
         return annotations
 
@@ -150,7 +149,7 @@ def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
         required, optional = FIELDS[kind]
         values = {key: getattr(record, key) for key in (*required, *optional)}
         kept = {key: value for key, value in values.items() if key in required or not _says_nothing(value)}
-        said = {key: value if key == "passive" else _text(value) for key, value in kept.items()}
+        said = {key: value if key in ("passive", "active") else _text(value) for key, value in kept.items()}
         return RawItem(kind, said, source, record.line)
 
     items = [RawItem("settings", {"contact_tolerance": _text(annotations.contact_tolerance)}, source, None)]

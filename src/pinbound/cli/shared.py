@@ -49,7 +49,8 @@ _trusted = ContextVar("trust", default=TRUST[0])
 
 RobotName = Annotated[str, typer.Argument(help="A packaged robot's name, or a path to a .urdf or .xacro.")]
 Annotations = Annotated[
-    list[Path] | None, typer.Option(help="YAML sidecar (or SRDF) with annotations; may be given more than once.")
+    list[Path] | None,
+    typer.Option(help="YAML sidecar (or SRDF, robot.yaml, MJCF) with annotations; may be given more than once."),
 ]
 PackageDirs = Annotated[
     list[Path] | None, typer.Option("--package-dir", help="Folder of ROS packages, for package:// and $(find).")

@@ -18,9 +18,9 @@ from pinbound.loops.closures import Closure, close
 from pinbound.loops.linkages import Linkage
 from pinbound.loops.planar_loops import Refusal, parallelogram
 from pinbound.loops.solving import linkage, ordered, said
+from pinbound.loops.welds import substituted, welded
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
-from pinbound.tolerances import REDUCTION
 from pinbound.typing import Array
 from pinbound.values import Value
 
@@ -69,7 +69,7 @@ def couple_parallelogram(
     passive = passive_coordinates(closure, coupling, found.rows, depth)
     if isinstance(passive, Refusal):
         return passive
-    return _substitute(coupling, found.rows, found.constant, passive)
+    return substituted(coupling, found.rows, found.constant, passive)
 
 
 def passive_coordinates(closure: Closure, coupling: Coupling, rows: Array, depth: Sequence[int]) -> list[int] | Refusal:
@@ -79,7 +79,9 @@ def passive_coordinates(closure: Closure, coupling: Coupling, rows: Array, depth
         if name not in names:
             return Refusal(f"its passive joint {name!r} is no free joint", f"Free joints: {', '.join(names)}")
     given = [names.index(name) for name in closure.mark.passive]
-    used = [int(index) for index in np.flatnonzero(np.any(rows, axis=0))]
+    used = [
+        int(index) for index in np.flatnonzero(np.any(rows, axis=0)) if names[int(index)] not in closure.mark.active
+    ]
     order = given or sorted(used, key=lambda index: (-depth[index], -index))
     chosen: list[int] = []
     for index in order:
@@ -91,26 +93,6 @@ def passive_coordinates(closure: Closure, coupling: Coupling, rows: Array, depth
     return chosen
 
 
-def _substitute(coupling: Coupling, rows: Array, constant: Array, passive: list[int]) -> Coupling:
-    """Solve `rows q = constant` for the passive coordinates and put them into `theta = S q + o`."""
-    n = len(coupling.coordinates)
-    active = [index for index in range(n) if index not in passive]
-    inverse = np.linalg.inv(rows[:, passive])
-    insert = np.zeros((n, len(active)))
-    insert[active, range(len(active))] = 1.0
-    insert[passive] = _exact(-inverse @ rows[:, active])
-    offset = np.zeros(n)
-    offset[passive] = inverse @ constant
-    names = tuple(coupling.coordinates[index] for index in active)
-    return Coupling(names, coupling.joints, coupling.S @ insert, coupling.S @ offset + coupling.offset)
-
-
-def _exact(coefficients: Array) -> Array:
-    """Return coefficients with those that miss an integer by rounding alone set to it."""
-    whole = np.round(coefficients)
-    return np.where(np.abs(coefficients - whole) <= REDUCTION, whole, coefficients) + 0.0
-
-
 def settle(tree: Tree, coupling: Coupling, annotations: Annotations, problems: Problems) -> Settled:
     """Return the coupling in which every closure closes, the closures, and what was coupled.
 
@@ -120,8 +102,9 @@ def settle(tree: Tree, coupling: Coupling, annotations: Annotations, problems: P
     """
     notes: list[str] = []
     passive: dict[str, tuple[str, ...]] = {}
-    pending = list(annotations.closures)
-    refused: dict[str, Refusal] = {}
+    coupling, refused = _welded(tree, coupling, annotations, notes)
+    tilted = [mark for mark in annotations.closures if mark.name in refused]
+    pending = [mark for mark in annotations.closures if mark not in tilted]
     while pending:
         rest: list[ClosureMark] = []
         for mark in pending:
@@ -130,9 +113,8 @@ def settle(tree: Tree, coupling: Coupling, annotations: Annotations, problems: P
                 refused[mark.name] = found
                 rest.append(mark)
                 continue
-            lost = [name for name in coupling.coordinates if name not in found.coordinates]
-            notes += [f"closure {mark.name!r}: joint {name!r} follows {found.text(name)}" for name in lost]
-            passive[mark.name] = tuple(lost)
+            notes += _followers(mark, coupling, found)
+            passive[mark.name] = tuple(name for name in coupling.coordinates if name not in found.coordinates)
             coupling = found
         if len(rest) == len(pending):
             break
@@ -159,14 +141,27 @@ def settle(tree: Tree, coupling: Coupling, annotations: Annotations, problems: P
         passive[one.name] = tuple(coupling.coordinates[index] for index in one.passive)
         why = refused[one.name].reason.split(", and ", 1)[-1]
         notes.append(f"closure {one.name!r}: {said(one, coupling.coordinates)}; no parallelogram: {why}")
-    for mark in pending:
+    for mark in (pending := [*pending, *tilted]):
         message = f"closure {mark.name!r} does not close: {refused[mark.name].reason}"
         problems.add(message, refused[mark.name].remedy, mark.line, annotations.sources.get(f"closure {mark.name}"))
     left = [mark for mark in annotations.closures if mark not in pending and mark.name not in linked]
     closures = [close(tree, coupling, mark) for mark in left]
+    _refuse_carried_welds(closures, annotations, problems)
     return Settled(
         coupling, tuple(closures), passive, tuple(notes), tuple(order), tuple(linked[one.name][1] for one in order)
     )
+
+
+def _refuse_carried_welds(closures: Sequence[Closure], annotations: Annotations, problems: Problems) -> None:
+    """Refuse loops whose sides differ beside closures that hold an orientation: their errors are not carried there."""
+    welds = [mark.name for mark in annotations.closures if mark.weld]
+    for one in closures if welds else ():
+        if not one.is_exact:
+            message = f"closure {one.name!r} has sides that differ, and closure {welds[0]!r} holds an orientation"
+            remedy = f"Give closure {one.name!r} equal sides, or {welds[0]!r} the pin alone (without weld)"
+            message += ": how the error of the one turns the other is not bounded"
+            source = annotations.sources.get(f"closure {one.name}")
+            problems.add(message, remedy, one.mark.line, source)
 
 
 def _reference(tree: Tree, coupling: Coupling, annotations: Annotations) -> tuple[Array, list[int]]:
@@ -174,6 +169,31 @@ def _reference(tree: Tree, coupling: Coupling, annotations: Annotations) -> tupl
     reference = np.array([annotations.home.get(name, 0.0) for name in coupling.coordinates])
     depth = {joint.name: level for _, joint, level in tree.walk() if joint is not None}
     return reference, [depth[name] for name in coupling.coordinates]
+
+
+def _followers(mark: ClosureMark, before: Coupling, after: Coupling) -> list[str]:
+    """Say which joints a closure made follow."""
+    lost = [name for name in before.coordinates if name not in after.coordinates]
+    return [f"closure {mark.name!r}: joint {name!r} follows {after.text(name)}" for name in lost]
+
+
+def _welded(
+    tree: Tree, coupling: Coupling, annotations: Annotations, notes: list[str]
+) -> tuple[Coupling, dict[str, Refusal]]:
+    """Return the coupling in which the frames of welds have one orientation, and why of others there is none."""
+    refused: dict[str, Refusal] = {}
+    for mark in (one for one in annotations.closures if one.weld):
+        try:
+            moved = close(tree, coupling, mark).path.minimal.coordinates
+            found = welded(tree, coupling, mark, moved, *_reference(tree, coupling, annotations))
+        except UnsupportedError as error:
+            found = Refusal(str(error), "Close the loop over single joints")
+        if isinstance(found, Refusal):
+            refused[mark.name] = found
+            continue
+        notes += _followers(mark, coupling, found)
+        coupling = found
+    return coupling, refused
 
 
 def _settle_one(tree: Tree, coupling: Coupling, annotations: Annotations, mark: ClosureMark) -> Coupling | Refusal:

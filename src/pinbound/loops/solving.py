@@ -30,6 +30,7 @@ Complex = NDArray[np.complex128]
 
 _PASSIVES = 2
 _PINS = "Mend xyz_a or xyz_b of the pin (in the frame of its link), or the joints' origins"
+_SPATIAL = "Couple its joints by <mimic> if they are proportional; else a robot with this loop cannot be loaded"
 _REMEDY = 'Name two other joints of the loop, passive="...", or couple its joints by <mimic>'
 
 
@@ -70,7 +71,7 @@ def linkage(
     chain = closure.path.minimal
     moving = [names[index] for index in chain.coordinates]
     if not chain.rotations or not chain.is_planar:
-        return Refusal(f"it is a spatial loop ({', '.join(moving)}), of which no closed form is known", _REMEDY)
+        return Refusal(f"it is a spatial loop ({', '.join(moving)}), of which no closed form is known", _SPATIAL)
     axis = chain.axes[0]
     if apart_along(chain) > closure.tolerance or np.any(np.abs(axis @ chain.slides) > REDUCTION):
         return Refusal("its pins do not stay in one plane across the axis of its joints", _PINS)
@@ -83,7 +84,7 @@ def linkage(
     if given and len(given) != _PASSIVES:
         return Refusal(f"it names {len(given)} passive joints; a pin in the plane settles two", _REMEDY)
     order = given or sorted(chain.coordinates, key=lambda index: (-depth[index], -index))
-    order = [index for index in order if index not in taken]
+    order = [index for index in order if index not in taken and names[index] not in closure.mark.active]
     first: Refusal | None = None
     for pair in combinations(order, _PASSIVES):
         found = _solved(closure, terms, pair, names, guess)

@@ -61,9 +61,10 @@ def load(
     Args:
         robot: Name of a packaged robot (e.g. ``"minervabot_v3"``), of a preset (``"palletizers/fanuc_m410ib_700"``;
             `pinbound robots` lists them), a path to a `.urdf` or `.xacro`, or the text of a URDF (it begins with `<`).
-        annotations: Path of a YAML sidecar or of an .srdf with spheres, or `Annotations`, or several of these in a
-            sequence; they add to what is inline, and to each other. By default `NAME.pinbound.yaml` beside the file,
-            where it exists.
+        annotations: Path of a YAML sidecar or of an .srdf with spheres, or of a file that says which loops the robot
+            has (`robot.yaml` of Gepetto's toolbox, an MJCF .xml), or `Annotations`, or several of these in a sequence;
+            they add to what is inline, and to each other. By default `NAME.pinbound.yaml` beside the file, where it
+            exists.
         package_dirs: Folders that hold ROS packages, or are packages: for `package://` of meshes, and for
             `$(find name)` of xacro, which also looks in `ROS_PACKAGE_PATH`, `AMENT_PREFIX_PATH` and beside the file.
         xacro_args: Arguments of a xacro file, declared in it or in what it includes.
@@ -179,7 +180,7 @@ def _made(
     else:
         from pinbound.robot.loop_loading import home_of_loops
 
-        home, notes = home_of_loops(lift, marks, limits, guarded, problems)
+        home, notes = home_of_loops(tree, coupling, lift, marks, limits, guarded, problems)
     slides = [joint.name for joint in tree.moving_joints if joint.type == "prismatic"]
     change = new_coordinates(marks.axes, coupling, problems, slides, marks.sources)
     if change is not None:
@@ -255,17 +256,13 @@ def _given_items(
 def _read_annotations(
     given: AnnotationSource, document: Document, problems: Problems
 ) -> tuple[Sequence[RawItem], Sequence[str]]:
-    from pinbound.annotations.sidecar import read_sidecar
-    from pinbound.annotations.srdf import read_srdf
+    from pinbound.annotations.files import read_annotation_file
 
     if isinstance(given, Annotations):
         items = raw_items(given, "annotations")
         return items if given.contact_tolerance != CONTACT else items[1:], ()  # the default is no wish
-    path = Path(given)
-    if path.suffix.lower() == ".srdf":
-        srdf = read_srdf(path, problems, document.root)
-        return srdf.items, srdf.notes
-    return read_sidecar(path, problems), ()
+    found = read_annotation_file(Path(given), problems, document)
+    return found.items, found.notes
 
 
 def _check_lengths(kinematics: Kinematics, marks: Annotations, problems: Problems) -> None:

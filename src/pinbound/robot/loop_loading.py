@@ -13,7 +13,7 @@ from pinbound.loops.closures import close
 from pinbound.loops.lift import Lift
 from pinbound.loops.loop_coupling import lifted, toggle_limits
 from pinbound.loops.parallelograms import Settled
-from pinbound.model.coupling import GuardedLimit, LinearLimit
+from pinbound.model.coupling import Coupling, GuardedLimit, LinearLimit
 from pinbound.model.tree import Tree
 from pinbound.tolerances import HOME
 from pinbound.typing import Array
@@ -50,6 +50,8 @@ def _marked_home(lift: Lift, marks: Annotations) -> Array:
 
 
 def home_of_loops(
+    tree: Tree,
+    coupling: Coupling,
     lift: Lift,
     marks: Annotations,
     limits: Sequence[LinearLimit],
@@ -60,9 +62,19 @@ def home_of_loops(
     home = lift(_marked_home(lift, marks))
     joints = dict(zip(lift.names, home.tolist(), strict=True))
     line, source = marks.home_line, marks.sources.get("home")
-    for name in marks.home:
-        if name not in joints:
-            problems.add(f"home names {name!r}, which is no free joint", name_hint(name, lift.names), line, source)
+    own = {joint.name for joint in tree.moving_joints if joint.mimic is None}
+    for name, value in marks.home.items():
+        if name in joints:
+            continue
+        if name not in own:
+            hint = name_hint(name, [one for one in lift.names if one in own])
+            problems.add(f"home names {name!r}, which is no free joint", hint, line, source)
+            continue
+        coefficients, offset = coupling.row(name)
+        expected = float(coefficients @ home) + offset
+        if abs(value - expected) > HOME:
+            message = f"home has {name!r} at {value:.9g}, but the closed loops put it at {expected:.9g}"
+            problems.add(message, f"Give {name!r} the value {expected:.9g}", line, source)
     for limit in limits:
         if not limit.holds(home[None])[0]:
             value, ends = float(limit.values(home[None])[0]), f"[{limit.lower:.6g}, {limit.upper:.6g}]"
