@@ -1,9 +1,9 @@
 """A table of coupled limits for a controller without pinbound: `python examples/05_limit_table.py`.
 
 Prints:
-    81 entries, q2 from -10 to 70 deg
+    89 entries of 0.903 deg, q2 from -9.524 to 69.981 deg
     at q2 = 20 deg, q3 may go from -8.462041 to 52.429119 deg
-    1 deg: at most 0.247 deg are lost; 0.25 deg: 0.042
+    at most 0.000 deg are lost; with entries at whole degrees 0.247 deg
 """
 
 import numpy as np
@@ -13,9 +13,11 @@ import pinbound as pb
 robot = pb.load("minervabot_v3")
 table = pb.limit_table(robot, target="q2", dependent="q3")
 angles, lower, upper = table.in_degrees()
-print(f"{len(angles)} entries, q2 from {angles[0]:g} to {angles[-1]:g} deg")
-row = int(np.flatnonzero(angles == 20.0)[0])
-print(f"at q2 = 20 deg, q3 may go from {lower[row]} to {upper[row]} deg")
-fine = pb.limit_table(robot, "q2", "q3", spacing=0.25)
-print(f"1 deg: at most {np.degrees(table.loss):.3f} deg are lost; 0.25 deg: {np.degrees(fine.loss):.3f}")
-text = table.text("skrobot")  # or jskeus, hrpsys, csv, json: write it to a file
+spacing = np.diff(angles).mean()
+print(f"{len(angles)} entries of {spacing:.3f} deg, q2 from {angles[0]:.3f} to {angles[-1]:.3f} deg")
+low, high = (np.interp(20.0, angles, ends) for ends in (lower, upper))  # as a reader interpolates
+print(f"at q2 = 20 deg, q3 may go from {low:.6f} to {high:.6f} deg")
+whole = pb.limit_table(robot, "q2", "q3", grid="multiples")  # as jskeus and hrpsys hold
+lost, more = np.degrees([table.loss, whole.loss])
+print(f"at most {lost:.3f} deg are lost; with entries at whole degrees {more:.3f} deg")
+text = table.text("skrobot")  # or csv, json; of whole.text jskeus, hrpsys: write it to a file

@@ -61,10 +61,36 @@ def test_all_that_a_reader_accepts_is_free(form: str, minerva: pb.Robot) -> None
 @pytest.mark.parametrize("form", ["skrobot", "csv"])
 @pytest.mark.parametrize("spacing", [1 / 3, 0.7])
 def test_angles_are_printed_where_the_entries_are(form: str, spacing: float, minerva: pb.Robot) -> None:
-    table = pb.limit_table(minerva, "q2", "q3", spacing=spacing)
-    angles, lower, upper = READERS[form](table.text(form))
-    assert np.abs(np.radians(angles) - table.angles).max() < 1e-13
-    accepted_is_free(minerva, angles, lower, upper)
+    for grid in ("multiples", "fitted"):
+        table = pb.limit_table(minerva, "q2", "q3", spacing=spacing, grid=grid)
+        angles, lower, upper = READERS[form](table.text(form))
+        assert np.abs(np.radians(angles) - table.angles).max() < 1e-13
+        accepted_is_free(minerva, angles, lower, upper)
+
+
+def test_the_call_without_options_loses_nothing_and_readers_of_equal_spacing_take_it(minerva: pb.Robot) -> None:
+    table = pb.limit_table(minerva, "q2", "q3")
+    assert np.degrees(table.loss) < 1e-6
+    for form in ("skrobot", "csv", "json"):
+        accepted_is_free(minerva, *READERS[form](table.text(form)))
+    for form in ("jskeus", "hrpsys"):  # which hold whole degrees: what they take is said, and taken
+        whole = pb.limit_table(minerva, "q2", "q3", whole=form == "jskeus", grid="multiples", spacing=1)
+        accepted_is_free(minerva, *READERS[form](whole.text(form)))
+        with pytest.raises(pb.UnsupportedError, match="whole=True" if form == "jskeus" else "grid='multiples'"):
+            table.text(form)
+    accepted_is_free(minerva, *READERS["jskeus"](pb.limit_table(minerva, "q2", "q3", whole=True).text("jskeus")))
+    with pytest.raises(pb.UnsupportedError, match="grid='multiples' and spacing=1"):
+        pb.limit_table(minerva, "q2", "q3", whole=True, spacing=0.5).text("jskeus")
+
+
+def test_one_entry_is_a_table_of_equal_spacing() -> None:
+    joints = [
+        joint("q2", "revolute", "base", "l1", xyz="0 0 1", limit="-0.001 0.001"),
+        joint("q3", "revolute", "l1", "l2", xyz="0 0 1", limit="-2 2"),
+    ]
+    table = pb.limit_table(pb.load(robot_xml(joints, {}, [])), "q2", "q3", grid="multiples")
+    assert len(table.angles) == 1
+    assert from_skrobot(table.text("skrobot"))[0].tolist() == [0.0]
 
 
 def accepted_is_free(minerva: pb.Robot, angles: Any, lower: Any, upper: Any) -> None:
@@ -79,7 +105,8 @@ def accepted_is_free(minerva: pb.Robot, angles: Any, lower: Any, upper: Any) -> 
 
 
 def test_what_is_lost_is_what_is_said(minerva: pb.Robot) -> None:
-    for options, most in (({}, 0.25), ({"whole": True}, 1.5), ({"spacing": 0.25}, 0.07)):
+    whole: dict[str, Any] = {"grid": "multiples"}
+    for options, most in ((whole, 0.25), ({"whole": True}, 1.5), (whole | {"spacing": 0.25}, 0.07)):
         table = pb.limit_table(minerva, "q2", "q3", **options)
         q2 = np.linspace(table.angles[0], table.angles[-1], 8001)
         lower, upper = (np.interp(q2, table.angles, ends) for ends in (table.lower, table.upper))
@@ -112,7 +139,7 @@ def test_corners_fall_on_entries_where_a_format_allows_it(minerva: pb.Robot) -> 
     with pytest.raises(pb.UnknownNameError, match="grid"):
         pb.limit_table(minerva, "q2", "q3", grid="corner")
     # Any sound table at whole degrees: its entries are within the limits, so that it is below the chord at a corner.
-    whole = pb.limit_table(minerva, "q2", "q3")
+    whole = pb.limit_table(minerva, "q2", "q3", grid="multiples")
     lost = []
     for corner in np.radians(corners):
         at = [np.radians(np.floor(np.degrees(corner))), corner, np.radians(np.ceil(np.degrees(corner)))]
@@ -144,7 +171,7 @@ def test_no_entry_is_where_the_target_alone_is_in_contact(spacing: float) -> Non
             Q = np.stack((angles, 0.5 * (table.lower + table.upper)), axis=1)
             assert np.all(robot.boundaries.free(Q))
         assert np.degrees(table.angles[0]) == pytest.approx(-60.0, abs=1e-6 if grid == "corners" else spacing + 1e-9)
-    whole = pb.limit_table(robot, "a", "b", spacing=15.0)
+    whole = pb.limit_table(robot, "a", "b", spacing=15.0, grid="multiples")
     assert np.degrees(whole.angles).round(9).tolist() == [-45.0, -30.0, -15.0, 0.0, 15.0, 30.0, 45.0]
 
 
@@ -166,7 +193,7 @@ def test_a_table_without_corners_and_one_with_corners_side_by_side() -> None:
 
 
 def test_targets_beyond_the_entries_are_said(minerva: pb.Robot) -> None:
-    table = pb.limit_table(minerva, "q2", "q3")
+    table = pb.limit_table(minerva, "q2", "q3", grid="multiples")
     region = pb.feasible_region(minerva, ("q2", "q3"))
     assert np.allclose(table.target_range, (region.vertices[:, 0].min(), region.vertices[:, 0].max()), atol=1e-9)
     assert "keep 'q2' within -10 deg .. 70 deg" in table.notes[0]

@@ -1354,7 +1354,10 @@ def others() -> Iterator[Entry]:
     target = lambda text: lambda _: pb.limit_table(made(text), "q1", "q2", boundaries=[])
     yield one(limited, target(robot_xml(TURNS, {}, [])), target(robot_xml(PLANAR, {}, [])))
     written = lambda form, **more: lambda _: pb.limit_table(minerva(), "q2", "q3", **more).text(form)
-    yield one("make the table with spacing=1", written("hrpsys", spacing=0.5), written("hrpsys", spacing=1))
+    multiples = "make the table with grid='multiples' and spacing=1 (--grid multiples --spacing 1)"
+    yield one(multiples, written("hrpsys"), written("hrpsys", grid="multiples", spacing=1))
+    words = "export minervabot_v3 table --format hrpsys --target q2 --dependent q3 --out HERE/t --spacing 0.5"
+    yield one(multiples, command(words), command(words.replace("0.5", "1") + " --grid multiples"))
     fitted = "make the table with grid='fitted' (--grid fitted)"
     yield one(fitted, written("skrobot", grid="corners"), written("skrobot", grid="fitted"))
     words = "export minervabot_v3 table --format skrobot --target q2 --dependent q3 --out HERE/t --grid "

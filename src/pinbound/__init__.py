@@ -89,10 +89,11 @@ if TYPE_CHECKING:
         workspace_section,
     )
     from pinbound.robot.from_pinocchio import from_pinocchio
-    from pinbound.robot.limit_tables import LimitTable, limit_table
+    from pinbound.robot.limit_tables import limit_table
     from pinbound.robot.loading import load
     from pinbound.robot.moving import MovingMarks
     from pinbound.robot.robot import Robot
+    from pinbound.robot.table_formats import LimitTable
 
 __version__ = "0.1.0"
 
@@ -226,7 +227,7 @@ _LATER = {
     "load": "pinbound.robot.loading",
     "Robot": "pinbound.robot.robot",
     "CrossCheck": "pinbound.crosscheck",
-    "LimitTable": "pinbound.robot.limit_tables",
+    "LimitTable": "pinbound.robot.table_formats",
     "from_pinocchio": "pinbound.robot.from_pinocchio",
     "limit_table": "pinbound.robot.limit_tables",
     "MovingMarks": "pinbound.robot.moving",

@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.robot.robot import Robot, refuse_conditions
-from pinbound.robot.table_formats import FORMATS, Table, degrees_of
+from pinbound.robot.table_formats import LimitTable
 from pinbound.tolerances import LIMIT, TABLE
 from pinbound.typing import Array
 
-__all__ = ["ENTRIES", "LimitTable", "limit_table"]
+__all__ = ["ENTRIES", "limit_table"]
 
 _BESIDE = 1e-3  # rad, to either side of a corner
 _FINER = 6  # spacings that are tried for two corners, one entry more between them each
@@ -30,46 +29,13 @@ ENTRIES = ("multiples", "fitted", "corners")
 """Where entries may be; `limit_table` says what each is."""
 
 
-@dataclass(frozen=True, eq=False)
-class LimitTable(Table):
-    """Limits of the dependent joint at some angles of the target joint, straight between them.
-
-    Attributes:
-        robot: The robot's name.
-        target: The joint that the limits depend on.
-        dependent: The joint that is limited.
-        angles: (k,) of the target [rad].
-        lower: (k,) of the dependent [rad].
-        upper: (k,) [rad].
-        loss: [rad], the most that the table takes from the dependent joint's true range, at any angle of the target
-            within `angles`.
-        target_range: [rad], the true range of the target: nothing is allowed beyond it.
-        notes: What a user of the table must know.
-    """
-
-    def text(self, form: str) -> str:
-        """Return the table as a reader takes it: a key of `FORMATS`.
-
-        Raises:
-            UnknownNameError: If there is no such format.
-            UnsupportedError: If the format takes whole degrees only, and the table has others.
-        """
-        if form not in FORMATS:
-            raise UnknownNameError("format", form, FORMATS)
-        return FORMATS[form](self)
-
-    def in_degrees(self) -> tuple[Array, Array, Array]:
-        """Return angles, lower and upper in degrees, as printed: limits are rounded inwards."""
-        return degrees_of(self)
-
-
 def limit_table(
     robot: Robot,
     target: str,
     dependent: str,
     *,
     spacing: float = 1.0,
-    grid: str = "multiples",
+    grid: str | None = None,
     whole: bool = False,
     boundaries: Sequence[str] | str | None = None,
 ) -> LimitTable:
@@ -83,10 +49,11 @@ def limit_table(
         target: An active revolute joint: the one that the limits depend on.
         dependent: Another: the one that is limited.
         spacing: Of the entries [deg], at most.
-        grid: Where the entries are. ``"multiples"``: at whole multiples of the spacing, as jskeus and hrpsys take them.
-            ``"fitted"``: equally spaced, by at most `spacing`, and laid so that the limits' corners fall on entries.
-            ``"corners"``: at whole multiples and at all corners besides, the ends of the target's range among them;
-            nothing is lost, and only CSV and JSON can say it.
+        grid: Where the entries are. ``"fitted"``: equally spaced, by at most `spacing`, and laid so that the limits'
+            corners fall on entries, as skrobot takes them. ``"corners"``: at whole multiples of the spacing and at all
+            corners besides, the ends of the target's range among them; nothing is lost, and only CSV and JSON can say
+            it. ``"multiples"``: at whole multiples alone, as jskeus and hrpsys take them; corners between entries are
+            lost. None: ``"fitted"``, but ``"multiples"`` where limits are whole degrees.
         whole: Whether the limits are rounded inwards to whole degrees, as jskeus takes them.
         boundaries: Names of boundaries, None: all.
 
@@ -100,12 +67,15 @@ def limit_table(
         >>> import pinbound as pb
         >>> table = pb.limit_table(pb.load("minervabot_v3"), "q2", "q3")
         >>> angles, lower, upper = table.in_degrees()
-        >>> len(angles), float(angles[0]), float(lower[20]), float(upper[20])
-        (81, -10.0, -8.462041, 42.429119)
-        >>> fitted = pb.limit_table(pb.load("minervabot_v3"), "q2", "q3", grid="fitted")
-        >>> round(float(np.degrees(table.loss)), 3), round(float(np.degrees(fitted.loss)), 3)
-        (0.247, 0.0)
+        >>> len(angles), angles[[0, -1]].round(3).tolist(), float(lower[20]), float(upper[20])
+        (89, [-9.524, 69.981], -8.462041, 40.974386)
+        >>> round(float(np.degrees(table.loss)), 3)
+        0.0
+        >>> whole = pb.limit_table(pb.load("minervabot_v3"), "q2", "q3", grid="multiples")
+        >>> round(float(np.degrees(whole.loss)), 3)
+        0.247
     """
+    grid = ("multiples" if whole else "fitted") if grid is None else grid
     if grid not in ENTRIES:
         raise UnknownNameError("grid", grid, ENTRIES)
     refuse_conditions(robot, "A table")

@@ -1,4 +1,4 @@
-"""Tables of coupled limits as text: what scikit-robot, jskeus and hrpsys read, CSV and JSON."""
+"""Tables of coupled limits, and what scikit-robot, jskeus and hrpsys read of them, CSV and JSON."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinbound.exceptions import UnsupportedError
+from pinbound.exceptions import UnknownNameError, UnsupportedError
 from pinbound.typing import Array
 from pinbound.values import Value
 
-__all__ = ["FORMATS", "GRIDS", "Table", "degrees_of"]
+__all__ = ["FORMATS", "GRIDS", "LimitTable"]
 
 _DECIMALS = 6  # of printed limits, in degrees: 1e-6 deg is far below any encoder
 _WITHIN = 1e-4  # of the last decimal: a whole degree in radians is none to the last bit; entries have a margin of 0.05
@@ -22,7 +22,7 @@ _EVEN = 1e-9  # degrees: spacings that differ by no more are one spacing
 
 
 @dataclass(frozen=True, eq=False)
-class Table(Value):
+class LimitTable(Value):
     """Limits of the dependent joint at some angles of the target joint, straight between them.
 
     Attributes:
@@ -48,13 +48,24 @@ class Table(Value):
     target_range: tuple[float, float]
     notes: tuple[str, ...]
 
+    def text(self, form: str) -> str:
+        """Return the table as a reader takes it: a key of `FORMATS`.
 
-def degrees_of(table: Table) -> tuple[Array, Array, Array]:
-    """Return angles, lower and upper in degrees, as printed: limits are rounded inwards."""
-    scale = 10.0**_DECIMALS
-    lower = np.ceil(np.degrees(table.lower) * scale - _WITHIN) / scale
-    upper = np.floor(np.degrees(table.upper) * scale + _WITHIN) / scale
-    return np.asarray(np.round(np.degrees(table.angles), _ANGLES), dtype=np.float64), lower, upper
+        Raises:
+            UnknownNameError: If there is no such format.
+            UnsupportedError: If the format takes other entries: skrobot takes those of one spacing, jskeus and hrpsys
+                one a whole degree.
+        """
+        if form not in FORMATS:
+            raise UnknownNameError("format", form, FORMATS)
+        return FORMATS[form](self)
+
+    def in_degrees(self) -> tuple[Array, Array, Array]:
+        """Return angles, lower and upper in degrees, as printed: limits are rounded inwards."""
+        scale = 10.0**_DECIMALS
+        lower = np.ceil(np.degrees(self.lower) * scale - _WITHIN) / scale
+        upper = np.floor(np.degrees(self.upper) * scale + _WITHIN) / scale
+        return np.asarray(np.round(np.degrees(self.angles), _ANGLES), dtype=np.float64), lower, upper
 
 
 def _number(value: float) -> str:
@@ -65,14 +76,15 @@ def _numbers(values: Array, by: str) -> str:
     return by.join(_number(float(value)) for value in values)
 
 
-def _whole_degrees(table: Table, reader: str) -> tuple[Array, Array, Array]:
-    angles, lower, upper = degrees_of(table)
-    if not np.array_equal(np.diff(angles), np.ones(len(angles) - 1)) or not np.array_equal(angles, np.round(angles)):
-        raise UnsupportedError(f"{reader} takes one entry a whole degree; make the table with spacing=1")
+def _whole_degrees(table: LimitTable, reader: str) -> tuple[Array, Array, Array]:
+    angles, lower, upper = table.in_degrees()
+    if not np.array_equal(angles, np.round(angles)) or np.any(np.diff(angles) != 1.0):
+        said = "make the table with grid='multiples' and spacing=1 (--grid multiples --spacing 1)"
+        raise UnsupportedError(f"{reader} takes one entry a whole degree; {said}")
     return angles, lower, upper
 
 
-def _head(table: Table, mark: str) -> str:
+def _head(table: LimitTable, mark: str) -> str:
     lines = [
         f"pinbound: limits of {table.dependent} over {table.target} of {table.robot} [deg], straight between entries;",
         f"at most {math.degrees(table.loss):.4f} deg are lost. " + " ".join(table.notes),
@@ -80,9 +92,10 @@ def _head(table: Table, mark: str) -> str:
     return "".join(f"{mark} {' '.join(line.split())}\n" for line in lines)
 
 
-def _skrobot(table: Table) -> str:
-    angles, lower, upper = degrees_of(table)
-    if np.ptp(np.diff(angles)) > _EVEN if len(angles) > 1 else False:
+def _skrobot(table: LimitTable) -> str:
+    angles, lower, upper = table.in_degrees()
+    steps = np.diff(angles)
+    if len(steps) and np.ptp(steps) > _EVEN:
         raise UnsupportedError(
             "skrobot takes entries of one spacing; make the table with grid='fitted' (--grid fitted)"
         )
@@ -94,29 +107,30 @@ def _skrobot(table: Table) -> str:
     )
 
 
-def _jskeus(table: Table) -> str:
-    angles, lower, upper = _whole_degrees(table, "jskeus")
+def _jskeus(table: LimitTable) -> str:
+    _, lower, upper = table.in_degrees()
     if not (np.array_equal(lower, np.round(lower)) and np.array_equal(upper, np.round(upper))):
         raise UnsupportedError("jskeus takes whole degrees; make the table with whole=True (--whole)")
+    angles, lower, upper = _whole_degrees(table, "jskeus")
     rows = " ".join(f"({_numbers(row, ' ')})" for row in (angles, lower, upper))
     return (
         f"{_head(table, ';;')}(:joint-min-max-target {json.dumps(table.target)}\n :joint-min-max-table #2f({rows}))\n"
     )
 
 
-def _hrpsys(table: Table) -> str:
+def _hrpsys(table: LimitTable) -> str:
     angles, lower, upper = _whole_degrees(table, "hrpsys")
     ends = f"{_number(float(angles[0]))}:{_number(float(angles[-1]))}"
     values = f"{_numbers(lower, ',')}:{_numbers(upper, ',')}"
     return f"{_head(table, '#')}joint_limit_table: {table.dependent}:{table.target}:{ends}:{values}\n"
 
 
-def _csv(table: Table) -> str:
-    rows = np.column_stack(degrees_of(table))
+def _csv(table: LimitTable) -> str:
+    rows = np.column_stack(table.in_degrees())
     return "target_deg,min_deg,max_deg\n" + "".join(f"{_numbers(row, ',')}\n" for row in rows)
 
 
-def _json(table: Table) -> str:
+def _json(table: LimitTable) -> str:
     record = {
         "robot": table.robot,
         "target": table.target,
@@ -133,7 +147,7 @@ def _json(table: Table) -> str:
     return json.dumps(record, indent=1) + "\n"
 
 
-FORMATS: dict[str, Callable[[Table], str]] = {
+FORMATS: dict[str, Callable[[LimitTable], str]] = {
     "skrobot": _skrobot,
     "jskeus": _jskeus,
     "hrpsys": _hrpsys,
