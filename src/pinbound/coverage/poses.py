@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pinbound.annotations import Mark
-from pinbound.geometry.rotations import rotation_matrix
+from pinbound.geometry.rotations import rotation_matrices
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
 from pinbound.typing import Array
@@ -37,15 +37,22 @@ class Poses:
             if joint.type == "prismatic":
                 translation = translation + (rotation @ joint.axis) * theta[joint.name][:, None]
             elif joint.moves:
-                rotation = rotation @ np.array([rotation_matrix(joint.axis, angle) for angle in theta[joint.name]])
+                rotation = rotation @ rotation_matrices(joint.axis, theta[joint.name])
             self._placed[link.name] = rotation, translation
         self._balls: dict[str, tuple[Array, Array]] = {}
         self._centres: dict[Mark, Array] = {}
 
-    def gaps(self, a: Mark, b: Mark) -> Array:
-        """Return the gaps (N,) between the balls about two marks [m], a lower bound of the marks' own."""
-        around = sum(mark.shape.radius + mark.shape.around for mark in (a, b))
-        return np.linalg.norm(self._centre(a) - self._centre(b), axis=1) - around
+    def gaps(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Array:
+        """Return the gaps (len(marks_a), len(marks_b), N) between the balls about marks [m].
+
+        They are lower bounds of the marks' own gaps, and for points these themselves.
+        """
+        a, b = (np.array([self._centre(mark) for mark in marks]) for marks in (marks_a, marks_b))
+        wide = [np.array([mark.shape.radius + mark.shape.around for mark in marks]) for marks in (marks_a, marks_b)]
+        apart = a[:, None] - b
+        found = np.sqrt(np.einsum("abnk,abnk->abn", apart, apart))
+        found -= (wide[0][:, None] + wide[1])[:, :, None]
+        return found
 
     def _centre(self, mark: Mark) -> Array:
         if mark not in self._centres:

@@ -85,31 +85,60 @@ class Reach:
 
     def apart(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Flags:
         """Return which pairs the open chain proves apart, (len(marks_a), len(marks_b)); of lines and planes none."""
-        flat = [np.array([mark.shape.is_unbounded for mark in marks]) for marks in (marks_a, marks_b)]
-        if self._chain is None or not len(marks_a) or not len(marks_b):
-            return np.zeros((len(marks_a), len(marks_b)), dtype=np.bool_)
-        return self._bounded(marks_a, marks_b) & ~flat[0][:, None] & ~flat[1]
+        return self.gaps(marks_a, marks_b) > NEVER_MEETS
 
-    def _bounded(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Flags:
+    def gaps(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Array:
+        """Return lower bounds of the gaps of all pairs over all q (len(marks_a), len(marks_b)) [m].
+
+        They are minus infinity for lines and planes, and if the links slide against each other; rounding is not in
+        them.
+        """
+        if self._chain is None or not len(marks_a) or not len(marks_b):
+            return np.full((len(marks_a), len(marks_b)), -np.inf)
+        flat = [np.array([mark.shape.is_unbounded for mark in marks]) for marks in (marks_a, marks_b)]
+        return np.where(flat[0][:, None] | flat[1], -np.inf, self._bounded(marks_a, marks_b))
+
+    def _bounded(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Array:
         assert self._chain is not None
         offsets, directions = self._chain.chain.offsets, np.array(self._chain.directions)
-        apart = np.empty((len(marks_a), len(marks_b)), dtype=np.bool_)
+        gaps = np.empty((len(marks_a), len(marks_b)))
         if self._chain.chain.rotations == 1:
             axis, balls_b = self._chain.chain.axes[0], [_balls(mark) for mark in marks_b]
             for (row, a), (column, (to, thick)) in product(enumerate(map(_balls, marks_a)), enumerate(balls_b)):
                 moved = offsets + np.tensordot(a[0], directions[:3], axes=1)[:, None]
                 moved = moved + np.tensordot(to, directions[3:], axes=1)
                 least = _over_a_turn(axis, moved[..., 0, :], moved[..., 1, :])
-                apart[row, column] = np.all(least > a[1][:, None] + thick + NEVER_MEETS)
-            return apart
+                gaps[row, column] = np.min(least - a[1][:, None] - thick)
+            return gaps
         middle_a, around_a = _spread(marks_a, directions[:3])
         middle_b, around_b = _spread(marks_b, directions[3:])
         radii = np.array([m.shape.radius for m in marks_a])[:, None] + np.array([m.shape.radius for m in marks_b])
         for row in range(len(marks_a)):
             lengths = np.linalg.norm(offsets + middle_a[row] + middle_b, axis=2)
             least = 2.0 * np.max(lengths, axis=1) - np.sum(lengths, axis=1) - around_a[row] - around_b
-            apart[row] = least > radii[row] + NEVER_MEETS
-        return apart
+            gaps[row] = least - radii[row]
+        return gaps
+
+    def is_all(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Flags:
+        """Return for which pairs (len(marks_a), len(marks_b)) `gaps` is all that `least_separation` could prove.
+
+        A pair's own chain is the open one with its ends put in, unless its first or last rotation turns nothing then,
+        for the mark is on the axis, so that it falls away. One rotation alone has a closer bound of its own.
+        """
+        chain = None if self._chain is None else self._chain.chain
+        if chain is None or chain.rotations <= 1:
+            return np.zeros((len(marks_a), len(marks_b)), dtype=np.bool_)
+        assert self._chain is not None
+        directions, found = np.array(self._chain.directions), np.ones((len(marks_a), len(marks_b)), dtype=np.bool_)
+        for place, axis in ((0, chain.axes[0]), (chain.rotations, chain.axes[-1])):
+            across = np.eye(3) - np.outer(axis, axis)
+            (a, wide), (b, thick) = (
+                _across(marks, part[:, place] @ across)
+                for marks, part in ((marks_a, directions[:3]), (marks_b, directions[3:]))
+            )
+            far = np.linalg.norm(chain.offsets[place] @ across + a[:, None] + b, axis=2)
+            found &= np.maximum(far, np.maximum(wide[:, None], thick)) > NEVER_MEETS * max(1.0, chain.scale)
+        return found
 
     def _stays_apart(self, a: Mark, b: Mark) -> bool:
         """Return whether two marks are proven to stay apart by their own chain, which may be shorter."""
@@ -143,6 +172,13 @@ def _balls(mark: Mark) -> tuple[Array, Array]:
     centres = shape.origin + ((cells + 0.5) / counts) @ edges
     around = 0.5 * float(np.sum(lengths / counts))  # the half edges of a cell, end to end
     return centres, np.full(len(centres), shape.radius + around)
+
+
+def _across(marks: Sequence[Mark], directions: Array) -> tuple[Array, Array]:
+    """Return where the marks' middles are by three directions (m, 3), and how far their vertices are from there."""
+    middles = np.array([mark.shape.middle for mark in marks])
+    wide = [float(np.linalg.norm((m.shape.vertices - m.shape.middle) @ directions, axis=1).max()) for m in marks]
+    return middles @ directions, np.array(wide)
 
 
 def _spread(marks: Sequence[Mark], directions: Array) -> tuple[Array, Array]:

@@ -27,7 +27,7 @@ from pinbound.coverage.records import (
 from pinbound.exceptions import UnknownNameError
 from pinbound.loops.closures import Closure, joint_errors
 from pinbound.model.coupling import Coupling
-from pinbound.model.tree import Tree
+from pinbound.model.tree import MANY_DEGREES, Tree
 from pinbound.tolerances import SAME_BODY
 from pinbound.typing import Flags
 from pinbound.values import FrozenDict
@@ -36,8 +36,6 @@ __all__ = ["Coverage"]
 
 _FINE = 0.05
 """Of a body's smallest measure: how far the prism may stick out that stands for a cylinder in a proof."""
-_FAR = 3
-"""Degrees of freedom between two links, behind which no neighbour can be."""
 _FEW = 2
 """Coordinates between two links that may reduce to one angle, for which balls prove more than spheres seen near."""
 
@@ -253,7 +251,7 @@ class _Survey:
         return self.bases[a, b]
 
     def _proof(self, a: str, b: str) -> tuple[Basis, str] | None:
-        degrees = self.degrees.get(frozenset((a, b)), _FAR)
+        degrees = self.degrees.get(frozenset((a, b)), MANY_DEGREES)
         if degrees == 0 and not self._is_loose(a, b):
             return Basis.PROOF, "never move against each other"
         if self._is_free(a, b):
@@ -281,26 +279,8 @@ class _Survey:
 
     @cached_property
     def degrees(self) -> dict[frozenset[str], int]:
-        """Degrees of freedom between links that are near each other in the tree; all other pairs have two at least.
-
-        Whatever lies behind a link with `_FAR` of them has one less at least: only the motion that the link cuts can
-        be made good behind it, by turns about the same axis, and it counts as two where it goes up and down again.
-        """
-        beside: dict[str, list[str]] = {name: [] for name in self.tree.links}
-        for joint in self.tree.kinematics.joints:
-            beside[joint.parent].append(joint.child)
-            beside[joint.child].append(joint.parent)
-        found: dict[frozenset[str], int] = {}
-        for start in self.tree.links:
-            ways = [(start, name) for name in beside[start]]
-            while ways:
-                before, name = ways.pop()
-                pair = frozenset((start, name))
-                if pair not in found:
-                    found[pair] = self.tree.degrees_between(start, name, self.coupling)
-                if found[pair] < _FAR:
-                    ways += [(name, further) for further in beside[name] if further != before]
-        return found
+        """Degrees of freedom between links that are near each other in the tree; all other pairs have two at least."""
+        return self.tree.degrees_nearby(self.coupling)
 
     @cached_property
     def poses(self) -> Poses:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pinbound.typing import Array
 
-__all__ = ["matrix_rpy", "rotate", "rotation_matrix", "rpy_matrix"]
+__all__ = ["matrix_rpy", "rotate", "rotation_matrices", "rotation_matrix", "rpy_matrix"]
 
 Components: TypeAlias = tuple[Array, Array, Array]
 
@@ -22,9 +22,25 @@ def rotation_matrix(axis: Array, angle: float) -> Array:
         >>> rotation_matrix(np.array([0.0, 1.0, 0.0]), np.pi / 2).round(12) @ [0.0, 0.0, 1.0]
         array([1., 0., 0.])
     """
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    cross = _cross_matrix(axis)
     return np.eye(3) + np.sin(angle) * cross + 2.0 * np.sin(angle / 2) ** 2 * (cross @ cross)
+
+
+def rotation_matrices(axis: Array, angles: Array) -> Array:
+    """Return `rotation_matrix(axis, angle)` of each of N angles, (N, 3, 3).
+
+    Example:
+        >>> rotation_matrices(np.array([0.0, 0.0, 1.0]), np.array([0.0, np.pi / 2])).round(12)[:, 0].tolist()
+        [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
+    """
+    cross, angles = _cross_matrix(axis), angles[:, None, None]
+    return np.eye(3) + np.sin(angles) * cross + 2.0 * np.sin(angles / 2) ** 2 * (cross @ cross)
+
+
+def _cross_matrix(axis: Array) -> Array:
+    """Return `[u]x`."""
+    x, y, z = axis
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def rotate(axis: Array, cos: Array, sin: Array, x: Components | Array) -> Components:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,8 @@ from pinbound.coverage.bodies import collision_bodies
 from pinbound.coverage.covers import Cover
 from pinbound.evaluate import depth, separation
 from pinbound.exceptions import InputError, Problems
-from pinbound.marking.judge import FREE_JOINT, NEVER, RIGID, Basis, Judge, Pair, links_reason
+from pinbound.marking.judge import FREE_JOINT, NEVER, RIGID, Basis, Judge
+from pinbound.marking.narrow import Pair
 from pinbound.model.document import parse_file
 from pinbound.path.relative import RelativePath, relative_path
 from pinbound.robot.robot import Robot
@@ -153,7 +153,7 @@ class _Finder:
         for link in (a, b):
             if link not in self.with_bodies:
                 return f"{link} has no body", "proof", "there is nothing that could touch", None
-        why = links_reason(robot, a, b)
+        why = self.judge_of.links_reason(a, b)
         if why == RIGID:
             return RIGID, "proof", "no degree of freedom lies between them", None
         if why == FREE_JOINT:
@@ -164,7 +164,7 @@ class _Finder:
         return self._moving(a, b)
 
     def _moving(self, a: str, b: str) -> Found:
-        judged = [self.judge_of.pair(one, two) for one, two in product(self.marks[a], self.marks[b])]
+        judged = [one for row in self.judge_of.pairs(self.marks[a], self.marks[b]) for one in row]
         near = [pair for pair in judged if isinstance(pair, Pair)]
         if not near:
             least = min(pair for pair in judged if not isinstance(pair, Pair))

@@ -16,8 +16,8 @@ from pinbound.marking.judge import (
     RIGID,
     Evidence,
     Judge,
-    Pair,
 )
+from pinbound.marking.narrow import Pair
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array
 

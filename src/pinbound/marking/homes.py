@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinbound.marking.candidates import can_be_home, configuration_text, within_limits
-from pinbound.marking.judge import Judge, Pair, listed
+from pinbound.marking.judge import Judge, listed
+from pinbound.marking.narrow import Pair
 from pinbound.typing import Ints
 
 __all__ = ["Home", "choose_home", "home_note"]

@@ -5,25 +5,23 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
 from pinbound.annotations import Mark
-from pinbound.contact import contact_distance
 from pinbound.coverage.bodies import Body
 from pinbound.coverage.poses import Poses
-from pinbound.coverage.reach import least_separation
-from pinbound.evaluate import depth, separation
-from pinbound.exceptions import UnsupportedError
-from pinbound.loops.closures import place_error
-from pinbound.marking.always import overlap_everywhere
+from pinbound.evaluate import depth
+from pinbound.marking.broad import least_gaps
 from pinbound.marking.candidates import draw, simple_homes
-from pinbound.path.relative import RelativePath, relative_path
+from pinbound.marking.narrow import Links, Pair
+from pinbound.model.tree import MANY_DEGREES
+from pinbound.path.relative import relative_path
 from pinbound.robot.robot import Robot
-from pinbound.tolerances import FOLDING, NEVER_MEETS, UNIT_ROUNDOFF
-from pinbound.typing import Array, Flags
+from pinbound.typing import Array
 from pinbound.values import Value
 
 __all__ = [
@@ -37,9 +35,7 @@ __all__ = [
     "Basis",
     "Evidence",
     "Judge",
-    "Pair",
     "count_uncovered",
-    "links_reason",
     "listed",
     "moving_pairs",
 ]
@@ -76,20 +72,6 @@ class Evidence(Value):
     marks: tuple[tuple[str, str], ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class Pair:
-    """Two marks that may meet: in which candidates they are in contact (N,), and their gap [m] in the first.
-
-    `always` is by how much they are proven to overlap in every configuration [m]; None if that is not proven.
-    """
-
-    a: Mark
-    b: Mark
-    contact: Flags
-    gap: float
-    always: float | None = None
-
-
 class Judge:
     """Judges pairs of links and of marks of one robot, each once."""
 
@@ -99,81 +81,79 @@ class Judge:
         drawn = draw(robot, SAMPLES - 1, np.random.default_rng(0))
         self.Q: Array = np.vstack((robot.home, simple_homes(robot), drawn))
         self._poses = Poses(robot.tree, robot.coupling, self.Q)
-        self._links: dict[tuple[str, str], str | None] = {}
         self._pairs: dict[tuple[Mark, Mark], Pair | float] = {}
 
     def links_reason(self, link_a: str, link_b: str) -> str | None:
         """Return why no pair on two links is worth checking, or None."""
-        if (link_a, link_b) not in self._links:
-            found = links_reason(self.robot, link_a, link_b)
-            self._links[link_a, link_b] = None if found == NEIGHBOURS and self.neighbours else found
-        return self._links[link_a, link_b]
+        if self._parts[link_a] != self._parts[link_b]:
+            return FREE_JOINT
+        degrees = self._degrees.get(frozenset((link_a, link_b)), MANY_DEGREES)
+        return RIGID if degrees == 0 else NEIGHBOURS if degrees == 1 and not self.neighbours else None
 
-    def pair(self, a: Mark, b: Mark) -> Pair | float:
-        """Return what is known of two marks, or how far they are proven to stay apart [m]."""
-        if (a, b) not in self._pairs:
-            self._pairs[a, b] = self._judged(a, b)
-        return self._pairs[a, b]
+    @cached_property
+    def _degrees(self) -> dict[frozenset[str], int]:
+        return self.robot.tree.degrees_nearby(self.robot.coupling)
+
+    @cached_property
+    def _parts(self) -> dict[str, int]:
+        """The part of the tree that each link is in, cut at free joints."""
+        found: dict[str, int] = {}
+        for link, joint, _ in self.robot.tree.walk():
+            is_cut = joint is None or joint.type in ("floating", "planar")
+            found[link.name] = len(found) if joint is None or is_cut else found[joint.parent]
+        return found
+
+    def pairs(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> list[list[Pair | float]]:
+        """Return what is known of each pair of marks of two links: it may meet, or stays so far apart [m]."""
+        new = [a for a in marks_a if any((a, b) not in self._pairs for b in marks_b)]
+        if new:
+            links = Links(self.robot, new[0].link, marks_b[0].link, self.Q, self._poses)
+            self._pairs.update(links.judged(new, marks_b))
+        return [[self._pairs[a, b] for b in marks_b] for a in marks_a]
 
     def at_home(self, pair: Pair) -> float:
-        """Return the signed distance of two marks at the robot's home [m]: negative is how deep they overlap."""
-        if not pair.contact[0]:
-            return pair.gap
+        """Return the signed distance of two marks in contact at home [m]: negative is how deep they overlap."""
         robot = self.robot
         path = relative_path(robot.tree, robot.coupling, pair.a, pair.b)
         radii = pair.a.shape.radius + pair.b.shape.radius
         return float(depth.signed_distances(path, radii, self.Q[:1])[0])
 
-    def _judged(self, a: Mark, b: Mark) -> Pair | float:
-        robot = self.robot
-        with np.errstate(over="ignore", invalid="ignore"):
-            path = relative_path(robot.tree, robot.coupling, a, b)
-            radii = a.shape.radius + b.shape.radius
-            distance = contact_distance(path, radii, robot.annotations.contact_tolerance)
-            joints = len(robot.tree.path_between(a.link, b.link))
-            rounding = FOLDING * UNIT_ROUNDOFF * (joints + 2) ** 2 * path.minimal.scale
-            off = place_error(robot.tree, robot.coupling, robot.linear_limits, robot.closures, a, b)
-            spare = least_separation(path) - (distance + off + rounding)
-            if spare > 0.0:  # false where a number is not finite: that proves nothing
-                return spare
-            found = self._separations(path, a, b, distance)
-        if not np.all(np.isfinite(found)):
-            raise UnsupportedError(
-                f"the distance of {a.name!r} and {b.name!r} is no finite number; are all lengths of the URDF in metres?"
-            )
-        contact = found <= distance
-        always = overlap_everywhere(robot.tree, robot.coupling, a, b) if np.all(contact) and not off else None
-        return Pair(a, b, contact, float(found[0]) - radii, always)
-
-    def _separations(self, path: RelativePath, a: Mark, b: Mark, distance: float) -> Array:
-        """Return separations (N,) [m]; where balls about both marks are apart, a lower bound that is no contact."""
-        balls = self._poses.gaps(a, b)
-        radii = a.shape.radius + b.shape.radius
-        near = ~(balls > distance - radii + NEVER_MEETS * max(1.0, path.minimal.scale))
-        near[0] = True  # home's is told
-        found = balls + radii
-        found[near] = separation.separations(path, self.Q[near])
-        return found
-
 
 def moving_pairs(
     judge: Judge, marks: Sequence[Mark], left_out: Counter[tuple[str, str, str]], spare: dict[tuple[str, str], float]
 ) -> list[Pair]:
-    """Return the pairs that may meet; count the others by reason, and note how far those never come near [m]."""
+    """Return the pairs that may meet; count the others by reason, and note how far those never come near [m].
+
+    Links are looked at in pairs, first by balls about all of their marks (`broad`), which cost nothing a pair.
+    """
+    by_link: dict[str, list[Mark]] = {}
+    for mark in marks:
+        by_link.setdefault(mark.link, []).append(mark)
+    if not by_link:
+        return []
+    radii = np.array([min(mark.shape.radius for mark in own) for own in by_link.values()])
+    more = np.maximum(0.0, judge.robot.annotations.contact_tolerance - radii[:, None] - radii)  # of contact, than radii
+    is_exact = not any(closure.deviations for closure in judge.robot.closures)
+    gaps = (least_gaps(judge.robot.tree, by_link) - more).tolist() if is_exact else None
+    place = {mark: place for place, mark in enumerate(marks)}
     pairs: list[Pair] = []
-    for a, b in combinations(marks, 2):
-        if a.link == b.link:
+    for (i, a), (j, b) in combinations(enumerate(by_link), 2):
+        ones, others = by_link[a], by_link[b]
+        reason = judge.links_reason(a, b)
+        if reason is not None:
+            left_out[a, b, reason] += len(ones) * len(others)
             continue
-        reason = judge.links_reason(a.link, b.link)
-        if reason is None:
-            pair = judge.pair(a, b)
-            if isinstance(pair, Pair):
-                pairs.append(pair)
-                continue
-            reason = NEVER
-            spare[a.link, b.link] = min(pair, spare.get((a.link, b.link), np.inf))
-        left_out[a.link, b.link, reason] += 1
-    return pairs
+        if gaps is not None and gaps[i][j] > 0.0:
+            left_out[a, b, NEVER] += len(ones) * len(others)
+            spare[a, b] = gaps[i][j]
+            continue
+        judged = [one for row in judge.pairs(ones, others) for one in row]
+        pairs += [one for one in judged if isinstance(one, Pair)]
+        apart = [one for one in judged if not isinstance(one, Pair)]
+        if apart:
+            left_out[a, b, NEVER] += len(apart)
+            spare[a, b] = min(apart)
+    return sorted(pairs, key=lambda pair: (place[pair.a], place[pair.b]))
 
 
 def count_uncovered(
@@ -201,12 +181,3 @@ def listed(words: Sequence[str]) -> str:
     """Return the first few words, and how many more there are."""
     more = f" and {len(words) - _NAMED} more" if len(words) > _NAMED else ""
     return ", ".join(words[:_NAMED]) + more
-
-
-def links_reason(robot: Robot, link_a: str, link_b: str) -> str | None:
-    """Return why no pair on two links is worth checking, or None."""
-    joints = robot.tree.path_between(link_a, link_b)
-    if any(joint.type in ("floating", "planar") for joint in joints):
-        return FREE_JOINT
-    degrees = robot.tree.degrees_between(link_a, link_b, robot.coupling)
-    return {0: RIGID, 1: NEIGHBOURS}.get(degrees)

@@ -14,11 +14,15 @@ from pinbound.robot.robot import Robot
 __all__ = ["kept", "known", "unused"]
 
 
-def known(robot: Robot, cover: Cover, names: set[str]) -> Cover:
-    """Return a cover by marks that the robot has already, where it has them, the others under names not yet taken."""
+def known(robot: Robot, covers: Sequence[Cover]) -> list[Cover]:
+    """Return covers by marks that the robot has already, where it has them, the others under names not yet taken."""
     alike = {_unnamed(mark): mark for mark in robot.annotations.marks.values()}
-    marks = [alike.get(_unnamed(mark)) or replace(mark, name=unused(mark.name, names)) for mark in cover.marks]
-    return replace(cover, marks=tuple(marks))
+    names = set(robot.annotations.marks)
+    found: list[Cover] = []
+    for cover in covers:
+        marks = [alike.get(_unnamed(mark)) or replace(mark, name=unused(mark.name, names)) for mark in cover.marks]
+        found.append(replace(cover, marks=tuple(marks)))
+    return found
 
 
 def _unnamed(mark: Mark) -> Mark:

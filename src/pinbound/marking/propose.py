@@ -26,11 +26,11 @@ from pinbound.marking.judge import (
     NEVER,
     Evidence,
     Judge,
-    Pair,
     count_uncovered,
     moving_pairs,
 )
 from pinbound.marking.kept import kept, known, unused
+from pinbound.marking.narrow import Pair
 from pinbound.robot.robot import Robot
 from pinbound.values import Value
 
@@ -188,8 +188,7 @@ def _readable(robot: Robot, bodies: Sequence[Body], skip_missing: bool) -> tuple
 def _proposal(judge: Judge, found: Sequence[Cover], read: LinkBodies) -> tuple[Proposal, set[str]]:
     """Return the proposal with these covers, and the links of which some pair touches at home for its covers' sake."""
     robot = judge.robot
-    names = set(robot.annotations.marks)
-    held = [known(robot, one, names) for one in found]
+    held = known(robot, found)
     taken = {body for one in held for body in one.bodies}
     uncovered = tuple(body for body in read.bodies if body not in taken)
     excess = {mark.name: one.excess for one in held for mark in one.marks}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+import math
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,9 +15,14 @@ from pinbound.tolerances import REDUCTION
 from pinbound.typing import Array
 from pinbound.values import FrozenDict, read_only
 
-__all__ = ["Tree"]
+__all__ = ["MANY_DEGREES", "Tree"]
+
+MANY_DEGREES = 3
+"""Degrees of freedom between two links, behind which no neighbour can be."""
 
 _Vector = Array
+_Line = tuple[Joint, float, _Vector, _Vector, float]
+"""A joint, its sign, its axis and place (3,) each, and the length of the path up to it [m]."""
 
 _TURNING = ("revolute", "continuous")
 _FREEDOMS = {"planar": 3, "floating": 6}
@@ -172,21 +178,9 @@ class Tree:
         one link below them, are two motions, unless `branches` is set. A planar or floating joint stands alone, and so
         does each sliding joint.
         """
-        found: list[list[tuple[Joint, float]]] = []
-        last: tuple[_Vector, _Vector, float] | None = None
-        for joint, sign, axis, place, scale in self._axes_between(link_a, link_b):
-            one_way = last is not None and (branches or last[2] == sign)
-            if joint.type not in _TURNING:
-                found.append([(joint, sign)])
-                last = None
-            elif last is not None and one_way and _same_axis(last[:2], (axis, place), scale):
-                found[-1].append((joint, sign * float(np.sign(axis @ last[0]))))
-            else:
-                found.append([(joint, sign)])
-                last = axis, place, sign
-        return found
+        return _merged(self._axes_between(link_a, link_b), branches)
 
-    def _axes_between(self, link_a: str, link_b: str) -> Iterator[tuple[Joint, float, _Vector, _Vector, float]]:
+    def _axes_between(self, link_a: str, link_b: str) -> Iterator[_Line]:
         """Yield each moving joint from a to b: joint, sign, axis and place in a's frame at zero, length so far."""
         above_b = set(self.lineage(link_b))
         meeting = next(name for name in self.lineage(link_a) if name in above_b)
@@ -221,11 +215,53 @@ class Tree:
             >>> [robot.tree.degrees_between("link_2", name) for name in ("link_1", "link_3", "link_21", "link_6")]
             [1, 1, 1, 2]
         """
-        if coupling is not None and not any(
-            self._freedoms(motion, coupling) for motion in self.motions_between(link_a, link_b, branches=True)
-        ):
+        lines = list(self._axes_between(link_a, link_b))
+        if coupling is not None and not any(self._freedoms(motion, coupling) for motion in _merged(lines, True)):
             return 0
-        return sum(self._freedoms(motion, coupling) for motion in self.motions_between(link_a, link_b))
+        return sum(self._freedoms(motion, coupling) for motion in _merged(lines, False))
+
+    def degrees_nearby(self, coupling: Coupling) -> dict[frozenset[str], int]:
+        """Return `degrees_between` of links that are near each other in the tree; all other pairs have two at least.
+
+        Whatever lies behind a link with `MANY_DEGREES` of them has one less at least: only the motion that the link
+        cuts can be made good behind it, by turns about the same axis, and it counts as two where it goes up and down
+        again.
+        """
+        held = self._held  # links that fixed joints join have the same degrees to all others
+        beside: dict[str, list[str]] = {name: [] for name in self.links}
+        members: dict[str, list[str]] = {}
+        for joint in self.kinematics.joints:
+            if joint.type != "fixed":
+                beside[held[joint.parent]].append(joint.child)
+                beside[joint.child].append(held[joint.parent])
+        for name in self.links:
+            members.setdefault(held[name], []).append(name)
+        near: dict[frozenset[str], int] = {}
+        for start in members:
+            near[frozenset((start,))] = 0
+            ways = [(start, name) for name in beside[start]]
+            while ways:
+                before, name = ways.pop()
+                pair = frozenset((start, name))
+                if pair not in near:
+                    near[pair] = self.degrees_between(start, name, coupling)
+                if near[pair] < MANY_DEGREES:
+                    ways += [(name, further) for further in beside[name] if further != before]
+        return {
+            frozenset((a, b)): degrees
+            for pair, degrees in near.items()
+            for a in members[min(pair)]
+            for b in members[max(pair)]
+            if a != b
+        }
+
+    @cached_property
+    def _held(self) -> dict[str, str]:
+        """The topmost link that fixed joints join each link with."""
+        found: dict[str, str] = {}
+        for link, joint, _ in self.walk():
+            found[link.name] = found[joint.parent] if joint is not None and joint.type == "fixed" else link.name
+        return found
 
     @staticmethod
     def _freedoms(motion: list[tuple[Joint, float]], coupling: Coupling | None) -> int:
@@ -236,8 +272,26 @@ class Tree:
         return int(np.any(np.abs(total) > REDUCTION))
 
 
-def _same_axis(first: tuple[_Vector, _Vector], second: tuple[_Vector, _Vector], scale: float) -> bool:
+def _merged(lines: Iterable[_Line], branches: bool) -> list[list[tuple[Joint, float]]]:
+    """Return joints with their signs, those together that follow each other and turn about one axis at one place."""
+    found: list[list[tuple[Joint, float]]] = []
+    last: _Line | None = None
+    for line in lines:
+        joint, sign, axis, _, _ = line
+        if joint.type not in _TURNING:
+            found.append([(joint, sign)])
+            last = None
+        elif last is not None and (branches or last[1] == sign) and _same_axis(last, line):
+            found[-1].append((joint, sign * float(np.sign(axis @ last[2]))))
+        else:
+            found.append([(joint, sign)])
+            last = line
+    return found
+
+
+def _same_axis(first: _Line, second: _Line) -> bool:
     """Return whether two axes are parallel and pass through the same origin, up to the rounding of folded constants."""
-    across = float(np.max(np.abs(np.cross(first[0], second[0]))))
-    apart = float(np.linalg.norm(first[1] - second[1]))
-    return across <= REDUCTION and apart <= REDUCTION * scale
+    (a, b, c), (x, y, z) = first[2].tolist(), second[2].tolist()
+    if max(abs(b * z - c * y), abs(c * x - a * z), abs(a * y - b * x)) > REDUCTION:
+        return False
+    return math.dist(first[3].tolist(), second[3].tolist()) <= REDUCTION * second[4]

@@ -1,0 +1,125 @@
+"""Pairs of marks on two links, judged together: which may meet, in which configurations, and which are proven apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinbound.annotations import Mark
+from pinbound.contact import contact_distance
+from pinbound.coverage.poses import Poses
+from pinbound.coverage.reach import Reach, least_separation
+from pinbound.evaluate import separation
+from pinbound.exceptions import UnsupportedError
+from pinbound.loops.closures import place_error
+from pinbound.marking.always import overlap_everywhere
+from pinbound.model.coupling import Coupling
+from pinbound.path.relative import RelativePath, relative_path
+from pinbound.robot.robot import Robot
+from pinbound.tolerances import FOLDING, NEVER_MEETS, UNIT_ROUNDOFF
+from pinbound.typing import Array, Flags
+
+__all__ = ["Links", "Pair"]
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Two marks that may meet, and in which candidates they are in contact (N,).
+
+    `always` is by how much they are proven to overlap in every configuration [m]; None if that is not proven.
+    """
+
+    a: Mark
+    b: Mark
+    contact: Flags
+    always: float | None = None
+
+
+class Links:
+    """Two links, and the joints between them alone: other coordinates change no distance."""
+
+    def __init__(self, robot: Robot, link_a: str, link_b: str, Q: Array, poses: Poses) -> None:
+        """Take two links of one robot, and all configurations (N, n) with the places of links there."""
+        self.robot, self.poses = robot, poses
+        between = robot.tree.path_between(link_a, link_b)
+        self.joints, self.length = len(between), sum(float(np.linalg.norm(joint.translation)) for joint in between)
+        joints = [joint.name for joint in between if joint.moves]
+        whole = robot.coupling
+        rows = [whole.joints.index(name) for name in joints]
+        used = np.flatnonzero(np.any(whole.S[rows], axis=0))
+        names = tuple(whole.coordinates[index] for index in used.tolist())
+        self.coupling = Coupling(names, tuple(joints), whole.S[np.ix_(rows, used)], whole.offset[rows])
+        self.rows: Array = Q[:, used]
+        self.is_exact = not any(closure.deviations for closure in robot.closures)
+        self.reach = Reach(robot.tree, self.coupling, link_a, link_b)
+
+    def judged(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> dict[tuple[Mark, Mark], Pair | float]:
+        """Return of each pair what may happen, or how far it is proven to stay apart [m].
+
+        The chain between the links, reduced once, proves most pairs apart that can be. Of two points the distances that
+        are seen are the marks' own, and if balls about two marks are apart everywhere, so are they: neither needs a
+        path of its own, unless that could prove more.
+        """
+        a_few, b_few = ([mark.shape.is_point for mark in marks] for marks in (marks_a, marks_b))
+        tolerance = self.robot.annotations.contact_tolerance
+        radii_a, radii_b = (np.array([mark.shape.radius for mark in marks]) for marks in (marks_a, marks_b))
+        radii = radii_a[:, None] + radii_b
+        within = np.maximum(radii, tolerance) - radii  # `contact_distance` of what is no plane, less the radii
+        length = self.length + sum(max(mark.shape.reach for mark in marks) for marks in (marks_a, marks_b))
+        spare = self.reach.gaps(marks_a, marks_b) - within - self._rounding(length)
+        deep = self.poses.gaps(marks_a, marks_b) - within[:, :, None]
+        margin = NEVER_MEETS * max(1.0, self.robot.tree.length, length)
+        meets, clear = np.min(deep, axis=2) < -margin, np.min(deep, axis=2) > margin
+        told = clear | (np.array(a_few)[:, None] & np.array(b_few) & np.all(np.abs(deep) > margin, axis=2))
+        told &= self.is_exact & (meets | self.reach.is_all(marks_a, marks_b))
+        apart = self.is_exact & (spare > 0.0)
+        found: dict[tuple[Mark, Mark], Pair | float] = {}
+        for i, a in enumerate(marks_a):
+            for j, b in enumerate(marks_b):
+                if apart[i, j]:
+                    found[a, b] = float(spare[i, j])
+                elif told[i, j]:
+                    contact = deep[i, j] < 0.0
+                    found[a, b] = Pair(a, b, contact, self._always(a, b, contact))
+                else:
+                    found[a, b] = self._judged(a, b)
+        return found
+
+    def _rounding(self, length: float) -> float:
+        """Return what folding and reducing a path of this length can have changed [m]."""
+        return FOLDING * UNIT_ROUNDOFF * (self.joints + 2) ** 2 * length
+
+    def _judged(self, a: Mark, b: Mark) -> Pair | float:
+        """Return what is known of two marks by their own path."""
+        robot = self.robot
+        with np.errstate(over="ignore", invalid="ignore"):
+            path = relative_path(robot.tree, self.coupling, a, b)
+            radii = a.shape.radius + b.shape.radius
+            distance = contact_distance(path, radii, robot.annotations.contact_tolerance)
+            off = place_error(robot.tree, robot.coupling, robot.linear_limits, robot.closures, a, b)
+            found = self._separations(path, a, b, distance)
+            contact = found <= distance
+            if not np.any(contact):  # a number that is not finite is no contact, and is told below
+                spare = least_separation(path) - (distance + off + self._rounding(path.minimal.scale))
+                if spare > 0.0:  # false where a number is not finite: that proves nothing
+                    return spare
+        if not np.all(np.isfinite(found)):
+            raise UnsupportedError(
+                f"the distance of {a.name!r} and {b.name!r} is no finite number; are all lengths of the URDF in metres?"
+            )
+        return Pair(a, b, contact, None if off else self._always(a, b, contact))
+
+    def _always(self, a: Mark, b: Mark, contact: Flags) -> float | None:
+        return overlap_everywhere(self.robot.tree, self.coupling, a, b) if np.all(contact) else None
+
+    def _separations(self, path: RelativePath, a: Mark, b: Mark, distance: float) -> Array:
+        """Return separations (N,) [m]; where balls about both marks are apart, a lower bound that is no contact."""
+        balls = self.poses.gaps([a], [b])[0, 0]
+        radii = a.shape.radius + b.shape.radius
+        near = ~(balls > distance - radii + NEVER_MEETS * max(1.0, path.minimal.scale))
+        found = balls + radii
+        if np.any(near):
+            found[near] = separation.separations(path, self.rows[near])
+        return found
