@@ -2,7 +2,7 @@
 
     python benchmarks/free_spaces.py volumes
     python benchmarks/free_spaces.py polytope panda_spherized.urdf --pairs pairs.json --seconds 20 60
-    python benchmarks/free_spaces.py cover panda_spherized.urdf --pairs pairs.json --queries 1000
+    python benchmarks/free_spaces.py cover panda_spherized.urdf --pairs pairs.json --all --share 0.55 --queries 1000
     python benchmarks/free_spaces.py pictures --out FOLDER
 
 Without a robot it is the UR5 of example-robot-data with spheres around each body's box (`certify_robots.py`); give a
@@ -16,6 +16,7 @@ import argparse
 import sys
 import tempfile
 import time
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -122,30 +123,46 @@ def sampled(robot: pb.Robot, found: pb.FreePolytope, Q: np.ndarray, rng: Any) ->
 
 
 def covers(options: argparse.Namespace, folder: Path) -> int:
-    """Cover three coordinates, save, load, and plan between random free configurations; 1 if a plan does not hold."""
+    """Cover free space, save, load, and plan between random free configurations; 1 if a plan does not hold."""
     wrong = 0
     for name, robot in robots(options, folder).items():
-        names, clock = robot.coordinates[1:4], Clock()
+        names, clock = None if options.all else robot.coordinates[1:4], Clock()
         window = {one: (-np.pi, np.pi) for one in robot.coordinates if name == "UR5"}
-        budget = pb.Budget(10**9, options.seconds[-1])
+        budget = pb.Budget(10**10, options.seconds[-1])
         made = pb.certified_cover(robot, names, share=options.share, budget=budget, window=window)
         print(f"{name}: {made!r}; {clock}", flush=True)
         path = made.save(folder / "cover.npz")
-        found, clock = pb.load_cover(robot, path), Clock()
+        found = pb.load_cover(robot, path)
         rng, axes = np.random.default_rng(2), list(found.axes)
         Q = np.tile(robot.home, (40 * options.queries, 1))
         Q[:, axes] = rng.uniform(*(np.array(ends)[axes] for ends in ends_of(robot)), (len(Q), len(axes)))
-        Q = Q[robot.boundaries.free(Q)][: 2 * options.queries]
-        verdicts: dict[str, int] = {}
+        Q = Q[robot.boundaries.free(Q)]
+        held = float(np.mean(found.contains(Q[:20_000])))
+        size = f"{path.stat().st_size / 1e6:.2f} MB"
+        print(f"    {size}; {100 * held:.1f} % of other free samples are in its sets", flush=True)
+        Q = Q[: 2 * options.queries]
+        verdicts, seconds, clock = dict[str, int](), list[float](), Clock()
         for start, goal in zip(Q[::2], Q[1::2], strict=True):
-            way = pb.plan(robot, start, goal, cover=found, budget=pb.Budget(10**8, 1.0))
+            one = Clock()
+            way = pb.plan(robot, start, goal, cover=found, budget=pb.Budget(10**8, options.each))
+            seconds.append(time.process_time() - one.own)
             key = f"{way.verdict.value} {way.found_by}".rstrip()
             verdicts[key] = verdicts.get(key, 0) + 1
             if way.verdict is pb.Verdict.CERTIFIED:
                 wrong += pb.certify(robot, way.waypoints).verdict is not pb.Verdict.CERTIFIED
-        size = f"{path.stat().st_size / 1e6:.2f} MB"
-        print(f"    {size}; {len(Q) // 2} plans: {verdicts}, {wrong} not certified again; {clock}", flush=True)
+                wrong += not np.all(robot.boundaries.free(between(way.waypoints)))
+        spread = ", ".join(f"{100 * share:g} %: {np.quantile(seconds, share):.2f} s" for share in (0.5, 0.9, 0.99, 1.0))
+        print(f"    {len(Q) // 2} plans: {verdicts}, {wrong} not certified again; of processor {spread}; {clock}")
     return int(wrong > 0)
+
+
+def between(waypoints: np.ndarray) -> np.ndarray:
+    """Return configurations every 0.01 rad of a motion."""
+    parts = [
+        a + np.linspace(0.0, 1.0, 2 + int(np.linalg.norm(b - a) / 0.01))[:, None] * (b - a)
+        for a, b in pairwise(waypoints)
+    ]
+    return np.concatenate(parts)
 
 
 def ends_of(robot: pb.Robot) -> tuple[np.ndarray, np.ndarray]:
@@ -182,6 +199,8 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, nargs="+", default=[10.0])
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--share", type=float, default=0.9)
+    parser.add_argument("--all", action="store_true", help="cover all coordinates, by polytopes")
+    parser.add_argument("--each", type=float, default=1.0, help="seconds that a plan may take")
     parser.add_argument("--queries", type=int, default=100)
     parser.add_argument("--out", type=Path, default=Path())
     options = parser.parse_args()

@@ -28,7 +28,10 @@ from scipy import ndimage
 
 import pinbound as pb
 
-BOXES = 6000
+BOXES = (400, 6000)
+"""Boxes that a claim may cost: most are made with few, one in eight with many. Nine in ten claims cost 10 to 40 ms."""
+POLYTOPES, VOLUMES, PLANS = 8, 4, 26
+"""Claims a robot, beside one projection and one cover."""
 NEAR = 1e-11
 """Metres: how much deeper than zero the oracle has to be before it contradicts; its own rounding is 1e-15."""
 
@@ -150,7 +153,7 @@ def compare(arm: Arm, robot: pb.Robot, rng: np.random.Generator) -> bool:
     return bool(np.abs(mine - np.array(theirs)).max() < 1e-12)
 
 
-def descended(arm: Arm, inside, Q: np.ndarray, rng: np.random.Generator, steps: int = 30) -> np.ndarray:
+def descended(arm: Arm, inside, Q: np.ndarray, rng: np.random.Generator, steps: int = 12) -> np.ndarray:
     """Return the smallest clearances that random descents within a set find from Q (N, n)."""
     best, size = arm.clearance(Q), np.full(len(Q), 0.2)
     for _ in range(steps):
@@ -160,6 +163,12 @@ def descended(arm: Arm, inside, Q: np.ndarray, rng: np.random.Generator, steps: 
         Q, best = np.where(better[:, None], trial, Q), np.where(better, value, best)
         size *= np.where(better, 1.0, 0.75)
     return best
+
+
+def budget_of(rng: np.random.Generator, times: int = 1) -> pb.Budget:
+    """Return a budget: small as a rule, so that what is left open is attacked, too."""
+    is_small = rng.random() < 0.875
+    return pb.Budget(times * BOXES[0], 0.5) if is_small else pb.Budget(times * BOXES[1], 20.0)
 
 
 def seed_of(arm: Arm, robot: pb.Robot, rng: np.random.Generator) -> np.ndarray:
@@ -182,7 +191,7 @@ def seed_of(arm: Arm, robot: pb.Robot, rng: np.random.Generator) -> np.ndarray:
 def attack_polytope(arm: Arm, robot: pb.Robot, rng: np.random.Generator, found: Counter[str]) -> None:
     """Look for contact inside a polytope, and for a verdict that is wrong about its seed."""
     q, n = seed_of(arm, robot, rng), len(arm.kinds)
-    polytope = pb.certified_polytope(robot, q, budget=pb.Budget(BOXES, 20.0), seed=int(rng.integers(1000)))
+    polytope = pb.certified_polytope(robot, q, budget=budget_of(rng), seed=int(rng.integers(1000)))
     found[f"polytope {polytope.verdict.value}"] += 1
     if polytope.verdict is pb.Verdict.VIOLATED and arm.clearance(q[None])[0] > 2.1e-5:  # the contact tolerance
         found["WRONG violated"] += 1
@@ -206,7 +215,7 @@ def attack_volume(arm: Arm, robot: pb.Robot, rng: np.random.Generator, found: Co
     n = len(arm.kinds)
     names = tuple(rng.permutation(robot.coordinates)[: int(rng.integers(2, min(n, 3) + 1))])
     at = rng.uniform(*arm.limits)
-    volume = pb.free_volume(robot, names, at=at, budget=pb.Budget(4 * BOXES, 20.0), decided=0.97)
+    volume = pb.free_volume(robot, names, at=at, budget=budget_of(rng, 4), decided=0.97)
     found["paving complete" if volume.reason is None else "paving in part"] += 1
     axes = [robot.coordinates.index(name) for name in names]
     if len(volume.free):
@@ -235,7 +244,7 @@ def attack_projection(arm: Arm, robot: pb.Robot, rng: np.random.Generator, found
     """Look for contact of cells with their witnesses, and for what is free over cells proven out."""
     n = len(arm.kinds)
     names = tuple(rng.permutation(robot.coordinates)[:2])
-    budget = pb.Budget(4 * BOXES, 20.0)
+    budget = budget_of(rng, 4)
     seen = pb.free_projection(robot, names, budget=budget, decided=0.9, seed=int(rng.integers(1000)))
     found["projection complete" if seen.reason is None else "projection in part"] += 1
     axes = [robot.coordinates.index(name) for name in names]
@@ -254,7 +263,7 @@ def attack_projection(arm: Arm, robot: pb.Robot, rng: np.random.Generator, found
 def attack_cover(arm: Arm, robot: pb.Robot, rng: np.random.Generator, found: Counter[str]) -> None:
     """Look for contact in the sets of a cover, along plans through them, and for motions that it says do not exist."""
     n = len(arm.kinds)
-    cover = pb.certified_cover(robot, share=float(rng.uniform(0.5, 0.95)), budget=pb.Budget(4 * BOXES, 20.0))
+    cover = pb.certified_cover(robot, share=float(rng.uniform(0.5, 0.95)), budget=budget_of(rng, 4))
     found["cover reached" if cover.reason is None else "cover in part"] += 1
     axes = list(cover.axes)
     if len(cover.boxes):
@@ -262,10 +271,11 @@ def attack_cover(arm: Arm, robot: pb.Robot, rng: np.random.Generator, found: Cou
         if np.any(arm.clearance(Q) <= -NEAR):
             found["WRONG cover"] += 1
     grid = Grid(arm) if n == 2 else None
-    for _ in range(4):
+    for _ in range(PLANS):
         start, goal = rng.uniform(*arm.limits, (2, n))
-        budget = pb.Budget(BOXES, 0.3)
-        way = pb.plan(robot, start, goal, budget=budget, cover=cover, velocity=1.0, seed=int(rng.integers(1000)))
+        speed = 1.0 if rng.random() < 0.2 else None
+        budget = pb.Budget(BOXES[0], 0.1) if rng.random() < 0.9 else pb.Budget(BOXES[1], 3.0)
+        way = pb.plan(robot, start, goal, budget=budget, cover=cover, velocity=speed, seed=int(rng.integers(1000)))
         found[f"plan {way.verdict.value} {way.found_by}".rstrip()] += 1
         if way.verdict is pb.Verdict.CERTIFIED:
             t = np.linspace(0.0, 1.0, 60)[:, None]
@@ -305,12 +315,13 @@ class Grid:
 
 def attack(arm: Arm, robot: pb.Robot, rng: np.random.Generator, found: Counter[str]) -> int:
     """Attack one robot in all ways; return how many claims that were."""
-    for _ in range(3):
+    for _ in range(POLYTOPES):
         attack_polytope(arm, robot, rng, found)
-    attack_volume(arm, robot, rng, found)
+    for _ in range(VOLUMES):
+        attack_volume(arm, robot, rng, found)
     attack_projection(arm, robot, rng, found)
     attack_cover(arm, robot, rng, found)
-    return 10
+    return POLYTOPES + VOLUMES + 2 + PLANS
 
 
 def report(found: Counter[str], cases: int, started: float) -> str:

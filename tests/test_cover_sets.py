@@ -150,6 +150,18 @@ def test_boxes_that_nearly_meet_are_connected_only_if_they_may() -> None:
     assert not len(SetGraph.of_boxes(boxes).pairs)
 
 
+def test_components_of_a_cover_are_those_of_its_free_and_open_boxes(post: pb.Robot) -> None:
+    cover = pb.certified_cover(post, post.coordinates[-2:], share=0.8)
+    boxes = np.concatenate([cover.boxes, cover.open])
+    label = cover.components
+    assert len(label) == len(boxes)
+    assert not label.flags.writeable
+    rng = np.random.default_rng(0)
+    for i, j in rng.integers(0, len(boxes), (20, 2)):
+        first, last = (np.arange(len(boxes)) == one for one in (i, j))
+        assert (label[i] == label[j]) == connected(boxes, first, last, 1e-11)
+
+
 def test_a_route_keeps_to_its_sets() -> None:
     """Three squares around a corner: the path is the two straight pieces past it."""
     boxes = np.array([[[0.0, 0.0], [1.0, 3.0]], [[0.0, 2.0], [3.0, 3.0]], [[2.0, 0.0], [3.0, 3.0]]])

@@ -157,6 +157,23 @@ def is_ready() -> bool:
     return has_numba() and compile_source(paving_source()) is not None
 
 
+@pytest.mark.parametrize("names", [("j4", "j2", "j3"), ("j3", "j1", "j4", "j2")], ids=["held", "all"])
+def test_coordinates_in_another_order_are_those_coordinates(robot: pb.Robot, names: tuple[str, ...]) -> None:
+    few = [one.name for one in robot.boundaries if len(one.coordinates) == 2]
+    assert len(few) > 10
+    chosen = robot.boundaries.select(few)
+    found = pb.free_volume(robot, names, AT, few, decided=0.95, budget=pb.Budget(200_000, 100.0))
+    axes, rng = [robot.coordinates.index(name) for name in names], np.random.default_rng(0)
+    assert found.lower > 0.5 * found.volume
+    boxes = found.free[rng.integers(0, len(found.free), 4000)]
+    Q = np.tile(AT, (4000, 1))
+    Q[:, axes] = boxes[:, 0] + rng.random((4000, len(axes))) * (boxes[:, 1] - boxes[:, 0])
+    assert np.all(chosen.free(Q))
+    Q = np.tile(AT, (20_000, 1))
+    Q[:, axes] = rng.uniform(*found.box, (20_000, len(axes)))
+    assert found.lower / found.volume - 0.02 < np.mean(chosen.free(Q)) < found.upper / found.volume + 0.02
+
+
 @pytest.mark.parametrize("machine", [False, True])
 def test_contact_behind_a_group_is_proven(machine: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A stand-in that is in contact all over a box says nothing of it: the pair itself is asked."""

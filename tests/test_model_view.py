@@ -195,6 +195,8 @@ def test_some_boundaries_stay_a_set(minerva: pb.Robot) -> None:
     assert not some.free([3.0, 0.0, 0.0])
     assert B.select("beta_3").names == ("beta_3",)
     assert len(B.select([])) == 0
+    assert B.select(B.names) is B  # no second kernel
+    assert B.select(B.names[::-1]).names == B.names[::-1]
     with pytest.raises(pb.UnknownNameError, match="beta_99"):
         B.select(["beta_99"])
     with pytest.raises(pb.DimensionError, match="named twice"):

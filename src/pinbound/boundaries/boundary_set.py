@@ -81,10 +81,12 @@ class BoundarySet(NamedBoundaries):
             >>> some.names, some.signed_clearances([0.0, 0.0, 0.0]).shape
             (('beta_4', 'beta_1'), (2,))
         """
-        wanted = [names] if isinstance(names, str) else list(names)
-        for name in wanted:
-            if wanted.count(name) > 1:
-                raise DimensionError(f"boundary {name!r} is named twice; name each boundary once")
+        wanted = (names,) if isinstance(names, str) else tuple(names)
+        if len(set(wanted)) < len(wanted):
+            twice = next(name for place, name in enumerate(wanted) if name in wanted[:place])
+            raise DimensionError(f"boundary {twice!r} is named twice; name each boundary once")
+        if wanted == self.names:
+            return self
         chosen = [self[name] for name in wanted]
         return BoundarySet(chosen, self._coordinates, self._limits, self._home, self.common, self._guarded)
 

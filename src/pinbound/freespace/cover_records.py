@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,17 +13,20 @@ from numpy.typing import ArrayLike
 from pinbound.certificates.records import Reason
 from pinbound.coverage import CoverageRecord
 from pinbound.freespace.cover_format import write_file
-from pinbound.freespace.set_graph import SetGraph
+from pinbound.freespace.set_graph import SetGraph, components
 from pinbound.model.coupling import as_configurations
 from pinbound.tolerances import UNIT_ROUNDOFF
-from pinbound.typing import Array, Flags
+from pinbound.typing import Array, Flags, Indices
 from pinbound.values import Value, read_only
 
-__all__ = ["NUMBERS", "TEXTS", "ConvexSet", "FreeCover"]
+__all__ = ["APART", "NUMBERS", "TEXTS", "ConvexSet", "FreeCover"]
 
 TEXTS = ("robot", "robot_coordinates", "coordinates", "boundaries", "digest", "notes")
 NUMBERS = ("is_proven", "is_whole", "work", "seconds")
 """Fields of a cover that its file holds as text and as numbers, beside arrays."""
+
+APART: Final = 1e-11
+"""Radians or metres. Boxes no further apart may meet: limits are kept to `tolerances.LIMIT`, beyond the boxes' ends."""
 
 _ROWS = 2048
 
@@ -119,6 +122,11 @@ class FreeCover(Value):
     def graph(self) -> SetGraph:
         """Which sets meet, and where."""
         return SetGraph.of_boxes(self.boxes) if len(self.boxes) else SetGraph.of_polytopes(self.half_spaces)
+
+    @cached_property
+    def components(self) -> Indices:
+        """A number (f + u,) of each box, free ones first, then open ones: the same where a chain of boxes joins two."""
+        return read_only(components(np.concatenate([self.boxes, self.open]), APART))
 
     def contains(self, Q: ArrayLike) -> Any:
         """Return whether q (n,), or each of Q (N, n), is in one of the sets, and so proven free.

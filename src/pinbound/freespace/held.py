@@ -86,18 +86,18 @@ class HeldPairs:
 
     def __init__(self, pairs: Pairs, axes: Indices, at: Array, low: Array, high: Array, beside: Array) -> None:
         """Hold the others; bounds hold while q stays in the box (k,), (k,) of the axes, `beside` (k,) further out."""
-        k, whole = len(axes), len(axes) == len(at)
+        k, keep = len(axes), axes.tolist()
         family = pairs.families[1]
         assert isinstance(family, ManyAngleBoundaries)
         all_rows = np.arange(int(pairs.first[1]), int(pairs.first[2]))
-        minimal = [pairs.boundaries[int(row)].path.minimal for row in all_rows]
-        chains = minimal if whole else [restrict(chain, at, axes.tolist()) for chain in minimal]
+        # Where nothing is held, too: the columns have the order of the axes then, which users choose.
+        chains = [restrict(pairs.boundaries[int(row)].path.minimal, at, keep) for row in all_rows]
         turning = np.array([not np.any(chain.slides) for chain in chains], dtype=np.bool_)
         self.rows = all_rows[turning]
         """Which of all pairs these are; the others are bounded with all their coordinates."""
         kept = [chain for chain, turns in zip(chains, turning, strict=True) if turns]
         boundaries = [pairs.boundaries[int(row)] for row in self.rows]
-        error = (1.0 if whole else 2.0) * family.error[turning]
+        error = 2.0 * family.error[turning]
         self.groups = groups = Groups.of(boundaries, error, range(len(kept)), dict(enumerate(kept)))
         threshold = np.array([one.rule.placed_distance for one in boundaries])
         self.families: list[tuple[int, ManyAngleBoundaries]] = []

@@ -22,11 +22,10 @@ from pinbound.certificates.records import Budget, Certificate, Verdict
 from pinbound.certificates.scope import scope
 from pinbound.certificates.search import Meter
 from pinbound.exceptions import UnsupportedError
-from pinbound.freespace.cover_records import FreeCover
+from pinbound.freespace.cover_records import APART, FreeCover
 from pinbound.freespace.digest import robot_digest
 from pinbound.freespace.faces import OneAngleGaps, limit_faces, outer_box
 from pinbound.freespace.pieces import free_union, lifted, path_in_union
-from pinbound.freespace.set_graph import connected
 from pinbound.freespace.smoothing import smooth_motion, straight_times
 from pinbound.freespace.trees import Trees
 from pinbound.robot.robot import Robot
@@ -41,8 +40,6 @@ _ANGLES = 257
 """Angles between start and goal at which contact is looked for, beside the middles of its strips."""
 _PACES = (1.0, 0.5, 0.2, 0.0)
 """How fast a smooth motion passes its waypoints: the first that is certified is taken. The last one stops at each."""
-_APART = 1e-11
-"""Radians or metres. Boxes no further apart may meet: limits are kept to `tolerances.LIMIT`, beyond the boxes' ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,9 +265,11 @@ def _is_apart(cover: FreeCover, first: Array, last: Array) -> bool:
     if not cover.is_whole or not len(cover.boxes) + len(cover.open):
         return False
     boxes, axes = np.concatenate([cover.boxes, cover.open]), list(cover.axes)
-    low, high = boxes[:, 0] - _APART, boxes[:, 1] + _APART
-    ends = [np.all((low <= q[axes]) & (q[axes] <= high), axis=1) for q in (first, last)]
-    return bool(np.any(ends[0]) and np.any(ends[1])) and not connected(boxes, ends[0], ends[1], _APART)
+    low, high = boxes[:, 0] - APART, boxes[:, 1] + APART
+    first_label, last_label = (
+        cover.components[np.all((low <= q[axes]) & (q[axes] <= high), axis=1)] for q in (first, last)
+    )
+    return bool(len(first_label) and len(last_label)) and not np.intersect1d(first_label, last_label).size
 
 
 def _separation(robot: Robot, chosen: Sequence[Boundary], first: Array, last: Array) -> str | None:

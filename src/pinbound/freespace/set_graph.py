@@ -18,7 +18,7 @@ from pinbound.freespace.vertices import centre_of, linear_program
 from pinbound.typing import Array, Flags, Indices
 from pinbound.values import Value
 
-__all__ = ["Route", "SetGraph", "connected", "touching"]
+__all__ = ["Route", "SetGraph", "components", "connected", "touching"]
 
 _CANDIDATES = 4_000_000
 """Pairs of boxes that are compared at once."""
@@ -255,6 +255,17 @@ def touching(boxes: Array, apart: float = 0.0) -> Indices:
 
 def connected(boxes: Array, starts: Flags, goals: Flags, apart: float) -> bool:
     """Return whether a chain of boxes that meet, or are at most `apart`, leads from `starts` to `goals`."""
+    label = components(boxes, apart)
+    return bool(np.intersect1d(label[starts], label[goals]).size)
+
+
+def components(boxes: Array, apart: float) -> Indices:
+    """Return a number (f,) of each box: the same where a chain of boxes that meet, or are at most `apart`, joins two.
+
+    Example:
+        >>> components(np.array([[[0.0], [1.0]], [[3.0], [4.0]], [[1.0], [2.0]]]), 0.0).tolist()
+        [0, 1, 0]
+    """
     from scipy import sparse
     from scipy.sparse import csgraph
 
@@ -264,4 +275,4 @@ def connected(boxes: Array, starts: Flags, goals: Flags, apart: float) -> bool:
     ones = np.ones(len(pairs))
     matrix: Any = solver.csr_matrix((ones, (pairs[:, 0], pairs[:, 1])), shape=(len(boxes), len(boxes)))
     _, label = graphs.connected_components(matrix, directed=False)
-    return bool(np.intersect1d(label[starts], label[goals]).size)
+    return label.astype(np.intp)
