@@ -26,7 +26,12 @@ __all__ = [
 
 
 class PinboundError(Exception):
-    """Base of every error that pinbound raises on purpose."""
+    """Base of every error that pinbound raises on purpose.
+
+    Example:
+        >>> issubclass(InputError, PinboundError), issubclass(DimensionError, ValueError)
+        (True, True)
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +62,14 @@ class InputError(PinboundError, ValueError):
 
     Attributes:
         problems: Every fault that was found, in the order of the file.
+
+    Example:
+        >>> import pinbound as pb
+        >>> try:
+        ...     pb.load("<robot name='r'><link name='a'/><link name='a'/></robot>")
+        ... except InputError as error:
+        ...     print(len(error.problems) > 0)
+        True
     """
 
     def __init__(self, problems: Iterable[Problem]) -> None:
@@ -74,6 +87,10 @@ class UnknownNameError(PinboundError, KeyError):
         kind: What sort of thing was asked for, e.g. ``"boundary"``.
         name: The name that was given.
         valid: The names that exist.
+
+    Example:
+        >>> UnknownNameError("boundary", "beta_11", ["beta_1", "beta_2"]).valid
+        ('beta_1', 'beta_2')
     """
 
     def __init__(self, kind: str, name: object, valid: Iterable[str]) -> None:
@@ -87,7 +104,14 @@ class UnknownNameError(PinboundError, KeyError):
 
 
 class DimensionError(PinboundError, ValueError):
-    """An array whose shape does not fit the robot, or that holds numbers that are not finite."""
+    """An array whose shape does not fit the robot, or that holds numbers that are not finite.
+
+    Example:
+        >>> import pinbound as pb
+        >>> pb.load("minervabot_v3").boundaries.norms([0.0])
+        Traceback (most recent call last):
+        pinbound.exceptions.DimensionError: q has shape (1,); give (3,) or (N, 3), the last axis being: q1, q2, q3
+    """
 
 
 class LeavesRegionError(PinboundError, ValueError):
@@ -98,6 +122,11 @@ class LeavesRegionError(PinboundError, ValueError):
         coordinates: The two coordinates of the plane.
         point: (2,) a point of the scaled region that is outside.
         witness: (n,) the same as a configuration.
+
+    Example:
+        >>> error = LeavesRegionError(0.9, ("q1", "q2"), (0.5, 1.0), (0.5, 1.0, 0.0))
+        >>> error.factor, error.witness
+        (0.9, (0.5, 1.0, 0.0))
     """
 
     def __init__(self, factor: float, coordinates: tuple[str, str], point: Any, witness: Any) -> None:
@@ -114,11 +143,24 @@ class MachineError(PinboundError):
     """A failure of the machine or the cluster, not of the input: a full disk, a folder without permission, no worker.
 
     The same call may succeed once that is mended. The command line exits with 3.
+
+    Example:
+        >>> issubclass(MachineError, PinboundError), issubclass(MachineError, ValueError)
+        (True, False)
     """
 
 
 class UnsupportedError(PinboundError):
-    """A question that is well posed but that this version cannot answer; never answered wrongly instead."""
+    """A question that is well posed but that this version cannot answer; never answered wrongly instead.
+
+    Example:
+        >>> import pinbound as pb
+        >>> try:
+        ...     pb.load("minervabot_v3").boundaries["beta_4"].limit_expressions("q1")
+        ... except UnsupportedError:
+        ...     print("no closed form")
+        no closed form
+    """
 
 
 class Problems:

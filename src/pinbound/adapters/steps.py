@@ -53,6 +53,13 @@ class StepRows(Value):
         scale: `step` over what was asked for, in (0, 1].
         blocked: Boundaries and joint limits that q does not keep, as far as is proved: their rows ask for a way out,
             which may not exist within the box, and nothing is promised of them.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> rows = pb.StepBounds(robot).rows(robot.home, 0.2)
+        >>> rows.A.shape, rows.b.shape, rows.blocked
+        ((2, 3), (2,), ())
     """
 
     A: Array

@@ -39,7 +39,18 @@ CYLINDER_SIDES = 24
 
 @dataclass(frozen=True)
 class Point:
-    """A marked point: `xyz` [m] in the frame of `link`, the centre of a sphere of `radius` [m]."""
+    """A marked point: `xyz` [m] in the frame of `link`, the centre of a sphere of `radius` [m].
+
+    Attributes:
+        name: Its name, unique among the marks of the robot.
+        link: The link that it is fixed to.
+        xyz: (3,) [m] in the frame of the link.
+        radius: [m], of the sphere; 0 is a bare point.
+
+    Example:
+        >>> Point("tip", "hand", (0.0, 0.0, 0.1), radius=0.02).shape.radius
+        0.02
+    """
 
     name: str
     link: str
@@ -65,7 +76,19 @@ class Point:
 
 @dataclass(frozen=True)
 class Segment:
-    """A marked segment from `xyz_a` to `xyz_b` [m] in the frame of `link`: with a `radius` [m] a capsule."""
+    """A marked segment from `xyz_a` to `xyz_b` [m] in the frame of `link`: with a `radius` [m] a capsule.
+
+    Attributes:
+        name: Its name, unique among the marks of the robot.
+        link: The link that it is fixed to.
+        xyz_a: (3,) its first end [m] in the frame of the link.
+        xyz_b: (3,) its second end [m].
+        radius: [m] around it.
+
+    Example:
+        >>> Segment("forearm", "link_3", (0.0, 0.0, 0.0), (0.3, 0.0, 0.0), radius=0.03).ways
+        ((0.3, 0.0, 0.0),)
+    """
 
     name: str
     link: str
@@ -101,6 +124,17 @@ class Sweep:
     """A marked body: all `xyz + sum_i t_i way_i`, t_i in [0, 1] [m] in the frame of `link`, `radius` [m] around it.
 
     One way is a segment, two make a parallelogram, three a box; ways in a plane and one out of it make a prism.
+
+    Attributes:
+        name: Its name, unique among the marks of the robot.
+        link: The link that it is fixed to.
+        xyz: (3,) its corner [m] in the frame of the link.
+        ways: (k, 3) its edge vectors [m].
+        radius: [m] around it.
+
+    Example:
+        >>> Sweep("plate", "base", (0.0, 0.0, 0.0), ((0.3, 0.0, 0.0), (0.0, 0.2, 0.0))).shape.vertices.shape
+        (4, 3)
     """
 
     name: str
@@ -126,6 +160,17 @@ class Line:
     """A marked line without ends: through `xyz` [m] along `direction`, in the frame of `link`, `radius` [m] thick.
 
     What is measured against it is the distance across it.
+
+    Attributes:
+        name: Its name, unique among the marks of the robot.
+        link: The link that it is fixed to.
+        xyz: (3,) a point of it [m] in the frame of the link.
+        direction: (3,) along it, of any length but zero.
+        radius: [m] around it.
+
+    Example:
+        >>> Line("pole", "base", (0.0, 0.0, 0.0), (0.0, 0.0, 2.0)).upright
+        (0.0, 0.0, 1.0)
     """
 
     name: str
@@ -162,6 +207,16 @@ class Plane:
 
     What is measured against it is the signed height: negative behind the plane. In a planar mechanism it is an edge
     with a side: the plane that holds the edge and the joints' direction.
+
+    Attributes:
+        name: Its name, unique among the marks of the robot.
+        link: The link that it is fixed to.
+        xyz: (3,) a point of it [m] in the frame of the link.
+        normal: (3,) towards the free side, of any length but zero.
+
+    Example:
+        >>> Plane("floor", "base", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)).upright
+        (0.0, 0.0, 1.0)
     """
 
     name: str
@@ -172,7 +227,7 @@ class Plane:
 
     @property
     def radius(self) -> float:
-        """A plane has no thickness."""
+        """A plane has no thickness: 0 [m]."""
         return 0.0
 
     @property
@@ -199,6 +254,12 @@ class Plane:
 @dataclass(frozen=True)
 class Hull:
     """A marked convex hull of `vertices` (k, 3) [m] in the frame of `link`, with `radius` [m] around it.
+
+    Attributes:
+        name: Its name, unique among the marks of the robot.
+        link: The link that it is fixed to.
+        vertices: (k, 3) [m] in the frame of the link, in any order; inner ones do not count.
+        radius: [m] around it.
 
     Example:
         >>> corner = Hull("corner", "arm", ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0.1, 0.1, 0.1)))
@@ -227,6 +288,14 @@ class Box:
     """A marked box: `size` [m] along the axes of its own frame, whose origin, its centre, is at `xyz` [m].
 
     Its frame is turned by `rpy` [rad]: roll, pitch, yaw as in a URDF's origin. A size of zero makes it flat.
+
+    Attributes:
+        name: Its name, unique among the marks of the robot.
+        link: The link that it is fixed to.
+        xyz: (3,) its centre [m] in the frame of the link.
+        rpy: (3,) how its frame is turned [rad].
+        size: (3,) its edges [m].
+        radius: [m] around it.
 
     Example:
         >>> Box("b", "arm", (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (2.0, 4.0, 6.0)).shape.vertices[[0, -1]].tolist()
@@ -257,6 +326,18 @@ class Cylinder:
     """A marked cylinder with flat ends: its axis leads from `xyz_a` to `xyz_b` [m] in the frame of `link`.
 
     It is held by a prism of 24 sides around it, which leads `excess` too far at its edges; `robot.notes` says so.
+
+    Attributes:
+        name: Its name, unique among the marks of the robot.
+        link: The link that it is fixed to.
+        xyz_a: (3,) one end of its axis [m] in the frame of the link.
+        xyz_b: (3,) the other end [m].
+        radius: [m].
+
+    Example:
+        >>> motor = Cylinder("motor", "base", (0.0, -0.03, 0.0), (0.0, 0.03, 0.0), 0.025)
+        >>> f"{1e3 * motor.excess:.3f} mm"
+        '0.216 mm'
     """
 
     name: str

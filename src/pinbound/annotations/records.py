@@ -82,6 +82,17 @@ class BoundaryMark:
 
     `stop` declares two points of zero threshold and one effective angle as a stop: contact is the angle at which their
     two arms align, whatever small difference their lengths have.
+
+    Attributes:
+        name: Its name, unique among the boundaries of the robot.
+        a: Name of the first mark.
+        b: Name of the second.
+        min_distance: [m], kept between the two surfaces.
+        stop: Whether two bare points are declared as a stop.
+
+    Example:
+        >>> BoundaryMark("tip_floor", "tip", "floor", min_distance=0.01).stop
+        False
     """
 
     name: str
@@ -99,6 +110,21 @@ class ClosureMark:
     In an open tree `passive` may name the joints that follow; by default those furthest from the root do, of those that
     `active` does not name. `tolerance` [m] is what the sides of its loop may differ by in all; what they do is carried
     as an error of the links' places. With `weld` the frames of both links have the same orientation, too.
+
+    Attributes:
+        name: Its name.
+        link_a: One link.
+        xyz_a: (3,) the pin in its frame [m].
+        link_b: The other link.
+        xyz_b: (3,) the same pin in the frame of that one [m].
+        passive: Names of joints that follow.
+        tolerance: [m], what the sides of the loop may differ by in all.
+        active: Names of joints that are commanded.
+        weld: Whether both frames have the same orientation, too.
+
+    Example:
+        >>> ClosureMark("drive", "rod", (0.4, 0.0, 0.0), "fore", (0.0, 0.0, 0.1)).passive
+        ()
     """
 
     name: str
@@ -115,7 +141,18 @@ class ClosureMark:
 
 @dataclass(frozen=True, slots=True)
 class FollowerMark:
-    """A `<mimic>` that the URDF lacks, or has wrong: `theta = multiplier * theta_primary + offset`."""
+    """A `<mimic>` that the URDF lacks, or has wrong: `theta = multiplier * theta_primary + offset`.
+
+    Attributes:
+        joint: The joint that follows.
+        primary: The joint that it follows.
+        multiplier: [rad/rad, or with metres where one slides].
+        offset: [rad or m].
+
+    Example:
+        >>> FollowerMark("finger_2", "finger_1", multiplier=-1.0).offset
+        0.0
+    """
 
     joint: str
     primary: str
@@ -126,7 +163,17 @@ class FollowerMark:
 
 @dataclass(frozen=True, slots=True)
 class LimitMark:
-    """Limits [rad or m] that replace those of the URDF."""
+    """Limits [rad or m] that replace those of the URDF.
+
+    Attributes:
+        joint: The joint.
+        lower: [rad or m].
+        upper: [rad or m].
+
+    Example:
+        >>> LimitMark("q1", -1.5, 1.5).upper
+        1.5
+    """
 
     joint: str
     lower: float
@@ -136,7 +183,17 @@ class LimitMark:
 
 @dataclass(frozen=True, slots=True)
 class Condition(Value):
-    """`lower <= sum_j c_j theta_j <= upper` [rad or m], coefficients c by joint name; an end may be infinite."""
+    """`lower <= sum_j c_j theta_j <= upper` [rad or m], coefficients c by joint name; an end may be infinite.
+
+    Attributes:
+        coefficients: c_j by joint name [1].
+        lower: [rad or m], may be -inf.
+        upper: [rad or m], may be inf.
+
+    Example:
+        >>> Condition({"J3": 1.0}, upper=0.0).lower
+        -inf
+    """
 
     coefficients: Mapping[str, float]
     lower: float = -math.inf
@@ -148,6 +205,13 @@ class Rule(Value):
     """A maker's rule: `lower <= sum_j c_j theta_j <= upper` [rad or m], wherever every condition of `where` holds.
 
     Joints may be mimic joints. Without conditions it binds everywhere, as the limits of a joint do.
+
+    Attributes:
+        name: Its name, which names edges of regions and violations.
+        coefficients: c_j by joint name [1].
+        lower: [rad or m], may be -inf.
+        upper: [rad or m], may be inf.
+        where: Conditions that must all hold for the rule to bind.
 
     Example:
         The arm must not lean back by more than 19 degrees while the forearm is below the horizontal:
@@ -171,6 +235,11 @@ class Axis(Value):
 
     So a third axis that the URDF counts from the arm can be counted from the ground, and the other way round.
 
+    Attributes:
+        name: Its name, an entry of `robot.coordinates`.
+        instead_of: The joint whose place in q it takes.
+        coefficients: c_j by joint name [1]; that of `instead_of` is not zero.
+
     Example:
         >>> Axis("J3_absolute", instead_of="J3", coefficients={"J2": 1.0, "J3": 1.0}).instead_of
         'J3'
@@ -187,6 +256,16 @@ class LeftOutMark:
     """Two links, by name, that no boundary watches, and the reason; `source` is the file that says so.
 
     It is a statement, not a proof: `robot.coverage` lists it with its source, unless it can prove the pair itself.
+
+    Attributes:
+        a: Name of one link.
+        b: Name of the other.
+        reason: Why no boundary watches them, in words for people.
+        source: The file that says so.
+
+    Example:
+        >>> LeftOutMark("camera", "hand", "the cable tray keeps them apart").source
+        'annotations'
     """
 
     a: str

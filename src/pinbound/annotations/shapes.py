@@ -28,7 +28,14 @@ _DEEP = 1e-9  # of a hull of unit extent: further inside all facets, a point is 
 
 
 class Measure(Enum):
-    """What is measured against a shape: the distance, the distance across a line, the height above a plane."""
+    """What is measured against a shape: the distance, the distance across a line, the height above a plane.
+
+    `DISTANCE` of two bodies, `ACROSS` a line without ends, or `HEIGHT` above a plane.
+
+    Example:
+        >>> Measure.HEIGHT.quantity, Measure.ACROSS.quantity
+        ('height', 'distance')
+    """
 
     DISTANCE = "distance"
     ACROSS = "across a line"
@@ -53,6 +60,12 @@ class Shape(Value):
         measure: What is measured against it; only a distance, if it is bounded.
         normal: (3,) unit vector along a line, or normal of a plane; None if it is bounded.
         excess: By how much it leads outside what was marked [m]: a cylinder is held by a prism.
+
+    Example:
+        >>> import pinbound as pb
+        >>> shape = pb.Segment("s", "arm", (0.0, 0.0, 0.0), (0.2, 0.0, 0.0), radius=0.01).shape
+        >>> shape.is_segment, shape.vertices.shape, shape.radius
+        (True, (2, 3), 0.01)
     """
 
     origin: Array

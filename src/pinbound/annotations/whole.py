@@ -38,7 +38,7 @@ class Annotations(Value):
     """Everything that pinbound needs beside the URDF proper.
 
     Attributes:
-        contact_tolerance: Metres; see design "contact angle".
+        contact_tolerance: [m]; lengths of the file are known no better (`docs/contacts.md`).
         home: A feasible configuration by joint name [rad or m]; coordinates that are left out are at zero.
         marks: Marked points, segments, sweeps, lines and planes by name.
         boundaries: Boundaries in the order of the file.
@@ -51,6 +51,11 @@ class Annotations(Value):
         assumptions: Sentences that every report of this robot must show.
         home_line: Line of the home element.
         sources: The file that each of these was read from, by what it is: `"home"`, `"boundary stop"`, `"limit q1"`.
+
+    Example:
+        >>> marks = Annotations.of([Point("tip", "arm", (0.0, 0.0, 0.1), radius=0.01)])
+        >>> list(marks.marks), marks.contact_tolerance
+        (['tip'], 2e-05)
     """
 
     contact_tolerance: float = CONTACT
@@ -75,6 +80,11 @@ class Annotations(Value):
     @classmethod
     def of(cls, marks: Iterable[Mark], boundaries: Iterable[BoundaryMark] = (), **others: Any) -> Annotations:
         """Return annotations of a sequence of marks and of boundaries between them.
+
+        Args:
+            marks: In any order; their names differ.
+            boundaries: In the order in which the robot has them.
+            others: Further fields of `Annotations`, by name.
 
         Example:
             >>> ends = [Point("p", "base", (1.0, 0.0, 0.0)), Point("s", "arm", (0.0, 0.0, 1.0), radius=0.01)]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinbound.annotations import Mark
-from pinbound.boundaries.spans import checked_window
+from pinbound.boundaries.spans import ContactAngle, checked_window
 from pinbound.contact import ContactRule
 from pinbound.evaluate import depth, separation
 from pinbound.evaluate.depth import Penetration
@@ -26,38 +26,6 @@ from pinbound.typing import Array, Flags
 from pinbound.values import Value
 
 __all__ = ["Boundary", "ContactAngle", "Penetration", "checked_window", "one_configuration"]
-
-
-@dataclass(frozen=True, eq=False)
-class ContactAngle(Value):
-    """Where a boundary of one effective angle `phi = coefficients @ q` is in contact.
-
-    Attributes:
-        coefficients: (n,), over the active coordinates.
-        text: The effective angle for people, e.g. ``"q3 - q2"``.
-        angle: phi* [rad], in (-pi, pi]; contacts repeat every turn.
-        half_width: w [rad]; contact is `phi* +- w`. 0: the arms align (a stop). None: never in contact.
-        smallest: [m], the smallest norm over a turn: by how much the arms of a stop miss each other at contact.
-        is_stop: Whether it is a stop, declared or by its equal arms.
-    """
-
-    coefficients: Array
-    text: str
-    angle: float
-    half_width: float | None
-    smallest: float
-    is_stop: bool = False
-
-    def gap(self, phi: float) -> tuple[float, float]:
-        """Return the open interval without contact that holds `phi` [rad]; NaN if phi is in contact.
-
-        Example:
-            >>> ContactAngle(np.array([1.0]), "q1", 1.0, 0.25, 0.0).gap(0.0)
-            (-5.03..., 0.75)
-        """
-        if self.half_width is None:
-            return -math.inf, math.inf
-        return univariate.gap_around(self.angle, self.half_width, phi)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +47,11 @@ class Boundary(Value):
             because the sides of loops on its path differ (`docs/closures.md`); 0 where they are equal.
         home: (n,) the robot's home, which says on which side of a stop it is; None: zero.
         stop: Whether it is declared as a stop: contact where the two arms align.
+
+    Example:
+        >>> import pinbound as pb
+        >>> pb.load("minervabot_v3").boundaries["beta_4"]
+        <Boundary beta_4: coincident branched, o14 on link_2, o15 on link_13; depends on q2, q3>
     """
 
     name: str
@@ -289,7 +262,7 @@ class Boundary(Value):
         return ask(Q) if Q.ndim > 1 else ask(Q[None])[0]
 
     def parts(self, start: Array, end: Array) -> bool:
-        """Return whether a contact of this boundary's one effective angle lies between two configurations (n,)."""
+        """Return whether a contact of its one effective angle lies between configurations `start` and `end` (n,)."""
         for contact in self.contacts or ():
             lower, upper = contact.gap(float(contact.coefficients @ start))
             if not lower < float(contact.coefficients @ end) < upper:
@@ -302,6 +275,9 @@ class Boundary(Value):
         Args:
             frame: ``"minimal"``: the frame on the path in which the fewest rotated terms are left; its norm is
                 the boundary's, its components are in that frame. ``"ancestor"``: the paper's form.
+
+        Raises:
+            UnknownNameError: If the frame is neither.
 
         Example:
             >>> import pinbound as pb
@@ -384,7 +360,14 @@ class Boundary(Value):
         return -math.inf if span[0] <= low else span[0], math.inf if span[1] >= high else span[1]
 
     def spans(self, coordinate: str, Q: Array, within: tuple[float, float], clear: Flags) -> Array:
-        """Return what `span` says for each of many q (N, n): (N, 2), NaN where q itself is not `clear` (N,)."""
+        """Return what `span` says of a `coordinate` for many q (N, n): (N, 2), NaN where q itself is not `clear` (N,).
+
+        Example:
+            >>> import pinbound as pb
+            >>> beta = pb.load("minervabot_v3").boundaries["beta_4"]
+            >>> np.degrees(beta.spans("q3", np.zeros((1, 3)), within=(-2.0, 2.0), clear=np.array([True]))).round(3)
+            array([[ -inf, 32.429]])
+        """
         index, (low, high) = self.robot_coordinates.index(coordinate), within
         value = Q[:, index]
         if self.is_stop or outwards.is_closed(self.path, index):

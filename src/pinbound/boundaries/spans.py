@@ -12,10 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.exceptions import DimensionError
+from pinbound.limits import univariate
 from pinbound.model.coupling import GuardedLimit, LinearLimit
 from pinbound.typing import Array
+from pinbound.values import Value
 
 __all__ = [
+    "ContactAngle",
     "CoordinateLimits",
     "Smallest",
     "checked_window",
@@ -27,6 +30,44 @@ __all__ = [
 ]
 
 
+@dataclass(frozen=True, eq=False)
+class ContactAngle(Value):
+    """Where a boundary of one effective angle `phi = coefficients @ q` is in contact.
+
+    Attributes:
+        coefficients: (n,), over the active coordinates.
+        text: The effective angle for people, e.g. ``"q3 - q2"``.
+        angle: phi* [rad], in (-pi, pi]; contacts repeat every turn.
+        half_width: w [rad]; contact is `phi* +- w`. 0: the arms align (a stop). None: never in contact.
+        smallest: [m], the smallest norm over a turn: by how much the arms of a stop miss each other at contact.
+        is_stop: Whether it is a stop, declared or by its equal arms.
+
+    Example:
+        >>> import pinbound as pb
+        >>> contact = pb.load("minervabot_v3").boundaries["beta_4"].contact
+        >>> contact.text, round(float(np.degrees(contact.angle)), 6), contact.is_stop
+        ('q3 - q2', 32.42912, True)
+    """
+
+    coefficients: Array
+    text: str
+    angle: float
+    half_width: float | None
+    smallest: float
+    is_stop: bool = False
+
+    def gap(self, phi: float) -> tuple[float, float]:
+        """Return the open interval without contact that holds `phi` [rad]; NaN if phi is in contact.
+
+        Example:
+            >>> ContactAngle(np.array([1.0]), "q1", 1.0, 0.25, 0.0).gap(0.0)
+            (-5.03..., 0.75)
+        """
+        if self.half_width is None:
+            return -math.inf, math.inf
+        return univariate.gap_around(self.angle, self.half_width, phi)
+
+
 @dataclass(frozen=True)
 class CoordinateLimits:
     """How far one coordinate can move from a configuration, and what stops it.
@@ -34,12 +75,18 @@ class CoordinateLimits:
     Attributes:
         coordinate: Its name.
         value: Its value [rad or m].
-        lower: Lower end of the allowed interval around the value, may be -inf; NaN if the value is not allowed.
-        upper: Upper end, may be inf; NaN if the value is not allowed.
+        lower: [rad or m], lower end of the interval around the value, may be -inf; NaN if the value is not allowed.
+        upper: [rad or m] upper end, may be inf; NaN if the value is not allowed.
         lower_stop: Boundary or joint limit at the lower end; None if there is none.
         upper_stop: Boundary or joint limit at the upper end; None if there is none.
         blocked_by: Boundaries whose signed clearance is not positive there, and limits that it passes.
         beyond: Boundaries whose contact lies between home and this configuration, which makes it unreachable.
+
+    Example:
+        >>> import pinbound as pb
+        >>> found = pb.load("minervabot_v3").boundaries.limits("q2", [0.0, 0.0, 0.0])
+        >>> found.upper_stop, round(float(np.degrees(found.upper)), 6)
+        ('beta_8', 68.504624)
     """
 
     coordinate: str
@@ -59,7 +106,18 @@ class CoordinateLimits:
         spans: Sequence[tuple[str, tuple[float, float] | None]],
         beyond: tuple[str, ...],
     ) -> CoordinateLimits:
-        """Return the intersection of intervals around the value, each with its name; None: the value is not allowed."""
+        """Return the intersection of intervals around the value, each with its name; None: the value is not allowed.
+
+        Args:
+            coordinate: Its name.
+            value: Its value [rad or m].
+            spans: By name of a boundary or limit, the interval that it leaves [rad or m].
+            beyond: Boundaries whose contact lies between home and the value.
+
+        Example:
+            >>> CoordinateLimits.of("q", 0.0, [("q", (-1.0, 1.0)), ("b", (-2.0, 0.5))], ()).upper_stop
+            'b'
+        """
         blocked = tuple(name for name, span in spans if span is None)
         if blocked:
             return cls(coordinate, value, math.nan, math.nan, None, None, blocked, beyond)
@@ -85,6 +143,13 @@ class Smallest:
         clearance: [m], signed: a float or (N,); inf if there is no boundary, NaN if one of them is NaN.
         index: Position of that boundary in the set, an int or (N,); -1 if there is none, or a NaN. Between
             boundaries whose clearances are equal to rounding it is one of them.
+
+    Example:
+        >>> import pinbound as pb
+        >>> B = pb.load("minervabot_v3").boundaries
+        >>> found = B.smallest(np.zeros((2, 3)))
+        >>> found.clearance.shape, B.names[found.index[0]]
+        ((2,), 'beta_9')
     """
 
     clearance: Any

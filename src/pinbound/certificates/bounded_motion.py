@@ -37,8 +37,8 @@ class BoundedMotion:
     Attributes:
         function: q (N, n) = function(t), t (N,); with `acceleration` also function(t, 1), the first derivative, as
             SciPy's splines and toppra's paths offer it.
-        start: First time.
-        end: Last time.
+        start: First time [s, or what the function takes].
+        end: Last time [as `start`].
         speed: (n,) bounds of |dq/dt|.
         acceleration: (n,) bounds of |d^2q/dt^2|, or None; with it the cost near contact is far smaller.
 

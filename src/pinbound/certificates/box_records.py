@@ -88,13 +88,19 @@ class BoxCertificate(NoTruth, Value):
         lower_corner: (n,).
         upper_corner: (n,).
         lower: Proven lower bound of the smallest clearance over the box [m].
-        upper: Upper bound of it: the smallest clearance that was met.
+        upper: Upper bound of it [m]: the smallest clearance that was met.
         witness: (n,) a q of negative clearance or outside a limit; None unless VIOLATED.
         violated: Name of the boundary or limit that the witness violates.
         open_boxes: What is undecided.
         boxes: How many boxes times boundaries were bounded.
-        seconds: Wall time.
+        seconds: Wall time [s].
         notes: What the verdict does not say.
+
+    Example:
+        >>> import pinbound as pb
+        >>> found = pb.certify_box(pb.load("minervabot_v3"), [-1.0, 0.1, 0.0], [1.0, 0.6, 0.3])
+        >>> found.verdict.name, found.lower > 0.0, found.witness
+        ('CERTIFIED', True, None)
     """
 
     verdict: Verdict

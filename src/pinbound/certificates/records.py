@@ -35,6 +35,10 @@ class Verdict(Enum):
     `CERTIFIED`: every clearance is positive and every limit kept, at every moment, rounding included. `VIOLATED`:
     there is a q, given, at which one is not. `UNDECIDED`: neither was shown; what is left is listed.
     `NOTHING_TO_CHECK`: there is no boundary, and limits alone were not asked for, so that nothing is known of contact.
+
+    Example:
+        >>> Verdict("certified").name
+        'CERTIFIED'
     """
 
     CERTIFIED = "certified"
@@ -58,7 +62,13 @@ class Budget:
 
     Attributes:
         boxes: Parts of the motion (or boxes) times boundaries that may be bounded.
-        seconds: Wall time; looked at between batches of a few thousand boxes.
+        seconds: Wall time [s]; looked at between batches of a few thousand boxes.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> pb.certify(robot, [robot.home, [0.0, 0.5, 0.5]], budget=Budget(boxes=10_000, seconds=1.0)).verdict.name
+        'CERTIFIED'
     """
 
     boxes: int = 2_000_000
@@ -252,14 +262,21 @@ class Certificate(NoTruth):
     Attributes:
         verdict: CERTIFIED, VIOLATED, UNDECIDED or NOTHING_TO_CHECK.
         coverage: What the boundaries that were checked watch of the robot, and what they do not.
-        start: First time of the motion.
-        end: Last time.
+        start: First time of the motion [its own unit; of waypoints without times their count].
+        end: Last time [as `start`].
         boundaries: One finding a boundary.
         limits: One finding an end of a joint limit, followers' too; empty if they were left out.
         open_parts: What is undecided, in order of time, neighbours merged.
         notes: What the verdict does not say.
         boxes: How many parts times boundaries were bounded.
-        seconds: Wall time.
+        seconds: Wall time [s].
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> found = pb.certify(robot, [robot.home, [0.0, 0.5, 0.5]])
+        >>> found.verdict.name, found.lower > 0.0, len(found.boundaries)
+        ('CERTIFIED', True, 10)
     """
 
     verdict: Verdict
@@ -346,7 +363,14 @@ class Verdicts(NoTruth, Value, Sequence[Verdict]):
         coverage: What the boundaries that were checked watch of the robot, and what they do not.
         notes: What the verdicts do not say.
         boxes: How many parts times boundaries were bounded.
-        seconds: Wall time.
+        seconds: Wall time [s].
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> found = pb.certify_many(robot, [robot.home], [[0.0, 0.0, 1.0]])
+        >>> found[0].name, found.witnesses.shape
+        ('VIOLATED', (1, 3))
     """
 
     codes: Ints

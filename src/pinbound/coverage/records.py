@@ -122,6 +122,12 @@ class CoverageRecord:
         unheld: Bodies that no mark holds, of links of which some pair is open.
         is_complete: Whether there are bodies, and no pair of links is open.
         summary: All this in one line.
+
+    Example:
+        >>> import pinbound as pb
+        >>> record = pb.load("minervabot_v3").coverage.record
+        >>> record.boundaries, record.pairs, record.watched
+        (10, 78, 0)
     """
 
     boundaries: int

@@ -43,6 +43,12 @@ class CrossCheck(Value):
         region: Membership against a flood fill.
         not_checked: Why a level that was asked for does not apply.
         coverage: Which bodies the boundaries watch, and which nobody looks at.
+
+    Example:
+        >>> import pinbound as pb
+        >>> found = pb.cross_check(pb.load("minervabot_v3"), samples=50, levels=("points",))
+        >>> found.holds, list(found.levels)
+        (True, ['points'])
     """
 
     robot: str

@@ -44,6 +44,12 @@ class Penetration(Value):
         direction: (N, 3), unit, in the ancestor's frame: body a moved along it by the depth touches b. Where they
             are apart it leads from b's nearest point to a's.
         is_unique: (N,) bools, whether it is the only such direction; it is one of several if not.
+
+    Example:
+        >>> import pinbound as pb
+        >>> found = pb.load("minervabot_v3").boundaries["beta_4"].penetration([0.0, 0.0, 0.0])
+        >>> found.depth, found.direction.shape
+        (0.0, (3,))
     """
 
     depth: Any

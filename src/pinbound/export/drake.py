@@ -83,6 +83,22 @@ def save_drake_regions(path: str | Path, regions: Mapping[str, Any], coordinates
     """Write `drake_text` to a file, and return it; one that exists is replaced.
 
     Drake's q must be in the order of the columns, which a comment at the head of the file names.
+
+    Args:
+        path: The file.
+        regions: By name: regions, polytopes, or pairs (A, b) with `A x <= b`.
+        coordinates: Names of the columns; needed for pairs (A, b) alone.
+
+    Returns:
+        The file.
+
+    Example:
+        >>> import tempfile
+        >>> import pinbound as pb
+        >>> region = pb.feasible_region(pb.load("minervabot_v3"), ("q2", "q3"))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     save_drake_regions(folder + "/regions.yaml", {"home": region}).name
+        'regions.yaml'
     """
     file = Path(path)
     file.write_text(drake_text(regions, coordinates), encoding="utf-8")

@@ -71,8 +71,15 @@ class FreeCover(Value):
         reason: Why the share that was asked for was not reached; None if it was.
         digest: SHA-256 of what was proven about: coordinates, limits, paths, thresholds.
         work: How many boxes times boundaries were bounded.
-        seconds: Wall time.
+        seconds: Wall time [s].
         notes: What was left out.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> cover = pb.certified_cover(robot, ("q2", "q3"), share=0.5)
+        >>> cover.is_proven, cover.contains(robot.home)
+        (True, True)
     """
 
     robot: str
@@ -110,7 +117,7 @@ class FreeCover(Value):
 
     @cached_property
     def half_spaces(self) -> tuple[tuple[Array, Array], ...]:
-        """All sets as (A, b), boxes too."""
+        """All sets, boxes too, as A (m, k) and b (m,) of `A x <= b`, x being the `coordinates`."""
         one = np.eye(len(self.coordinates))
         A = read_only(np.concatenate([one, -one]))
         return (

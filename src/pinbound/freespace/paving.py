@@ -57,12 +57,18 @@ class FreeVolume(Value):
         coverage: What the boundaries watch of the robot, and what they do not.
         box: (2, k) corners of the box of limits [rad or m].
         lower: At least so much of it is free [rad^k, metres where a joint slides].
-        upper: At most so much.
+        upper: At most so much [as `lower`].
         free: (f, 2, k) corners of boxes that are proven free.
         open: (u, 2, k) corners of boxes that are not decided.
         reason: Why there are any: the budget; None if as much was decided as was asked for.
         boxes: How many boxes times boundaries were bounded.
-        seconds: Wall time.
+        seconds: Wall time [s].
+
+    Example:
+        >>> import pinbound as pb
+        >>> found = pb.free_volume(pb.load("minervabot_v3"), ("q2", "q3"), decided=0.9)
+        >>> found.lower < found.upper, found.box.shape
+        (True, (2, 2))
     """
 
     coordinates: tuple[str, ...]
@@ -79,12 +85,12 @@ class FreeVolume(Value):
 
     @property
     def undecided(self) -> float:
-        """The volume that is not decided: `upper - lower`."""
+        """The volume that is not decided, `upper - lower` [as `lower`]."""
         return self.upper - self.lower
 
     @property
     def volume(self) -> float:
-        """Volume of the box."""
+        """Volume of the box [as `lower`]."""
         return float((self.box[1] - self.box[0]).prod())
 
     @property

@@ -55,12 +55,19 @@ class Plan(Value):
         separated_by: The boundary that every motion between the two would touch, or what start or goal violate; "cover"
             if the boxes of a cover prove it.
         notes: What the verdict does not say.
-        seconds: Wall time.
+        seconds: Wall time [s].
         found_by: How the way was found: "straight", "shortest" (in the polygon), "sets", "trees"; empty if none was.
         times: (k,) seconds at which the straight motion passes its waypoints, by the velocities; None without them.
         motion: A smooth motion past the waypoints, a SciPy BPoly over seconds, which keeps the velocities; None without
             them, or where none was certified.
         motion_certificate: Of the smooth motion.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> found = pb.plan(robot, robot.home, [0.5, 0.6, 0.8])
+        >>> found.verdict.name, found.waypoints.shape[1], found.certificate.lower > 0.0
+        ('CERTIFIED', 3, True)
     """
 
     verdict: Verdict

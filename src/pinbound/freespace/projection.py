@@ -50,7 +50,13 @@ class FreeProjection(Value):
         open: (u, 2, 2) cells that are not decided.
         reason: Why there are any: the budget; None if as much was decided as was asked for.
         boxes: How many boxes times boundaries were bounded.
-        seconds: Wall time.
+        seconds: Wall time [s].
+
+    Example:
+        >>> import pinbound as pb
+        >>> found = pb.free_projection(pb.load("minervabot_v3"), ("q1", "q2"), decided=0.8)
+        >>> found.decided >= 0.8, found.inside.shape[1:]
+        (True, (2, 2))
     """
 
     coordinates: tuple[str, ...]

@@ -40,8 +40,15 @@ class FreePolytope(Value):
         violated: What q violates; None unless the verdict is VIOLATED.
         open_boxes: What was not decided.
         boxes: How many boxes times boundaries were bounded.
-        seconds: Wall time.
+        seconds: Wall time [s].
         notes: What the verdict does not say.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> found = pb.certified_polytope(robot, robot.home)
+        >>> found.verdict.name, found.A.shape, found.contains(robot.home)
+        ('CERTIFIED', (8, 3), True)
     """
 
     verdict: Verdict
@@ -177,11 +184,11 @@ class FreePolytope(Value):
 
     @property
     def volume_error(self) -> float:
-        """A bound of the rounding error of `volume`."""
+        """A bound of the rounding error of `volume` [its unit]."""
         return volume_of(self.factors)[1] if self.faces else 0.0
 
     def sampled_volume(self, samples: int = 200_000, seed: int = 0) -> tuple[float, float]:
-        """Return an estimate of the volume, and its standard error; factors of up to four coordinates are exact.
+        """Return an estimate of `volume` and its standard error [its unit]; factors of up to 4 coordinates are exact.
 
         Args:
             samples: In the smallest box around each factor that is estimated.

@@ -65,7 +65,7 @@ class AllowedArcs(Value):
         intervals: (k, 2) open intervals [rad or m] of one period, ascending; ends are contacts, infinite, or ends of
             the window.
         period: [rad]; the intervals repeat every period, or not at all if it is infinite.
-        window: Within which the intervals were found; infinite unless the coordinate never repeats.
+        window: [rad or m], within which the intervals were found; infinite unless the coordinate never repeats.
 
     Example:
         >>> arcs = AllowedArcs("q1", np.array([[-1.0, 2.0]]), 2 * np.pi)
@@ -79,7 +79,7 @@ class AllowedArcs(Value):
     window: tuple[float, float] = (-math.inf, math.inf)
 
     def around(self, value: float) -> tuple[float, float] | None:
-        """Return the allowed interval that holds `value`, or None; an end of the window is no contact, and holds it."""
+        """Return the interval (2,) that holds `value`, or None; an end of the window is no contact, and holds it."""
         for lower, upper in self.intervals:
             turns = 0.0
             if math.isfinite(self.period) and math.isfinite(lower):
@@ -102,7 +102,13 @@ class AllowedArcsTable(Value):
         coordinate: Its name.
         intervals: (N, k, 2) as in `AllowedArcs`; rows with fewer than k intervals end in NaN.
         period: (N,) [rad].
-        window: As in `AllowedArcs`.
+        window: [rad or m], as in `AllowedArcs`.
+
+    Example:
+        >>> import pinbound as pb
+        >>> table = pb.load("minervabot_v3").boundaries["beta_4"].limits("q3", np.zeros((2, 3)))
+        >>> table.intervals.shape, np.degrees(table.around(np.zeros(2))[0]).round(3).tolist()
+        ((2, 1, 2), [-327.571, 32.429])
     """
 
     coordinate: str

@@ -61,6 +61,13 @@ class Proposal(Value):
         notes: What of the geometry was ignored, a sentence each.
         evidence: What leaving out each pair of links rests on, by the keys of `left_out`: a proof, a witness, samples,
             or nothing but custom.
+
+    Example:
+        >>> import pinbound as pb
+        >>> ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+        >>> proposal = pb.propose_marks(pb.load(f'<robot name="one"><link name="a">{ball}</link></robot>'))
+        >>> proposal.covers[0].excess, proposal.uncovered, list(proposal.annotations.boundaries)
+        (0.0, (), [])
     """
 
     annotations: Annotations
@@ -120,6 +127,16 @@ def propose_marks(
         DimensionError: If the accuracy is not positive.
         InputError: If the geometry of a body has a fault: all faults at once.
         UnsupportedError: If no configuration keeps all limits, or distances are too large to compute.
+
+    Example:
+        >>> import pinbound as pb
+        >>> ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+        >>> two = f'<robot name="two"><link name="a">{ball}</link><link name="b">{ball}</link>'
+        >>> two += '<joint name="j" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="1 0 0"/>'
+        >>> two += '<limit lower="0.3" upper="1" effort="1" velocity="1"/></joint></robot>'
+        >>> proposal = pb.propose_marks(pb.load(two))
+        >>> proposal.uncovered, [reason for _, _, reason in proposal.left_out]
+        ((), ['neighbours'])
     """
     for shape in shapes:
         if shape not in ALL_SHAPES:

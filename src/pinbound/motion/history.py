@@ -34,6 +34,10 @@ class Motion(Value):
     Attributes:
         waypoints: (N, n) [rad or m].
         times: (N,) as the file gives them, or None if it has no `time` column.
+
+    Example:
+        >>> Motion(np.zeros((2, 3)), np.array([0.0, 1.0])).times.tolist()
+        [0.0, 1.0]
     """
 
     waypoints: Array
@@ -55,6 +59,12 @@ class MotionHistory(Value):
         signed_distance: (N,) to the region's contour [unit], positive inside; None without a region.
         places: (N,) of `Place`; None without a region.
         unit: Of the signed distance, as `Membership.unit` says it.
+
+    Example:
+        >>> import pinbound as pb
+        >>> seen = pb.history(pb.load("minervabot_v3"), np.radians([[0, 0, 0], [0, 20, 30]]), samples=5)
+        >>> seen.clearances.shape[1], seen.mu
+        (10, None)
     """
 
     coordinates: tuple[str, ...]

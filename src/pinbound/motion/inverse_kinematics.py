@@ -56,6 +56,12 @@ class InverseKinematics(Value):
         endings: Why each iteration ended.
         restarts: (N,) how many other starts were tried: above 0 the path may have jumped to another branch.
         limits: For each target, the joints whose limits held the last step back.
+
+    Example:
+        >>> import pinbound as pb
+        >>> found = pb.solve_ik(pb.load("minervabot_v3"), "link_6", [[0.15, 0.05, 0.12]])
+        >>> found.reached.tolist(), found.q.shape
+        ([True], (1, 3))
     """
 
     q: Array

@@ -12,7 +12,15 @@ __all__ = ["Case", "Form", "Kind"]
 
 
 class Kind(Enum):
-    """How two links lie to each other in the tree, helper links aside."""
+    """How two links lie to each other in the tree, helper links aside.
+
+    `CONSECUTIVE`: one joint lies between them. `NON_CONSECUTIVE`: one is further down the same branch. `BRANCHED`: they
+    are on two branches. `COINCIDENT_BRANCHED`: on two branches that leave the ancestor at the same place.
+
+    Example:
+        >>> Kind("branched").name
+        'BRANCHED'
+    """
 
     CONSECUTIVE = "consecutive"
     NON_CONSECUTIVE = "non-consecutive"

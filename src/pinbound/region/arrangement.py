@@ -62,6 +62,12 @@ class Edge(Value):
         start: (2,) [rad or m].
         end: (2,) [rad or m]; the region lies to the left of start -> end. Equal to start if the edge is a closed curve.
         points: (k, 2) polyline from start to end: two points if it is straight.
+
+    Example:
+        >>> import pinbound as pb
+        >>> edge = pb.feasible_region(pb.load("minervabot_v3")).edges[0]
+        >>> edge.name, edge.is_contact, edge.points.shape
+        ('beta_7', True, (2, 2))
     """
 
     name: str
@@ -82,6 +88,12 @@ class Corner(Value):
         after: Name of the edge that starts here.
         polished: Whether the point solves both contact equations to `tolerances.VERTEX`; False only where the two
             touch so flatly that it is known no better than the region's accuracy.
+
+    Example:
+        >>> import pinbound as pb
+        >>> corner = pb.feasible_region(pb.load("minervabot_v3")).corners[0]
+        >>> corner.before, corner.after, corner.polished
+        ('beta_8', 'beta_7', True)
     """
 
     point: Array

@@ -62,6 +62,12 @@ class SmallestClearance(Value):
         upper: [m]; the signed clearance at `q`.
         boundary: The boundary that is tightest at `q`; empty if there is none.
         q: (n,) where it is; NaN if there is no boundary.
+
+    Example:
+        >>> import pinbound as pb
+        >>> found = pb.feasible_region(pb.load("minervabot_v3")).inset(0.05).clearance()
+        >>> found.boundary, found.lower <= found.upper
+        ('beta_3', True)
     """
 
     lower: float

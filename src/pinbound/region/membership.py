@@ -31,7 +31,14 @@ __all__ = ["Membership", "Place", "axis_membership", "classify", "projections", 
 
 
 class Place(IntEnum):
-    """Where a configuration lies; UNKNOWN for rows that are not finite or of another slice."""
+    """Where a configuration lies; UNKNOWN for rows that are not finite or of another slice.
+
+    `INSIDE` the region, `ON` its contour, or `OUTSIDE`.
+
+    Example:
+        >>> Place(1).name
+        'INSIDE'
+    """
 
     OUTSIDE = -1
     ON = 0
@@ -53,6 +60,13 @@ class Membership(Value):
             another slice.
         unit: Unit of the signed distance: ``"rad"``, ``"m"``, ``"weighted"``, or, in a plane of an angle and a
             prismatic joint without weights, ``"1"``: each coordinate as a share of the region's projection on it.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> found = pb.region_membership(robot, pb.feasible_region(robot), robot.home)
+        >>> found.mu.shape, found.unit
+        ((1, 3), 'rad')
     """
 
     coordinates: tuple[str, ...]
@@ -150,6 +164,10 @@ def region_membership(
 
 def classify(signed_distance: ArrayLike, tolerance: float = ON_CONTOUR) -> Ints:
     """Return the `Place` of each signed distance as an integer array: on the contour within `tolerance` [rad].
+
+    Args:
+        signed_distance: Of any shape; positive inside.
+        tolerance: In the unit of the distances.
 
     Raises:
         DimensionError: If the tolerance is negative or not finite.

@@ -1,8 +1,6 @@
 """The feasible region in the plane of two coordinates, its edges named.
 
-Two ways lead to it. If every boundary has one effective angle in the plane, the component that holds home is an
-intersection of half-planes: convex, closed form, exact. Otherwise contact curves are traced (`contours`) and the faces
-between them found (`arrangement`), to a stated accuracy. `docs/regions.md` has the mathematics of both.
+If each boundary has one effective angle in the plane, half-planes bound it; else curves do (`docs/regions.md`).
 """
 
 from __future__ import annotations
@@ -37,13 +35,16 @@ _PLANE = 2
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Region(PlanarShape):
-    """A connected part of the free set, in the plane of two coordinates. Made by `feasible_region`.
-
-    It is a `ConvexRegion`, half-planes alone, or a `TracedRegion`, whose curved edges are polylines; both answer the
-    same questions. The other attributes are those of `PlanarShape`.
+    """A connected part of the free set in the plane of two coordinates: a `ConvexRegion` or a `TracedRegion`.
 
     Attributes:
         half_planes: Every half-plane that bounds it, edges and implied ones alike, if it is convex in closed form.
+
+    Example:
+        >>> import pinbound as pb
+        >>> region = pb.feasible_region(pb.load("minervabot_v3"), ("q2", "q3"))
+        >>> region.is_convex, len(region.edges)
+        (True, 6)
     """
 
     half_planes: tuple[HalfPlane, ...] = ()

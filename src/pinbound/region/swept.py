@@ -45,6 +45,13 @@ class SweptBody:
         lower: First value of the coordinate [rad].
         upper: Last value [rad].
         start: Angle turned at `lower`, from where the section is [rad].
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> section = pb.workspace_section(robot, pb.feasible_region(robot), "link_6", turn="q1")
+        >>> pb.swept_body(robot, section).crosses_axis
+        False
     """
 
     section: Section
@@ -111,6 +118,13 @@ class SweptBody:
         Raises:
             UnsupportedError: If the section crosses the axis.
             DimensionError: If nothing is swept, or the chord is not positive.
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> section = pb.workspace_section(robot, pb.feasible_region(robot), "link_6", turn="q1")
+            >>> pb.swept_body(robot, section).mesh(chord=0.002).is_watertight
+            True
         """
         import trimesh
 
@@ -146,6 +160,10 @@ class SweptBody:
     def export(self, path: str | Path, chord: float = MESH_CHORD) -> Path:
         """Write the body's mesh: `.ply`, `.stl` (binary) or `.obj`, in metres, in the root link's frame.
 
+        Args:
+            path: The file; one that exists is replaced.
+            chord: [m], how far the mesh may be off.
+
         Raises:
             DimensionError: If the suffix is another one.
         """
@@ -170,6 +188,13 @@ def swept_body(robot: Robot, section: Section, lower: float | None = None, upper
 
     References:
         The paper's Figs. 11 and 12; `docs/workspace.md`.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> section = pb.workspace_section(robot, pb.feasible_region(robot), "link_6", turn="q1")
+        >>> f"{1e3 * swept_body(robot, section).volume.value:.2f} dm^3"
+        '10.15 dm^3'
     """
     turn = section.turn
     if turn is None:

@@ -91,6 +91,13 @@ class Section(Value):
         xyz: (3,) the point of the link [m].
         map: From the two coordinates to the plane; its first axis u points away from the axis of `turn`.
         turn: The coordinate that turns the whole section, if one was asked for.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> section = pb.workspace_section(robot, pb.feasible_region(robot), "link_6")
+        >>> section.link, section.xyz
+        ('link_6', (0.0, 0.0, 0.0))
     """
 
     region: Region
@@ -118,7 +125,7 @@ class Section(Value):
         return self.folds.sign != 0 and bool(self._outline(CHORD).is_valid)
 
     def edge_image(self, start: Array, end: Array, chord: float = CHORD) -> Array:
-        """Return the image (k, 2) [m] of a straight edge, as a polyline at most `chord` [m] away from it."""
+        """Return the image (k, 2) [m] of a straight edge, `start` to `end` (2,), at most `chord` [m] away from it."""
         return self.image(self._subdivided(np.array([start, end]), chord))
 
     def polygon(self, chord: float = CHORD) -> Any:
@@ -136,6 +143,10 @@ class Section(Value):
 
     def export(self, path: str | Path, chord: float = CHORD) -> Path:
         """Write the section's polygon: GeoJSON (`.geojson`, `.json`) or well-known text (`.wkt`), in metres.
+
+        Args:
+            path: The file; one that exists is replaced.
+            chord: [m], how far curved edges may be off.
 
         Raises:
             DimensionError: If the suffix is another one.
@@ -184,6 +195,17 @@ class Section(Value):
 
         The error of chords falls with the square of their length: of two values, the second with chords half as long,
         `fine + (fine - coarse) / 3` is free of it to first order. Their difference is stated as the error.
+
+        Args:
+            quantity: Of a shapely geometry in the section's plane, e.g. its area.
+            density: How much of the quantity one square metre can hold.
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> section = workspace_section(robot, pb.feasible_region(robot), "link_6")
+            >>> f"{1e4 * section.refined(lambda shape: shape.area, 1.0).value:.0f} cm^2"
+            '138 cm^2'
         """
         finest, coarsest = _COVER_CHORDS
         share = min(max(self.region.accuracy / 4.0, finest), coarsest) if self.region.accuracy else _COVER_CHORD

@@ -56,6 +56,12 @@ class Robot(Value):
         package_dirs: Folders in which `package://` is looked up.
         again: Makes the robot anew with more annotations; what `with_annotations` asks.
         guarded_limits: Ends of rules that bind where conditions hold, said of q.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> robot.coordinates, robot.home.shape, len(robot.boundaries)
+        (('q1', 'q2', 'q3'), (3,), 10)
     """
 
     document: Document

@@ -36,6 +36,12 @@ class LimitTable(Value):
             within `angles`.
         target_range: [rad], the true range of the target: nothing is allowed beyond it.
         notes: What a user of the table must know.
+
+    Example:
+        >>> import pinbound as pb
+        >>> table = pb.limit_table(pb.load("minervabot_v3"), "q2", "q3", spacing=5.0)
+        >>> len(table.angles) == len(table.lower) == len(table.upper)
+        True
     """
 
     robot: str
@@ -61,7 +67,7 @@ class LimitTable(Value):
         return FORMATS[form](self)
 
     def in_degrees(self) -> tuple[Array, Array, Array]:
-        """Return angles, lower and upper in degrees, as printed: limits are rounded inwards."""
+        """Return angles, lower and upper (k,) [deg], as printed: limits are rounded inwards."""
         scale = 10.0**_DECIMALS
         lower = np.ceil(np.degrees(self.lower) * scale - _WITHIN) / scale
         upper = np.floor(np.degrees(self.upper) * scale + _WITHIN) / scale
