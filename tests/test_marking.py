@@ -11,9 +11,13 @@ import pytest
 import pinbound as pb
 from pinbound.coverage.bodies import Body, collision_bodies
 from pinbound.coverage.covers import cover, covers
+from pinbound.coverage.poses import Poses
+from pinbound.coverage.reach import least_separation
 from pinbound.evaluate.closest import nearest
+from pinbound.evaluate.separation import separations
 from pinbound.marking.candidates import draw, within_limits
 from pinbound.model.coupling import LinearLimit
+from pinbound.path.relative import relative_path
 from robots import ARM, joint, robot_xml
 
 Load = Callable[..., pb.Robot]
@@ -498,3 +502,41 @@ def test_marks_under_names_that_are_taken_get_others(load_text: Load) -> None:
     proposal = pb.propose_marks(load_text(urdf(links, joints)), by="spheres")
     names = [mark.name for cover in proposal.covers for mark in cover.marks]
     assert len(set(names)) == len(names) == 4
+
+
+@pytest.mark.parametrize("mimic", [False, True])
+def test_distances_from_where_links_are_agree_with_paths(load_text: Load, mimic: bool) -> None:
+    """Pairs of marks are judged by the placements of their links; the relative path has the same distances."""
+    turn = {"mimic": "q1 -0.5 0.2"} if mimic else {}
+    joints = [
+        joint("q1", "revolute", "base", "a", xyz="0.1 0 0.3", rpy="0.2 0 0.1"),
+        joint("q2", "prismatic", "a", "b", xyz="0 0.2 0.1", axis="1 0 0", limit="-1 1"),
+        joint("q3", "revolute", "b", "c", xyz="0 0 0.2", axis="0 0 1", **turn),
+    ]
+    robot = load_text(robot_xml(joints, {}, []))
+    rng = np.random.default_rng(3)
+    corners = tuple(map(tuple, rng.normal(size=(9, 3)).tolist()))
+    marks = [
+        pb.Point("point", "base", (0.3, 0.1, 0.2), 0.05),
+        pb.Segment("capsule", "base", (0.0, 0.0, 0.0), (0.4, 0.0, 0.1), 0.02),
+        pb.Hull("hull", "base", corners, 0.01),
+        pb.Box("box", "c", (0.1, 0.0, 0.0), (0.1, 0.2, 0.3), (0.1, 0.2, 0.3)),
+        pb.Hull("far", "c", tuple((x + 0.9, y, z) for x, y, z in corners)),
+    ]
+    Q = rng.uniform(-3, 3, (60, len(robot.coordinates)))
+    poses, rows = Poses(robot.tree, robot.coupling, Q), np.arange(5, 60)
+    for a, b in itertools.product(marks[:3], marks[3:]):
+        expected = separations(relative_path(robot.tree, robot.coupling, a, b), Q[rows])
+        assert np.abs(poses.distances(a, b, rows) - expected).max() < 1e-12
+
+
+def test_a_turn_that_is_seen_to_come_near_enough_is_not_bounded(load_text: Load) -> None:
+    """`enough` changes no bound that is above it: contact that is seen at one place of a turn ends the search."""
+    robot = load_text(robot_xml([joint("q1", "revolute", "base", "arm", axis="0 0 1", limit="-0.1 0.1")], {}, []))
+    edge = pb.Segment("edge", "arm", (0.5, -0.1, 0.0), (0.5, 0.1, 0.0))
+    post = pb.Segment("post", "base", (-0.8, -0.1, 0.0), (-0.8, 0.1, 0.0))
+    path = relative_path(robot.tree, robot.coupling, edge, post)
+    exact = least_separation(path)
+    assert exact == pytest.approx(0.8 - np.hypot(0.5, 0.1), abs=1e-6)
+    assert least_separation(path, 0.9 * exact) == exact
+    assert least_separation(path, exact + 0.01) == -np.inf

@@ -526,6 +526,9 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     corners = "0 0 0 0.1 0 0 0 0.1 0"
     yield element("Give three numbers a vertex, up to {} vertices", hull("0 0 0 1"), hull(corners))
     yield element("Give metres; lengths up to {} m can be measured", hull("0 0 0 1e80 0 0"), hull(corners))
+    of_mesh = '<pinbound:hull name="h" link="hook" {}/>'.format
+    both = of_mesh(f'vertices="{corners}" mesh="tip.obj"')
+    yield element("Keep one of the two: a mesh has its own vertices", both, hull(corners))
     box = '<pinbound:box name="h" link="hook" xyz="0 0 0" rpy="0 0 0" size="{}"/>'.format
     yield element("Give lengths in metres, zero or more", box("0.1 -0.1 0.1"), box("0.1 0.1 0.1"))
     tube = '<pinbound:cylinder name="h" link="hook" xyz_a="0 0 0" xyz_b="{}" radius="0.1"/>'.format

@@ -6,6 +6,7 @@ elements and attributes are faults: a misspelt `min_distance` must not pass.
 
 from pinbound.annotations.inline import read_inline
 from pinbound.annotations.marks import Box, Cylinder, FlatMark, Hull, Line, Mark, Plane, Point, Segment, Sweep
+from pinbound.annotations.mesh_hulls import HullFiles
 from pinbound.annotations.records import (
     FIELDS,
     MARK_KINDS,
@@ -38,6 +39,7 @@ __all__ = [
     "FlatMark",
     "FollowerMark",
     "Hull",
+    "HullFiles",
     "LeftOutMark",
     "LimitMark",
     "Line",

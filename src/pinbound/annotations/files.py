@@ -37,4 +37,4 @@ def read_annotation_file(path: Path, problems: Problems, document: Document | No
         return Found(())
     if is_gepetto(node):
         return read_gepetto(node, path.name, problems, None if document is None else document.root)
-    return Found(tuple(sidecar_items(node, path.name, problems)))
+    return Found(tuple(sidecar_items(node, path, problems)))

@@ -10,8 +10,10 @@ has one `shape`, which is all that is known of it outside this room and the path
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 from pinbound.annotations.shapes import Measure, Shape, hull, unbounded, zonotope
 from pinbound.geometry.rotations import rpy_matrix
@@ -276,6 +278,47 @@ class Hull:
     def __post_init__(self) -> None:
         """Own the vertices as numbers, whatever sequence or array they came in."""
         object.__setattr__(self, "vertices", tuple((float(x), float(y), float(z)) for x, y, z in self.vertices))
+
+    @classmethod
+    def of_mesh(
+        cls,
+        name: str,
+        link: str,
+        mesh: str | Path,
+        scale: Vector = (1.0, 1.0, 1.0),
+        xyz: Vector = (0.0, 0.0, 0.0),
+        rpy: Vector = (0.0, 0.0, 0.0),
+        radius: float = 0.0,
+        package_dirs: Sequence[str | Path] = (),
+    ) -> Hull:
+        r"""Return the hull of the vertices of a mesh file, in the frame of the link; the file is read now.
+
+        Each vertex v of the file becomes `R(rpy) (scale * v) + xyz`. Files are those of `docs/meshes.md`.
+
+        Args:
+            name: Name of the mark.
+            link: Its link.
+            mesh: A path, or a name as a URDF has it: ``"package://arm/meshes/tip.stl"``.
+            scale: Factors along x, y and z; a negative one mirrors.
+            xyz: Where the mesh's origin is [m].
+            rpy: How the mesh is turned [rad], as in a URDF's `<origin>`.
+            radius: [m], a ball around all of it.
+            package_dirs: Folders of packages, for `package://`.
+
+        Raises:
+            InputError: If there is no such file, or it is damaged or too large.
+
+        Example:
+            >>> import tempfile
+            >>> file = Path(tempfile.mkdtemp()) / "tip.obj"
+            >>> _ = file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0.2 0.2 0\nf 1 2 3\nf 1 2 4\n")
+            >>> Hull.of_mesh("tip", "hand", file, scale=(0.5, 1.0, 1.0), xyz=(0.0, 0.0, 2.0)).vertices
+            ((0.0, 0.0, 2.0), (0.5, 0.0, 2.0), (0.0, 1.0, 2.0))
+        """
+        from pinbound.annotations.mesh_hulls import HullFiles
+
+        found = HullFiles(package_dirs=package_dirs).vertices(str(mesh), scale, xyz, rpy)
+        return cls(name, link, tuple(map(tuple, found.tolist())), radius)
 
     @cached_property
     def shape(self) -> Shape:

@@ -13,6 +13,7 @@ from pinbound.values import Value
 
 __all__ = [
     "FIELDS",
+    "FROM_FILE",
     "KINDS",
     "MARK_KINDS",
     "NAMESPACE",
@@ -50,6 +51,11 @@ FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "assumption": (("text",), ()),
 }
 """Required and optional fields of each kind; the fields of `home` are joint names."""
+
+FROM_FILE: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "hull": (("name", "link", "mesh"), ("scale", "xyz", "rpy", "radius")),
+}
+"""Required and optional fields of what takes its vertices from a file, which `mesh` names."""
 
 KINDS: Mapping[type[Mark], str] = {
     Point: "point",
@@ -281,9 +287,11 @@ class RawItem(Value):
 
     Fields are text; `passive` or `active` given as a list is a tuple of names, which may hold spaces. Of a rule,
     `coefficients` are pairs of a joint and a number (of an axis, too), and `where` are mappings of such fields.
+    Names of files are relative to `folder`; if it is empty, to the URDF's.
     """
 
     kind: str
     fields: Mapping[str, Any]
     source: str
     line: int | None
+    folder: str = ""

@@ -36,7 +36,7 @@ _LISTS = {
 def read_sidecar(path: Path, problems: Problems) -> list[RawItem]:
     """Return the raw items of a YAML sidecar; anchors, duplicate keys and unknown keys are faults."""
     node = read_node(path, problems)
-    return [] if node is None else sidecar_items(node, path.name, problems)
+    return [] if node is None else sidecar_items(node, path, problems)
 
 
 def read_node(path: Path, problems: Problems) -> yaml.Node | None:
@@ -64,9 +64,9 @@ def read_node(path: Path, problems: Problems) -> yaml.Node | None:
     return node
 
 
-def sidecar_items(node: yaml.Node, source: str, problems: Problems) -> list[RawItem]:
+def sidecar_items(node: yaml.Node, path: Path, problems: Problems) -> list[RawItem]:
     """Return the raw items of a sidecar's document; duplicate keys and unknown keys are faults."""
-    return _Sidecar(source, problems).items(node)
+    return _Sidecar(path.name, problems, str(path.parent)).items(node)
 
 
 _MOST_NESTED = 32
@@ -125,8 +125,8 @@ def _refuse_tags(node: yaml.Node, source: str, problems: Problems) -> None:
 class _Sidecar:
     """Walk the YAML nodes, which know their lines, into raw items."""
 
-    def __init__(self, source: str, problems: Problems) -> None:
-        self.source, self.problems = source, problems
+    def __init__(self, source: str, problems: Problems, folder: str) -> None:
+        self.source, self.problems, self.folder = source, problems, folder
 
     def items(self, node: yaml.Node) -> list[RawItem]:
         items: list[RawItem] = []
@@ -155,7 +155,7 @@ class _Sidecar:
                 fields: dict[str, Any] = {"text": self._plain(entry)}
             else:
                 fields = {name: self._field(name, value) for name, value in self._mapping(entry, key).items()}
-            items.append(RawItem(_LISTS[key], fields, self.source, _node_line(entry)))
+            items.append(RawItem(_LISTS[key], fields, self.source, _node_line(entry), self.folder))
         return items
 
     def _mapping(self, node: yaml.Node, what: str) -> dict[str, yaml.Node]:

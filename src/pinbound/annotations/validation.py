@@ -6,8 +6,10 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 from pinbound.annotations.marks import Box, Cylinder, Hull, Line, Mark, Plane, Point, Segment, Sweep, Vector
+from pinbound.annotations.mesh_hulls import HullFiles, mesh_vertices
 from pinbound.annotations.records import (
     FIELDS,
+    FROM_FILE,
     KINDS,
     Axis,
     BoundaryMark,
@@ -35,6 +37,7 @@ def sound_fields(
     problems: Problems,
     links: Collection[str] | None = None,
     joints: Collection[str] | None = None,
+    files: HullFiles | None = None,
 ) -> dict[str, Any]:
     """Return the fields of `Annotations`, of what is sound; every fault of the others goes to `problems`.
 
@@ -43,15 +46,18 @@ def sound_fields(
         problems: Where faults go.
         links: The robot's links; None: do not check the names.
         joints: The robot's joints; None: do not check the names.
+        files: Reads the meshes that hulls name.
     """
-    return _Validator(problems, links, joints).fields(items)
+    return _Validator(problems, links, joints, files or HullFiles()).fields(items)
 
 
 class _Validator:
     """Turn raw items into annotations, one kind at a time, so that references can be checked."""
 
-    def __init__(self, problems: Problems, links: Collection[str] | None, joints: Collection[str] | None) -> None:
-        self.problems, self.names = problems, {"link": links, "joint": joints}
+    def __init__(
+        self, problems: Problems, links: Collection[str] | None, joints: Collection[str] | None, files: HullFiles
+    ) -> None:
+        self.problems, self.names, self.files = problems, {"link": links, "joint": joints}, files
         self.item = RawItem("", {}, problems.source, None)
 
     def fields(self, items: Collection[RawItem]) -> dict[str, Any]:
@@ -127,19 +133,23 @@ class _Validator:
     def _complete(self, item: RawItem) -> bool:
         """Report missing and unknown fields; say whether the required ones are there."""
         self.item = item
-        required, optional = FIELDS[item.kind]
+        required, optional = (FROM_FILE if "mesh" in item.fields else FIELDS).get(item.kind, FIELDS[item.kind])
         what = f"{item.kind} {self._name(item)!r}" if self._name(item) else f"a {item.kind}"
+        either = item.kind in FROM_FILE and "mesh" in item.fields and "vertices" in item.fields
+        if either:
+            self._fault(f"{what} has vertices and a mesh", "Keep one of the two: a mesh has its own vertices")
+        valid = (*required, *optional, *(["mesh"] if item.kind in FROM_FILE and "mesh" not in item.fields else []))
         for key in item.fields:
-            if key not in required + optional:
-                hint = name_hint(key, required + optional)
-                self._fault(f"{what} has the unknown attribute {key!r}", hint)
+            if key not in valid and not (either and key == "vertices"):
+                self._fault(f"{what} has the unknown attribute {key!r}", name_hint(key, valid))
         for key, value in item.fields.items():
             if key != "text" and printable(f"{key} {value}") != f"{key} {value}":
                 self._fault(f"{what} has {key!r} = {value!r}, which holds characters that nobody can see", _SEEN)
         missing = [key for key in required if not str(item.fields.get(key, "")).strip()]
         if missing:
-            self._fault(f"{what} has no {', no '.join(missing)}", f"It needs {', '.join(required)}")
-        return not missing
+            needs = f"{', '.join(required)}{' (or mesh)' if required[-1] == 'vertices' else ''}"
+            self._fault(f"{what} has no {', no '.join(missing)}", f"It needs {needs}")
+        return not missing and not either
 
     def _numbers(self, key: str, count: int) -> tuple[float, ...] | None:
         numbers = parse_floats(str(self.item.fields[key]), count)
@@ -232,7 +242,21 @@ class _Validator:
             return None
         return Sweep(name, link, xyz, tuple(ways), radius, self.item.line)
 
+    def _within(self, hull: Hull) -> Hull | None:
+        """Return a hull whose vertices are not too far from its link."""
+        longest = max(abs(x) for vertex in hull.vertices for x in vertex)
+        if longest > LONGEST:
+            said = f"a vertex of hull {hull.name!r} is {longest:.3g} m from the origin of its link"
+            self._fault(said, f"Give metres; lengths up to {LONGEST:.0e} m can be measured")
+            return None
+        return hull
+
     def _hull(self, name: str, link: str | None, radius: float) -> Hull | None:
+        if "mesh" in self.item.fields:
+            found = mesh_vertices(self.item, self.files, self._vector, self._fault)
+            if link is None or found is None:
+                return None
+            return self._within(Hull(name, link, tuple(map(tuple, found.tolist())), radius, self.item.line))
         words = str(self.item.fields["vertices"]).split()
         if len(words) % 3 or len(words) > 3 * _MOST_VERTICES:
             said = f"vertices of hull {name!r} are {len(words)} numbers"
@@ -241,12 +265,8 @@ class _Validator:
         numbers = self._numbers("vertices", len(words))
         if link is None or numbers is None:
             return None
-        if max(map(abs, numbers)) > LONGEST:
-            said = f"a vertex of hull {name!r} is {max(map(abs, numbers)):.3g} m from the origin of its link"
-            self._fault(said, f"Give metres; lengths up to {LONGEST:.0e} m can be measured")
-            return None
         vertices = tuple((numbers[i], numbers[i + 1], numbers[i + 2]) for i in range(0, len(numbers), 3))
-        return Hull(name, link, vertices, radius, self.item.line)
+        return self._within(Hull(name, link, vertices, radius, self.item.line))
 
     def _sized(self, kind: str, name: str, link: str | None, radius: float) -> Box | Cylinder | None:
         keys = ("xyz", "rpy", "size") if kind == "box" else ("xyz_a", "xyz_b")

@@ -11,6 +11,7 @@ from typing import Any, cast
 from pinbound.annotations.files import read_annotation_file
 from pinbound.annotations.inline import inline_text
 from pinbound.annotations.marks import Mark, Point
+from pinbound.annotations.mesh_hulls import HullFiles
 from pinbound.annotations.records import (
     FIELDS,
     Axis,
@@ -109,6 +110,8 @@ class Annotations(Value):
     def load(cls, path: str | Path) -> Annotations:
         """Read a sidecar (.yaml), or the spheres of an .srdf; names of links and joints are not checked yet.
 
+        Meshes that hulls name are read; relative names are looked for beside the file.
+
         Raises:
             InputError: If anything is wrong with the file; all its faults at once.
         """
@@ -140,6 +143,7 @@ def validate(
     problems: Problems,
     links: Collection[str] | None = None,
     joints: Collection[str] | None = None,
+    files: HullFiles | None = None,
 ) -> Annotations:
     """Return the annotations that are sound; every fault of the others goes to `problems`.
 
@@ -148,8 +152,9 @@ def validate(
         problems: Where faults go.
         links: The robot's links; None: do not check the names.
         joints: The robot's joints; None: do not check the names.
+        files: Reads the meshes that hulls name.
     """
-    return Annotations(**sound_fields(items, problems, links, joints))
+    return Annotations(**sound_fields(items, problems, links, joints, files))
 
 
 def raw_items(annotations: Annotations, source: str) -> list[RawItem]:

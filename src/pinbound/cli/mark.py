@@ -100,7 +100,7 @@ def _disabled(robot: Robot, proposal: Proposal, srdf: Path | None) -> tuple[tupl
     found = () if srdf is not None else find_srdf(robot)
     if srdf is None and len(found) == 1:
         srdf = found[0]
-    disabled = disabled_pairs(robot, proposal.covers, srdf, _Raw(robot))
+    disabled = disabled_pairs(robot, proposal.covers, srdf, _Raw(robot), proposal.judge)
     return disabled, list(found) if srdf is None else []
 
 

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from pinbound.annotations import Mark
+from pinbound.evaluate.closest import nearest, nearest_of_hulls
 from pinbound.geometry.rotations import rotation_matrices
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
-from pinbound.typing import Array
+from pinbound.typing import Array, Ints
 
 __all__ = ["Poses"]
 
@@ -53,6 +54,22 @@ class Poses:
         found = np.sqrt(np.einsum("abnk,abnk->abn", apart, apart))
         found -= (wide[0][:, None] + wide[1])[:, :, None]
         return found
+
+    def distances(self, a: Mark, b: Mark, rows: Ints) -> Array:
+        """Return the distances (N,) of two marks that have ends [m] at some configurations, their radii left out."""
+        w, edges = self._ends(a, rows)
+        other, more = self._ends(b, rows)
+        w, edges = w - other, np.concatenate((edges, -more))
+        if a.shape.is_zonotope and b.shape.is_zonotope:
+            t = nearest(w, edges)
+        else:
+            t = nearest_of_hulls(w, edges, (a.shape.corners, b.shape.corners))
+        return np.linalg.norm(w + np.einsum("nk,kni->ni", t, edges), axis=1)
+
+    def _ends(self, mark: Mark, rows: Ints) -> tuple[Array, Array]:
+        """Return a mark's origin (N, 3) and directions (k, N, 3) in the root's frame."""
+        rotation, translation = (part[rows] for part in self._placed[mark.link])
+        return rotation @ mark.shape.origin + translation, np.einsum("nij,kj->kni", rotation, mark.shape.directions)
 
     def _centre(self, mark: Mark) -> Array:
         if mark not in self._centres:

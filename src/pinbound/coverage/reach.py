@@ -9,6 +9,7 @@ cut into cells, each in a ball.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import product
@@ -16,6 +17,7 @@ from itertools import product
 import numpy as np
 
 from pinbound.annotations import Mark, Sweep
+from pinbound.evaluate import separation
 from pinbound.limits import univariate
 from pinbound.model.coupling import Coupling
 from pinbound.model.tree import Tree
@@ -28,14 +30,25 @@ __all__ = ["MOST_PATHS", "Reach", "least_separation"]
 
 MOST_PATHS = 20
 """Pairs of marks of one pair of links that are looked at one by one, a millisecond each."""
+_TURNS = 64
+"""Places of a turn at which a separation is looked at before it is bounded all around."""
 _MOST_BALLS = 64
 """Balls that stand for a mark."""
 
 
-def least_separation(path: RelativePath) -> float:
-    """Return a lower bound of a path's norm over all q [m]: exact for one angle, else by the triangle inequality."""
-    if np.any(path.minimal.slides):
+def least_separation(path: RelativePath, enough: float = -np.inf) -> float:
+    """Return a lower bound of a path's norm over all q [m]: exact for one angle, else by the triangle inequality.
+
+    Minus infinity where it is seen not to be above `enough`: nothing more is then looked for.
+    """
+    chain = path.minimal
+    if np.any(chain.slides):
         return 0.0
+    if chain.rotations == 1 and math.isfinite(enough):
+        c = chain.coefficients[0]
+        turn: Array = np.linspace(-np.pi, np.pi, _TURNS + 1)[1:, None] * (c / (c @ c))
+        if np.any(separation.separations(path, turn) <= enough):
+            return -np.inf
     single = univariate.one_angle_smallest(path)
     if single is not None:
         return single

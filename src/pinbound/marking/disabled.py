@@ -90,7 +90,11 @@ def _names(path: Path, robot: str) -> bool:
 
 
 def disabled_pairs(
-    robot: Robot, covers: Sequence[Cover], srdf: Path | None = None, touches: Touches | None = None
+    robot: Robot,
+    covers: Sequence[Cover],
+    srdf: Path | None = None,
+    touches: Touches | None = None,
+    judge: Judge | None = None,
 ) -> tuple[DisabledPair, ...]:
     """Return what is found of every pair of links that an SRDF disables.
 
@@ -100,6 +104,7 @@ def disabled_pairs(
         srdf: A file; None: the annotations alone.
         touches: Returns the first row of Q (k, n) at which bodies of two links touch, or None; without it covers are
             taken for bodies where nothing sticks out.
+        judge: That of the proposal with these covers, which knows most pairs of marks; None: all are judged anew.
 
     Raises:
         InputError: If the file is no SRDF that disables something.
@@ -118,7 +123,7 @@ def disabled_pairs(
         problems.raise_if_any()
     if not said:
         return ()
-    finder = _Finder(robot, covers, touches)
+    finder = _Finder(robot, covers, touches, judge or Judge(robot))
     found: list[DisabledPair] = []
     for a, b, reason, source, line in said.values():
         verdict, basis, text, q = finder.judge(a, b)
@@ -132,8 +137,8 @@ Found = tuple[str, Basis, str, Array | None]
 class _Finder:
     """Looks at pairs of links, one by one."""
 
-    def __init__(self, robot: Robot, covers: Sequence[Cover], touches: Touches | None) -> None:
-        self.robot, self.touches, self.judge_of = robot, touches, Judge(robot, neighbours=True)
+    def __init__(self, robot: Robot, covers: Sequence[Cover], touches: Touches | None, judge: Judge) -> None:
+        self.robot, self.touches, self.judge_of = robot, touches, judge
         self.marks: dict[str, list[Mark]] = {}
         self.excess: dict[str, float] = {}
         held = {body.name for cover in covers for body in cover.bodies}

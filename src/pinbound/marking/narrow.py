@@ -102,7 +102,7 @@ class Links:
             found = self._separations(path, a, b, distance)
             contact = found <= distance
             if not np.any(contact):  # a number that is not finite is no contact, and is told below
-                spare = least_separation(path) - (distance + off + self._rounding(path.minimal.scale))
+                spare = least_separation(path, distance) - (distance + off + self._rounding(path.minimal.scale))
                 if spare > 0.0:  # false where a number is not finite: that proves nothing
                     return spare
         if not np.all(np.isfinite(found)):
@@ -115,11 +115,18 @@ class Links:
         return overlap_everywhere(self.robot.tree, self.coupling, a, b) if np.all(contact) else None
 
     def _separations(self, path: RelativePath, a: Mark, b: Mark, distance: float) -> Array:
-        """Return separations (N,) [m]; where balls about both marks are apart, a lower bound that is no contact."""
+        """Return separations (N,) [m]; where balls about both marks are apart, a lower bound that is no contact.
+
+        Where links are is worked out once for all pairs, and distances from there. Rows in which rounding could decide
+        are asked of the path, whose word is that of the boundary later on.
+        """
         balls = self.poses.gaps([a], [b])[0, 0]
         radii = a.shape.radius + b.shape.radius
-        near = ~(balls > distance - radii + NEVER_MEETS * max(1.0, path.minimal.scale))
-        found = balls + radii
-        if np.any(near):
-            found[near] = separation.separations(path, self.rows[near])
+        doubt = NEVER_MEETS * (1.0 + self.robot.tree.length + a.shape.reach + b.shape.reach)
+        found, rows = balls + radii, np.flatnonzero(~(balls > distance - radii + doubt))
+        if len(rows) and not (a.shape.is_unbounded or b.shape.is_unbounded):
+            found[rows] = self.poses.distances(a, b, rows)
+            rows = rows[~(np.abs(found[rows] - distance) > doubt)]
+        if len(rows):
+            found[rows] = separation.separations(path, self.rows[rows])
         return found

@@ -61,6 +61,7 @@ class Proposal(Value):
         notes: What of the geometry was ignored, a sentence each.
         evidence: What leaving out each pair of links rests on, by the keys of `left_out`: a proof, a witness, samples,
             or nothing but custom.
+        judge: What judged the pairs, and knows them; for `disabled_pairs`, which then asks nothing twice.
 
     Example:
         >>> import pinbound as pb
@@ -78,6 +79,7 @@ class Proposal(Value):
     touching: Mapping[tuple[str, str], float] = field(default_factory=dict[tuple[str, str], float])
     notes: tuple[str, ...] = ()
     evidence: Mapping[tuple[str, str, str], Evidence] = field(default_factory=dict[tuple[str, str, str], Evidence])
+    judge: Judge | None = field(default=None, compare=False, repr=False)
 
     @property
     def excess(self) -> float:
@@ -165,7 +167,7 @@ def propose_marks(
         rest = covers([body for body in chosen if body.link not in touching], accuracy)
         proposal, _ = _proposal(judge, together(*rest, *again), read)
     said = _not_reached(proposal.covers, accuracy, most)
-    return replace(proposal, notes=(*proposal.notes, said)) if said else proposal
+    return replace(proposal, notes=(*proposal.notes, said) if said else proposal.notes, judge=judge)
 
 
 def _not_reached(found: Sequence[Cover], accuracy: float, most: int) -> str:

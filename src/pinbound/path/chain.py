@@ -182,6 +182,17 @@ def _collect_runs(chain: Chain) -> Chain:
         axis, stop = chain.axes[start], start + 1
         while stop < chain.rotations and are_parallel(axis, chain.axes[stop]):
             stop += 1
+        if stop == start + 1 and np.any(np.abs(chain.coefficients[start]) > REDUCTION):  # of most chains most runs
+            along = np.outer(axis, axis @ blocks[stop])
+            across = blocks[stop] - along
+            out_blocks[-1] = out_blocks[-1] + along
+            counts = _counts(across, chain.scale)
+            if counts or stop < chain.rotations:
+                out_axes.append(axis)
+                out_coefficients.append(_cleared(chain.coefficients[start]))
+                out_blocks.append(across if counts else np.zeros_like(across))
+            start = stop
+            continue
         signs = np.sign(chain.axes[start:stop] @ axis)
         angles = np.cumsum(signs[:, None] * chain.coefficients[start:stop], axis=0)
         along, perpendicular = _split_blocks(blocks[start + 1 : stop + 1], axis)
@@ -193,7 +204,7 @@ def _collect_runs(chain: Chain) -> Chain:
             step = group.angle - previous
             if np.any(np.abs(step) > REDUCTION):
                 out_axes.append(axis)
-                out_coefficients.append(np.where(np.abs(step) > REDUCTION, step, 0.0))
+                out_coefficients.append(_cleared(step))
                 out_blocks.append(group.block)
             else:
                 out_blocks[-1] = out_blocks[-1] + group.block
@@ -239,11 +250,21 @@ def _group(angles: Array, blocks: list[Array]) -> list[_Group]:
 
 def _ordered(groups: list[_Group], last: _Group | None, scale: float) -> list[_Group]:
     """Leave out what is zero; put the angle under which the rest of the chain stands at the end."""
-    kept = [g for g in groups if np.any(np.abs(g.block[:, 0]) > REDUCTION * scale) or np.any(_moving(g.block))]
+    kept = [g for g in groups if _counts(g.block, scale)]
     if last is None:
         return kept
     first = [group for group in kept if not group.has(last.angle)]
     return [*first, next((group for group in kept if group.has(last.angle)), last)]
+
+
+def _counts(block: Array, scale: float) -> bool:
+    """Return whether an offset with its slides is not zero but for rounding."""
+    return bool(np.any(np.abs(block[:, 0]) > REDUCTION * scale) or np.any(_moving(block)))
+
+
+def _cleared(coefficients: Array) -> Array:
+    """Return coefficients without what rounding has left of zeros."""
+    return np.where(np.abs(coefficients) > REDUCTION, coefficients, 0.0)
 
 
 def _moving(block: Array) -> Flags:
@@ -283,4 +304,4 @@ def _turns_nothing(chain: Chain, projection: Array | None) -> bool:
             return True
     block = np.column_stack((chain.offsets[0], chain.slides[0]))
     rest = _split_blocks([block], chain.axes[0])[1][0]
-    return not (np.any(np.abs(rest[:, 0]) > REDUCTION * chain.scale) or np.any(_moving(rest)))
+    return not _counts(rest, chain.scale)

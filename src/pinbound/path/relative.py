@@ -172,7 +172,7 @@ def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativeP
     Raises:
         UnsupportedError: If a floating or planar joint lies between the two links.
     """
-    if a.shape.is_point and b.shape.is_point and not tree.has_free_bodies:
+    if not (a.shape.is_unbounded or b.shape.is_unbounded or tree.has_free_bodies):
         return _TracedLater.between(tree, coupling, a, b)
     return _traced(tree, coupling, a, b)
 
@@ -199,20 +199,21 @@ def _traced(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:
 
 
 class _TracedLater(RelativePath):
-    """The path between two points, each part of it traced when it is first asked for."""
+    """The path between two marks that have ends, each part of it traced when it is first asked for."""
 
     @classmethod
     def between(cls, tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:
         """Return the path; no joint of several coordinates is in the tree."""
         path = object.__new__(cls)
-        path.__dict__.update(_source=(tree, coupling, a, b), projection=None, normal=None, case=Case.POINTS)
+        case = Case.POINTS if a.shape.is_point and b.shape.is_point else Case.BODIES
+        path.__dict__.update(_source=(tree, coupling, a, b), projection=None, normal=None, case=case)
         path.__dict__.update(measure=Measure.DISTANCE, first_is_b=False)
         return path
 
     @property
     def turns_several(self) -> bool:
         """Whether there are several, for sure; `replace` makes a path whose parts are all there."""
-        return "difference" not in self.__dict__ and has_several_angles(*self._source)
+        return "difference" not in self.__dict__ and self.case is Case.POINTS and has_several_angles(*self._source)
 
     def __getattr__(self, name: str) -> Any:
         """Trace a part that is not there yet, and keep it."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinbound.annotations import Annotations, Mark, Measure, RawItem, raw_items, read_inline, validate
+from pinbound.annotations import Annotations, HullFiles, Mark, Measure, RawItem, raw_items, read_inline, validate
 from pinbound.boundaries.boundary import Boundary
 from pinbound.boundaries.boundary_set import BoundarySet
 from pinbound.contact import stop_fault
@@ -95,7 +95,8 @@ def load(
     problems = Problems(document.label)
     given, said = _given_items(document, annotations, problems)
     items = [*read_inline(document.root, problems), *given]
-    return _made(document, items, said, tuple(map(str, package_dirs)), problems)
+    folders = tuple(map(str, package_dirs))
+    return _made(document, items, said, folders, problems, HullFiles(document.path, folders))
 
 
 @dataclass(frozen=True)
@@ -107,20 +108,21 @@ class _Again:
         items: Raw items of all annotations.
         said: Notes on annotations that were not used.
         package_dirs: As the robot has them.
+        files: The meshes that hulls have named so far; they are not read again.
     """
 
     document: Document
     items: tuple[RawItem, ...]
     said: tuple[str, ...]
     package_dirs: tuple[str, ...]
+    files: HullFiles
 
     def __call__(self, robot: Robot, more: AnnotationSource | Sequence[AnnotationSource]) -> Robot:
         """Return the robot with `more` beside what it has."""
         problems = Problems(self.document.label)
         items, said = _given_items(self.document, more, problems)
-        return _made(
-            self.document, [*self.items, *items], [*self.said, *said], self.package_dirs, problems, robot.annotations
-        )
+        items, said = [*self.items, *items], [*self.said, *said]
+        return _made(self.document, items, said, self.package_dirs, problems, self.files, robot.annotations)
 
 
 def _made(
@@ -129,6 +131,7 @@ def _made(
     said: Sequence[str],
     package_dirs: tuple[str, ...],
     problems: Problems,
+    files: HullFiles,
     compared: Annotations | None = None,
 ) -> Robot:
     """Return the robot of a document and raw items.
@@ -136,7 +139,7 @@ def _made(
     `compared` are annotations under which Pinocchio's reading of the document was found to agree already.
     """
     links, joints = ([str(e.get("name")) for e in document.root.findall(tag)] for tag in ("link", "joint"))
-    marks = validate(items, problems, links, joints)
+    marks = validate(items, problems, links, joints, files)
     faults = len(problems.found)
     kinematics = read_kinematics(
         document,
@@ -191,7 +194,7 @@ def _made(
         home.flags.writeable = False
     boundaries, stops = _boundaries(tree, coupling, marks, home, problems, limits, closures)
     problems.raise_if_any()
-    again = _Again(document, tuple(items), tuple(said), package_dirs)
+    again = _Again(document, tuple(items), tuple(said), package_dirs, files)
     robot = Robot(
         document=document,
         tree=tree,
@@ -206,6 +209,7 @@ def _made(
         notes=(
             *kinematics.notes,
             *said,
+            *files.notes,
             *settled.notes,
             *errors,
             *own,
