@@ -32,6 +32,7 @@ FLOORS = [
     ("marking", "region"),
     ("adapters", "batch", "freespace", "motion"),
     ("figures",),
+    ("explorer",),
     ("crosscheck",),
     ("reproduce",),
     ("cli",),

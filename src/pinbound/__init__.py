@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     )
     from pinbound.coverage import Coverage, CoverageRecord
     from pinbound.crosscheck import CrossCheck, cross_check
+    from pinbound.explorer import ExplorerPage, explorer_page
     from pinbound.export.drake import save_drake_regions
     from pinbound.freespace import (
         FreeCover,
@@ -121,6 +122,7 @@ __all__ = [
     "Cylinder",
     "DimensionError",
     "Edge",
+    "ExplorerPage",
     "FollowerMark",
     "FreeCover",
     "FreePolytope",
@@ -172,6 +174,7 @@ __all__ = [
     "certify_many",
     "classify",
     "cross_check",
+    "explorer_page",
     "feasible_region",
     "free_projection",
     "free_volume",
@@ -228,6 +231,8 @@ _LATER = {
     "Robot": "pinbound.robot.robot",
     "CrossCheck": "pinbound.crosscheck",
     "LimitTable": "pinbound.robot.table_formats",
+    "ExplorerPage": "pinbound.explorer",
+    "explorer_page": "pinbound.explorer",
     "from_pinocchio": "pinbound.robot.from_pinocchio",
     "limit_table": "pinbound.robot.limit_tables",
     "MovingMarks": "pinbound.robot.moving",

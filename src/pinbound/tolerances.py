@@ -25,6 +25,8 @@ __all__ = [
     "EQUALLY_NEAR",
     "EVALUATION",
     "EXACT_LOOP",
+    "EXPLORER_BUDGET",
+    "EXPLORER_SPEED",
     "EXTREME",
     "FARTHEST",
     "FEELER",
@@ -354,3 +356,10 @@ roundings."""
 EQUALLY_NEAR: Final = 1e-10
 """Relative to the size of two bodies that overlap: where two ways out differ by no more, neither is the only one. It is
 a thousand times `DEPTH`, far below any length that matters."""
+
+EXPLORER_BUDGET: Final = 20.0
+"""Seconds. Default time for each region of an explorer's page, and for its motion's certificate: the page samples a
+region that takes longer, and says so."""
+
+EXPLORER_SPEED: Final = 1e-12
+"""Relative. What bounds of speeds are raised by in an explorer's page, for the rounding of their sums."""

@@ -25,7 +25,7 @@ class SignedNodes:
     Attributes:
         graph: The graph.
         values: (m,) nodes of the signed clearances [m].
-        slopes: (m, n) nodes of their gradients [m/rad or 1].
+        slopes: (m, n) nodes of their gradients [m/rad or 1]; empty if they were not asked for.
         n: Number of active coordinates.
     """
 
@@ -45,6 +45,7 @@ def signed_nodes(
     marks: Sequence[tuple[str, str]],
     n: int,
     common: Callable[[], Mapping[str, CommonMark] | None],
+    slopes: bool = True,
 ) -> SignedNodes:
     """Return the nodes of rules, all of which are closed (`is_closed`).
 
@@ -53,17 +54,19 @@ def signed_nodes(
         marks: Names of the two marks of each.
         n: Number of active coordinates.
         common: Each mark's chains in one common frame, as for `BoundarySet`.
+        slopes: Whether gradients are made, too; else `slopes` of what is returned is empty.
     """
     areas = [k for k, rule in enumerate(rules) if not rule.is_stop]
     pairs = [Pair(rules[k].path, rules[k].distance, marks[k]) for k in areas]
-    graph, found, gradients = separation_nodes(pairs, n, common) if pairs else (Graph(), [], [])
-    values, slopes = dict(zip(areas, found, strict=True)), dict(zip(areas, gradients, strict=True))
+    graph, found, gradients = separation_nodes(pairs, n, common, slopes) if pairs else (Graph(), [], [])
+    values, rates = dict(zip(areas, found, strict=True)), dict(zip(areas, gradients, strict=True))
     for k, rule in enumerate(rules):
         if rule.stop is not None:
             values[k] = _stop(graph, rule.stop)
-            slopes[k] = [graph.derivative(values[k], j) for j in range(n)]
+            rates[k] = [graph.derivative(values[k], j) for j in range(n)] if slopes else []
     every = range(len(rules))
-    return SignedNodes(graph, tuple(values[k] for k in every), tuple(tuple(slopes[k]) for k in every), n)
+    made = tuple(tuple(rates[k]) for k in every) if slopes else ()
+    return SignedNodes(graph, tuple(values[k] for k in every), made, n)
 
 
 def _stop(g: Graph, stop: Stop) -> int:

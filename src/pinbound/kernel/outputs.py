@@ -14,9 +14,9 @@ __all__ = ["separation_nodes"]
 
 
 def separation_nodes(
-    pairs: Sequence[Pair], n: int, common: Callable[[], Mapping[str, CommonMark] | None]
+    pairs: Sequence[Pair], n: int, common: Callable[[], Mapping[str, CommonMark] | None], slopes: bool = True
 ) -> tuple[Graph, list[int], list[list[int]]]:
-    """Return a graph, the nodes of `separation - threshold` (m,), and of its gradients (m, n).
+    """Return a graph, the nodes of `separation - threshold` (m,), and of its gradients (m, n), if they are asked for.
 
     Where a distance is zero the gradient is 0 / 0.
 
@@ -24,13 +24,13 @@ def separation_nodes(
         pairs: The boundaries, all of closed form.
         n: Number of active coordinates.
         common: As for `kernel_of`.
+        slopes: Whether gradients are made.
     """
     program = compile_program(pairs, n, common() if len(pairs) > 1 else None)
-    graph, values, slopes = program.graph, list[int](), list[list[int]]()
-    for square, signed, threshold, raw in zip(
-        program.squares, program.signed, program.thresholds, program.gradients(), strict=True
-    ):
+    graph, values, rates = program.graph, list[int](), list[list[int]]()
+    raw = program.gradients() if slopes else [[] for _ in pairs]
+    for square, signed, threshold, row in zip(program.squares, program.signed, program.thresholds, raw, strict=True):
         separation = square if signed else graph.sqrt(square)
         values.append(graph.sub(separation, graph.constant(threshold)))
-        slopes.append(raw if signed else [graph.div(slope, separation) for slope in raw])
-    return graph, values, slopes
+        rates.append(row if signed else [graph.div(slope, separation) for slope in row])
+    return graph, values, rates

@@ -1,0 +1,180 @@
+// How far one coordinate can move from q, the others standing still, and what stops it.
+//
+// Stops, points that turn by one rotation and prismatic joints have closed forms. Otherwise the coordinate is stepped by
+// clearance / speed, speed being a proven bound of how fast the clearance changes: no contact can be stepped over.
+
+const NEAR = 1e-8; // m: stepping ends at this clearance
+const MOST_STEPS = 600;
+const SAMPLES = 400;
+
+class Reach {
+  constructor(robot) {
+    this.robot = robot;
+    this.steps = robot.clearances.some((one) => one.record.ways.some(({ way }) => way === "step"));
+  }
+
+  // The interval around q_j in which one boundary is out of contact, in closed form; null if nothing ends it, or there is
+  // no closed form.
+  span(one, q, j) {
+    const { way, rate } = one.record.ways[j];
+    return CLOSED[way]?.(one, q, j, rate) ?? null;
+  }
+
+  // { lower: { value, name, how }, upper: ... }; null where q itself is in contact or out of limits.
+  of(q, j, signed) {
+    const { data, clearances } = this.robot;
+    const x = q[j];
+    const ends = [
+      { value: -Infinity, name: "", how: "exact" },
+      { value: Infinity, name: "", how: "exact" },
+    ];
+    const tighten = (side, value, name, how) => {
+      if (side ? value < ends[1].value : value > ends[0].value) ends[side] = { value, name, how };
+    };
+    for (const limit of data.limits.linear) {
+      const [low, high] = linearSpan(limit, q, j);
+      tighten(0, low, limit.joint, "exact");
+      tighten(1, high, limit.joint, "exact");
+    }
+    for (const { name, limit, where } of data.limits.guarded) {
+      const forbidden = guardedSpan(limit, where, q, j);
+      if (!forbidden) continue;
+      if (forbidden[0] >= x) tighten(1, forbidden[0], name, "exact");
+      else if (forbidden[1] <= x) tighten(0, forbidden[1], name, "exact");
+    }
+    const stepped = [];
+    clearances.forEach((one, k) => {
+      const { way, speed } = one.record.ways[j];
+      if (way === "step") stepped.push([one, speed, speed ? signed[k] / speed : Infinity]);
+      const span = this.span(one, q, j);
+      if (!span) return;
+      tighten(0, Math.min(span[0], x), one.name, "closed form");
+      tighten(1, Math.max(span[1], x), one.name, "closed form");
+    });
+    stepped.sort((a, b) => a[2] - b[2]);
+    const [from, to] = data.coordinates[j].window;
+    for (const [one, speed] of stepped) {
+      for (const side of [0, 1]) {
+        const sign = side ? 1 : -1;
+        const open = Number.isFinite(ends[side].value) ? ends[side].value : side ? to : from;
+        const end = speed ? stepTo(one, q, j, speed, sign, open) : sampleTo(one, q, j, sign, open);
+        if (end) tighten(side, end.value, one.name, end.how);
+      }
+    }
+    return { lower: ends[0], upper: ends[1] };
+  }
+}
+
+function linearSpan({ coefficients, offset, lower, upper }, q, j) {
+  const c = coefficients[j];
+  if (!c) return [-Infinity, Infinity];
+  let rest = offset;
+  coefficients.forEach((one, k) => (rest += k === j ? 0 : one * q[k]));
+  const ends = [lower === null ? -Infinity : (lower - rest) / c, upper === null ? Infinity : (upper - rest) / c];
+  if (c > 0) return ends;
+  return [upper === null ? -Infinity : ends[1], lower === null ? Infinity : ends[0]];
+}
+
+// What a rule with conditions forbids along the coordinate: an interval, or null.
+function guardedSpan(limit, where, q, j) {
+  let [low, high] = [-Infinity, Infinity];
+  for (const part of where) {
+    if (!part.coefficients[j]) {
+      if (!holds(part, q)) return null;
+      continue;
+    }
+    const span = linearSpan(part, q, j);
+    [low, high] = [Math.max(low, span[0]), Math.min(high, span[1])];
+  }
+  if (!limit.coefficients[j]) return holds(limit, q) || !(low <= high) ? null : [low, high];
+  const kept = linearSpan(limit, q, j);
+  if (Number.isFinite(kept[0])) high = Math.min(high, kept[0]);
+  else low = Math.max(low, kept[1]);
+  return low < high ? [low, high] : null;
+}
+
+const CLOSED = {
+  stop({ record }, q, j) {
+    const { coefficients, gap } = record.stop;
+    return linearSpan({ coefficients, offset: 0, lower: gap[0], upper: gap[1] }, q, j);
+  },
+
+  // f = a + b cos(d) + s sin(d), d = rate (q_j - x), from three values a third of a turn apart; free where f > target.
+  turn(one, q, j, rate) {
+    const x = q[j];
+    const [f0, f1, f2] = [0, 1, 2].map((k) => measured(one, q, j, x + (k * 2 * Math.PI) / (3 * rate)));
+    q[j] = x;
+    const [a, b, s] = [(f0 + f1 + f2) / 3, (2 * f0 - f1 - f2) / 3, (f1 - f2) / Math.sqrt(3)];
+    const [size, k] = [Math.hypot(b, s), target(one) - a];
+    if (k <= -size) return null;
+    const half = 2 * Math.atan2(Math.sqrt(Math.max(size - k, 0)), Math.sqrt(size + k)); // cos(half) = k / size
+    const middle = Math.atan2(s, b);
+    const ends = [(middle - half) / rate, (middle + half) / rate];
+    return [x + Math.min(...ends), x + Math.max(...ends)];
+  },
+
+  // f = a + b y + c y^2 of the square of a distance, a + b y of a height; y = q_j - x.
+  slide(one, q, j) {
+    const x = q[j];
+    const [f0, up, down] = [0, 1, -1].map((k) => measured(one, q, j, x + k));
+    q[j] = x;
+    const [b, c, f] = [(up - down) / 2, one.record.is_height ? 0 : (up + down) / 2 - f0, f0 - target(one)];
+    let roots;
+    if (c <= 1e-14 * Math.abs(f0)) roots = b ? [-f / b] : [];
+    else {
+      const room = b * b - 4 * c * f;
+      if (room <= 0) return null;
+      const t = -0.5 * (b + (b < 0 ? -1 : 1) * Math.sqrt(room));
+      roots = t ? [t / c, f / t] : [0, 0];
+    }
+    const below = roots.filter((y) => y <= 0);
+    const above = roots.filter((y) => y >= 0);
+    return [below.length ? x + Math.max(...below) : -Infinity, above.length ? x + Math.min(...above) : Infinity];
+  },
+};
+
+function measured(one, q, j, value) {
+  q[j] = value;
+  const separation = one.at(q) + one.record.distance;
+  return one.record.is_height ? separation : separation * separation;
+}
+
+function target({ record }) {
+  return record.is_height ? record.distance : record.distance ** 2;
+}
+
+function stepTo(one, q, j, speed, sign, end) {
+  const x = q[j];
+  let value = x;
+  let found = null;
+  for (let step = 0; ; step++) {
+    q[j] = value;
+    const clearance = one.at(q);
+    if (clearance <= NEAR || step === MOST_STEPS) {
+      found = { value, how: clearance <= NEAR ? "stepped" : "at least" };
+      break;
+    }
+    value += (sign * clearance) / speed;
+    if (sign * (value - end) >= 0) break;
+  }
+  q[j] = x;
+  return found;
+}
+
+function sampleTo(one, q, j, sign, end) {
+  const x = q[j];
+  let found = null;
+  for (let k = 1; k <= SAMPLES && !found; k++) {
+    q[j] = x + ((end - x) * k) / SAMPLES;
+    if (one.at(q) > 0) continue;
+    let [free, hit] = [x + ((end - x) * (k - 1)) / SAMPLES, q[j]];
+    for (let half = 0; half < 60; half++) {
+      q[j] = 0.5 * (free + hit);
+      if (one.at(q) > 0) free = q[j];
+      else hit = q[j];
+    }
+    found = { value: free, how: "sampled" };
+  }
+  q[j] = x;
+  return found;
+}

@@ -1,0 +1,355 @@
+// The robot in three dimensions, by WebGL: bodies, marks, the chosen pair on top of everything.
+
+const VERTEX = `#version 300 es
+in vec3 corner; in vec3 normal; uniform mat4 place; uniform mat4 view; out vec3 facing;
+void main() { facing = mat3(place) * normal; gl_Position = view * place * vec4(corner, 1.0); }`;
+const FRAGMENT = `#version 300 es
+precision mediump float; in vec3 facing; uniform vec4 colour; uniform vec3 light; uniform float flat_; out vec4 seen;
+void main() {
+  vec3 n = normalize(facing + vec3(1e-9));
+  float shade = mix(0.62 + 0.38 * abs(dot(n, light)) * (0.75 + 0.25 * n.z), 1.0, flat_);
+  seen = vec4(colour.rgb * shade * colour.a, colour.a);
+}`;
+const STILL = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+
+class Scene {
+  constructor(state, element) {
+    this.state = state;
+    this.element = element;
+    this.canvas = element.querySelector("canvas");
+    this.labels = element.querySelector("#labels");
+    this.shows = { bodies: true, marks: state.data.marks.length <= 60 };
+    this.fingers = new Map();
+    this.measure();
+    this.gl = this.canvas.getContext("webgl2", { antialias: true });
+    if (!this.gl) {
+      element.insertAdjacentHTML("beforeend", "<p>This browser has no WebGL 2: the robot is not drawn. All numbers on the page hold all the same.</p>");
+    } else this.prepare();
+    new ResizeObserver(() => this.resize()).observe(element);
+    element.addEventListener("pointerdown", (event) => this.press(event));
+    element.addEventListener("pointermove", (event) => this.move(event));
+    for (const end of ["pointerup", "pointercancel"]) element.addEventListener(end, (event) => this.fingers.delete(event.pointerId));
+    element.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.zoom(Math.exp(0.0012 * event.deltaY));
+    }, { passive: false });
+    element.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  // Where everything is at the start: what the view is laid around, and the side from which most is seen.
+  measure() {
+    const { data, robot } = this.state;
+    const places = robot.places(data.at);
+    const points = places.map((m) => [m[12], m[13], m[14]]);
+    const link = Object.fromEntries(data.links.map(({ name }, k) => [name, k]));
+    const anchors = [];
+    const put = (name, p, list) => list.push(through(places[link[name]], p));
+    for (const body of data.bodies) {
+      const half = body.size.length ? 0.5 * Math.max(...body.size) : 0;
+      const ends = body.vertices ? boundsOf(decoded(body.vertices, Float32Array)) : [0, 1, 2].flatMap((i) => [-half, half].map((part) => body.translation.map((t, k) => t + part * body.rotation[k][i])));
+      for (const p of ends) put(body.link, p, points);
+    }
+    for (const mark of data.marks) for (const p of mark.vertices) put(mark.link, p, mark.kind === "plane" ? [] : (put(mark.link, p, points), anchors));
+    const [low, high] = bounds(points);
+    this.centre = low.map((part, k) => 0.5 * (part + high[k]));
+    this.size = Math.max(0.5 * norm3(minus(high, low)), 1e-3);
+    const [a, b] = bounds(anchors.length > 3 ? anchors : points);
+    const spread = minus(b, a);
+    const isFlat = spread[1] <= spread[0] ? -Math.PI / 2 : 0;
+    this.start = { turn: isFlat + 0.35, tilt: 0.2, far: 1, pan: [0, 0] };
+    this.points = points;
+    this.floor = low[2];
+    this.reset();
+  }
+
+  // A view in which everything at the start is seen, and not much else.
+  reset(view = {}) {
+    this.view = { ...this.start, pan: [0, 0], ...view };
+    this.isFitted = !this.width;
+    if (this.width) this.fit();
+    this.dirty = true;
+  }
+
+  prepare() {
+    const { gl, state } = this;
+    const program = gl.createProgram();
+    for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, source);
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+    }
+    gl.bindAttribLocation(program, 0, "corner");
+    gl.bindAttribLocation(program, 1, "normal");
+    gl.linkProgram(program);
+    gl.useProgram(program);
+    this.at = Object.fromEntries(["place", "view", "colour", "light", "flat_"].map((name) => [name, gl.getUniformLocation(program, name)]));
+    const link = Object.fromEntries(state.data.links.map(({ name }, k) => [name, k]));
+    const dot = 0.011 * this.size;
+    this.bodies = this.upload(state.data.bodies.map((body) => [bodySolid(body), link[body.link], body]));
+    this.marks = this.upload(state.data.marks.map((mark) => [markSolid(mark, dot), link[mark.link], mark]));
+    this.lines = gl.createBuffer();
+    gl.enable(gl.DEPTH_TEST);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+  }
+
+  fit() {
+    this.isFitted = true;
+    const m = this.matrix();
+    const seen = this.points.map((p) => {
+      const w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
+      return [0, 1].map((i) => (m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]) / w);
+    });
+    const ends = [0, 1].map((i) => [Math.min(...seen.map((p) => p[i])), Math.max(...seen.map((p) => p[i]))]);
+    const open = 0.26 * this.view.far * 1.08;
+    const across = this.width / this.height;
+    const unit = open / (0.26 * Math.min(1, across));
+    this.view.pan = [0.5 * (ends[0][0] + ends[0][1]) * unit * 0.26 * across, 0.5 * (ends[1][0] + ends[1][1]) * unit * 0.26];
+    const half = Math.max(...ends.map(([low, high]) => 0.5 * (high - low)), 1e-3);
+    this.view.far = Math.min(Math.max(this.view.far * (half / 0.86), 0.05), 6);
+  }
+
+  // One buffer for many solids; each keeps its first corner and their number. Those of one link that look alike are one.
+  upload(solids) {
+    const { gl } = this;
+    const array = gl.createVertexArray();
+    gl.bindVertexArray(array);
+    const total = solids.reduce((sum, [solid]) => sum + solid.corners.length / 3, 0);
+    const data = new Float32Array(6 * total);
+    let first = 0;
+    const parts = solids.map(([solid, link, record]) => {
+      const count = solid.corners.length / 3;
+      for (let k = 0; k < count; k++) {
+        data.set(solid.corners.slice(3 * k, 3 * k + 3), 6 * (first + k));
+        data.set(solid.normals.slice(3 * k, 3 * k + 3), 6 * (first + k) + 3);
+      }
+      first += count;
+      return { first: first - count, count, link, record };
+    });
+    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
+    for (const [index, offset] of [[0, 0], [1, 12]]) {
+      gl.enableVertexAttribArray(index);
+      gl.vertexAttribPointer(index, 3, gl.FLOAT, false, 24, offset);
+    }
+    return { array, parts };
+  }
+
+  resize() {
+    const box = this.element.getBoundingClientRect();
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    [this.width, this.height] = [box.width, box.height];
+    if (this.width && (!this.isFitted || !this.isSized)) this.fit();
+    this.isSized = this.width > 0;
+    [this.canvas.width, this.canvas.height] = [Math.max(1, Math.round(box.width * ratio)), Math.max(1, Math.round(box.height * ratio))];
+    this.dirty = true;
+    this.state.changed();
+  }
+
+  // The matrix from the root's frame to the screen.
+  matrix() {
+    const { turn, tilt, far, pan } = this.view;
+    const back = [Math.cos(tilt) * Math.cos(turn), Math.cos(tilt) * Math.sin(turn), Math.sin(tilt)];
+    const right = [-Math.sin(turn), Math.cos(turn), 0];
+    const up = cross3(back, right);
+    const [aspect, open] = [this.width / this.height, 0.26]; // tangent of half the angle of view
+    const distance = (far * this.size * 1.08) / (open * Math.min(1, aspect));
+    const rows = [right, up, back].map((axis, k) => [...axis, -dot3(axis, this.centre) - (k < 2 ? pan[k] * this.size : distance)]);
+    const [near, beyond] = [Math.max(0.02 * distance, distance - 6 * this.size), distance + 8 * this.size];
+    const [a, b] = [(beyond + near) / (beyond - near), (2 * beyond * near) / (beyond - near)];
+    const x = rows[0].map((part) => part / (open * aspect));
+    const y = rows[1].map((part) => part / open);
+    const z = rows[2].map((part, k) => -a * part - (k === 3 ? b : 0));
+    const w = rows[2].map((part) => -part);
+    this.light = unit3([back[0] + 0.5 * right[0] + 0.4 * up[0], back[1] + 0.5 * right[1] + 0.4 * up[1], back[2] + 0.5 * right[2] + 0.4 * up[2]]);
+    return [0, 1, 2, 3].flatMap((k) => [x[k], y[k], z[k], w[k]]);
+  }
+
+  draw() {
+    const { gl, state } = this;
+    this.dirty = false;
+    if (!gl || !this.width) return;
+    const places = state.robot.places(state.q);
+    const view = this.matrix();
+    const dark = state.isDark();
+    gl.viewport(0, 0, this.canvas.width, this.canvas.height);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.uniformMatrix4fv(this.at.view, false, view);
+    gl.uniform3fv(this.at.light, this.light);
+    const chosen = state.boundary;
+    const touched = new Set(state.touching.flatMap((one) => one.record.links));
+    this.strokes(this.ground(), dark ? [0.24, 0.3, 0.36, 1] : [0.84, 0.87, 0.9, 1]);
+    if (this.shows.bodies) {
+      this.solids(this.bodies, places, ({ record }) => {
+        if (touched.has(record.link)) return dark ? [0.86, 0.5, 0.33, 1] : [0.9, 0.6, 0.42, 1];
+        return dark ? [0.55, 0.62, 0.69, 1] : [0.7, 0.75, 0.8, 1];
+      });
+    }
+    this.strokes(this.skeleton(places), dark ? [0.75, 0.8, 0.85, 1] : [0.25, 0.31, 0.37, 1]);
+    const pair = chosen ? chosen.record.marks : [];
+    if (this.shows.marks) {
+      const names = new Set(pair);
+      this.solids(this.marks, places, ({ record }) => (names.has(record.name) ? null : markColour(record, dark, this.shows.bodies)));
+    }
+    this.labels.textContent = "";
+    if (!chosen) return;
+    const [r, g, b] = parseColour(colour(state, chosen.name)).map((part) => part / 255);
+    for (const alpha of [1, 0.4]) {
+      if (alpha < 1) gl.disable(gl.DEPTH_TEST);
+      this.solids(this.marks, places, ({ record }) => (pair.includes(record.name) ? [r, g, b, alpha] : null));
+    }
+    const ends = nearestMarks(state, places, pair);
+    if (ends) this.strokes(ends.flat(), [r, g, b, 1]);
+    gl.enable(gl.DEPTH_TEST);
+    this.name(view, places, pair);
+  }
+
+  solids({ array, parts }, places, colourOf) {
+    const { gl } = this;
+    gl.bindVertexArray(array);
+    gl.uniform1f(this.at.flat_, 0);
+    for (const part of parts) {
+      const shade = colourOf(part);
+      if (!shade) continue;
+      gl.uniform4fv(this.at.colour, shade);
+      gl.uniformMatrix4fv(this.at.place, false, places[part.link]);
+      gl.drawArrays(gl.TRIANGLES, part.first, part.count);
+    }
+  }
+
+  strokes(points, shade) {
+    const { gl } = this;
+    gl.bindVertexArray(null);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.lines);
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(points), gl.DYNAMIC_DRAW);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+    gl.vertexAttrib3f(1, 0, 0, 1);
+    gl.uniform1f(this.at.flat_, 1);
+    gl.uniform4fv(this.at.colour, shade);
+    gl.uniformMatrix4fv(this.at.place, false, STILL);
+    gl.drawArrays(gl.LINES, 0, points.length / 3);
+  }
+
+  ground() {
+    const step = niceStep(this.size / 3);
+    const [x0, y0] = [0, 1].map((k) => Math.round(this.centre[k] / step) * step);
+    const points = [];
+    for (let k = -5; k <= 5; k++) {
+      points.push(x0 + k * step, y0 - 5 * step, this.floor, x0 + k * step, y0 + 5 * step, this.floor);
+      points.push(x0 - 5 * step, y0 + k * step, this.floor, x0 + 5 * step, y0 + k * step, this.floor);
+    }
+    return points;
+  }
+
+  skeleton(places) {
+    const { links } = this.state.data;
+    this.parents ??= links.map(({ parent }) => links.findIndex(({ name }) => name === parent));
+    return links.flatMap((_, k) => (this.parents[k] < 0 ? [] : [...places[this.parents[k]].slice(12, 15), ...places[k].slice(12, 15)]));
+  }
+
+  // Names of the chosen marks, beside them.
+  name(view, places, pair) {
+    const { data } = this.state;
+    const seen = pair.map((name) => {
+      const mark = data.marks.find((one) => one.name === name);
+      const m = places[data.links.findIndex((one) => one.name === mark.link)];
+      const p = through(m, [0, 1, 2].map((i) => mark.vertices.reduce((sum, v) => sum + v[i], 0) / mark.vertices.length));
+      const w = view[3] * p[0] + view[7] * p[1] + view[11] * p[2] + view[15];
+      const [x, y] = [0, 1].map((i) => (view[i] * p[0] + view[4 + i] * p[1] + view[8 + i] * p[2] + view[12 + i]) / w);
+      return { name, x: 0.5 * (x + 1) * this.width, y: 0.5 * (1 - y) * this.height };
+    });
+    if (seen.length === 2 && Math.abs(seen[0].y - seen[1].y) < 22 && Math.abs(seen[0].x - seen[1].x) < 90) {
+      const [upper, lower] = seen[0].y <= seen[1].y ? seen : [seen[1], seen[0]];
+      const middle = 0.5 * (upper.y + lower.y);
+      [upper.y, lower.y] = [middle - 12, middle + 12];
+    }
+    for (const { name, x, y } of seen) {
+      const label = document.createElement("span");
+      label.textContent = name;
+      label.style.left = `${Math.min(Math.max(x, 0), this.width - 60)}px`;
+      label.style.top = `${Math.min(Math.max(y, 10), this.height - 10)}px`;
+      this.labels.append(label);
+    }
+  }
+
+  press(event) {
+    this.element.setPointerCapture(event.pointerId);
+    this.fingers.set(event.pointerId, [event.clientX, event.clientY]);
+  }
+
+  move(event) {
+    const before = this.fingers.get(event.pointerId);
+    if (!before) return;
+    const [dx, dy] = [event.clientX - before[0], event.clientY - before[1]];
+    if (this.fingers.size === 2) {
+      const other = [...this.fingers].find(([id]) => id !== event.pointerId)[1];
+      const [was, is] = [before, [event.clientX, event.clientY]].map(([x, y]) => Math.hypot(x - other[0], y - other[1]));
+      this.zoom(was / Math.max(is, 1));
+    }
+    if (this.fingers.size === 2 || event.shiftKey) {
+      const unit = (0.6 * this.view.far) / this.height;
+      this.view.pan = [this.view.pan[0] - 2 * dx * unit, this.view.pan[1] + 2 * dy * unit];
+    } else {
+      this.view.turn -= 0.008 * dx;
+      this.view.tilt = Math.min(Math.max(this.view.tilt + 0.008 * dy, -1.55), 1.55);
+    }
+    this.fingers.set(event.pointerId, [event.clientX, event.clientY]);
+    this.dirty = true;
+    this.state.changed();
+  }
+
+  zoom(factor) {
+    this.view.far = Math.min(Math.max(this.view.far * factor, 0.05), 6);
+    this.dirty = true;
+    this.state.changed();
+  }
+
+  key(event) {
+    const turns = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] };
+    const by = turns[event.key];
+    if (by) {
+      event.preventDefault();
+      this.view.turn += by[0];
+      this.view.tilt = Math.min(Math.max(this.view.tilt + by[1], -1.55), 1.55);
+      this.zoom(1);
+    } else if (event.key === "+" || event.key === "-") this.zoom(event.key === "+" ? 0.9 : 1.1);
+  }
+}
+
+// Marks inside their bodies would be hidden by them: where bodies are drawn, marks with a size are thin.
+function markColour(record, dark, overBodies) {
+  const [r, g, b] = dark ? [0.93, 0.95, 0.97] : [0.11, 0.15, 0.19];
+  const isBody = record.radius > 0 || record.kind === "hull";
+  const alpha = !isBody ? 1 : overBodies ? 0.22 : 0.5;
+  return [r, g, b, alpha];
+}
+
+// The two nearest points of the chosen marks' cores, in the root's frame; null for lines and planes.
+function nearestMarks({ data }, places, names) {
+  const marks = names.map((name) => data.marks.find((one) => one.name === name));
+  if (marks.some(({ kind }) => kind === "line" || kind === "plane")) return null;
+  const [A, B] = marks.map(({ vertices, link }) => {
+    const m = places[data.links.findIndex((one) => one.name === link)];
+    return vertices.map((p) => through(m, p));
+  });
+  const found = nearestOfHulls(Float64Array.from(A.flat()), Float64Array.from(B.flat().map((part) => -part)), 1);
+  const sum = (points, key) => [0, 1, 2].map((i) => found.simplex.reduce((total, one) => total + one.weight * points[one[key]][i], 0));
+  return [sum(A, "i"), sum(B, "j")];
+}
+
+function through(m, p) {
+  return [0, 1, 2].map((i) => m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]);
+}
+
+function bounds(points) {
+  return [Math.min, Math.max].map((pick) => [0, 1, 2].map((k) => points.reduce((end, p) => pick(end, p[k]), points[0][k])));
+}
+
+function boundsOf(list) {
+  const points = [];
+  for (let k = 0; k < list.length; k += 3) points.push([list[k], list[k + 1], list[k + 2]]);
+  return bounds(points);
+}

@@ -1,0 +1,232 @@
+"""Everything that the page computes, as nodes of one graph: signed clearances, chains of hulls, places of links.
+
+The page's JavaScript walks these nodes and knows no kinematics of its own. Boundaries whose nearest points are searched
+for end at their chain: `w` and the edge vectors `e_i` of `r = w + sum_i t_i e_i`. The search over t is the page's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pinbound.bounds.derivative_bounds import lever_arms
+from pinbound.contact import ContactRule
+from pinbound.export import is_closed, signed_nodes
+from pinbound.kernel import CommonMark
+from pinbound.kernel.scalars import Graph, Vector
+from pinbound.path.chain import Chain
+from pinbound.path.relative import RelativePath, absolute_chain, direction_chain
+from pinbound.robot.robot import Robot
+from pinbound.tolerances import EXPLORER_SPEED, OVERLAP, REDUCTION
+from pinbound.typing import Array
+
+__all__ = ["Searched", "chain_nodes", "program_record", "ways"]
+
+_CODES = {
+    "constant": "k",
+    "coordinate": "q",
+    "cos": "c",
+    "sin": "s",
+    "add": "+",
+    "sub": "-",
+    "mul": "*",
+    "div": "/",
+    "sqrt": "r",
+    "pick": "?",
+    "hold": "h",
+}
+
+
+@dataclass(frozen=True)
+class Searched:
+    """A boundary whose nearest points are searched for.
+
+    Attributes:
+        w: Nodes of the vector where all t are zero, or of what counts of it.
+        edges: Nodes of each edge vector.
+        corners: Of either body the vertices of its t.
+        is_height: Whether the first component alone counts, and the least is a height.
+        overlap: [m], below which bodies overlap, as far as rounding can tell.
+    """
+
+    w: Vector
+    edges: tuple[Vector, ...]
+    corners: tuple[Array, Array]
+    is_height: bool
+    overlap: float
+
+
+def program_record(
+    robot: Robot, rules: Sequence[ContactRule], marks: Sequence[tuple[str, str]], common: Common
+) -> tuple[dict[str, Any], list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return the nodes, where each boundary's signed clearance is in them, and where each link is.
+
+    Args:
+        robot: The robot.
+        rules: The boundaries' contact rules.
+        marks: Names of the two marks of each.
+        common: Each mark's chains in one common frame, as for `BoundarySet`.
+    """
+    n = len(robot.coordinates)
+    closed = [k for k, rule in enumerate(rules) if is_closed(rule)]
+    nodes = signed_nodes([rules[k] for k in closed], [marks[k] for k in closed], n, common, slopes=False)
+    graph, values = nodes.graph, dict(zip(closed, nodes.values, strict=True))
+    searched = {k: _searched(graph, rule.path) for k, rule in enumerate(rules) if k not in values}
+    links = [_placed(graph, robot, link) for link in robot.tree.links]
+    outputs = [*values.values()]
+    for one in searched.values():
+        outputs += [*one.w, *(node for edge in one.edges for node in edge)]
+    outputs += [node for link in links for vector in link for node in vector]
+    order = graph.reachable(outputs)
+    places = {number: place for place, number in enumerate(order)}
+    found = [
+        {"value": places[values[k]]} if k in values else {"hull": _hull_record(searched[k], rule.distance, places)}
+        for k, rule in enumerate(rules)
+    ]
+    placed = [
+        {key: [places[node] for node in vector] for key, vector in zip(("o", "x", "y"), link, strict=True)}
+        for link in links
+    ]
+    return _nodes_record(graph, order, places, n), found, placed
+
+
+Common = Callable[[], Mapping[str, CommonMark] | None]
+
+
+def _nodes_record(graph: Graph, order: Sequence[int], places: Mapping[int, int], n: int) -> dict[str, Any]:
+    """Return kinds (a letter a node), operands one after the other, and the values of constants."""
+    kinds, args, constants = list[str](), list[int](), list[float]()
+    for number in order:
+        node = graph.nodes[number]
+        kinds.append(_CODES[node.kind])
+        if node.kind == "constant":
+            constants.append(node.value)
+        elif node.kind in ("coordinate", "cos", "sin"):
+            args += node.args
+        else:
+            args += [places[one] for one in node.args]
+    return {"n": n, "kinds": "".join(kinds), "args": args, "constants": constants, "angles": list(graph.angles)}
+
+
+def _hull_record(one: Searched, distance: float, places: Mapping[int, int]) -> dict[str, Any]:
+    return {
+        "w": [places[node] for node in one.w],
+        "edges": [[places[node] for node in edge] for edge in one.edges],
+        "corners": [corners.tolist() for corners in one.corners],
+        "is_height": one.is_height,
+        "overlap": one.overlap,
+        "distance": distance,
+    }
+
+
+def _searched(g: Graph, path: RelativePath) -> Searched:
+    counted = path.counted(np.eye(3)).T
+    rows = np.zeros((3, 3))
+    rows[: len(counted)] = counted
+    w, *edges = (_turned_by(g, rows, chain_nodes(g, chain)) for chain in (path.minimal, *path.difference.turned))
+    return Searched(w, tuple(edges), path.difference.corners, path.floor < 0.0, OVERLAP * path.minimal.scale)
+
+
+def _turned_by(g: Graph, matrix: Array, vector: Vector) -> Vector:
+    x, y, z = (
+        g.total(g.mul(g.constant(float(entry)), part) for entry, part in zip(row, vector, strict=True))
+        for row in matrix
+    )
+    return x, y, z
+
+
+def chain_nodes(g: Graph, chain: Chain) -> Vector:
+    """Return the three components of a chain's value, from its tail: `x_i = b_i + R(u, c . q) x_{i+1}`.
+
+    About an axis u of the frame a rotation mixes two components; about another one it is
+    `cos x + sin (u x x) + (1 - cos) (u . x) u`.
+    """
+    vector = _offset(g, chain, chain.rotations)
+    for index in reversed(range(chain.rotations)):
+        cos, sin = g.angle(chain.coefficients[index].tolist())
+        turned = _rotated(g, chain.axes[index], cos, sin, vector)
+        x, y, z = (g.add(a, b) for a, b in zip(_offset(g, chain, index), turned, strict=True))
+        vector = x, y, z
+    return vector
+
+
+def _offset(g: Graph, chain: Chain, index: int) -> Vector:
+    x, y, z = (
+        g.linear(slide.tolist(), float(part))
+        for slide, part in zip(chain.slides[index], chain.offsets[index], strict=True)
+    )
+    return x, y, z
+
+
+def _rotated(g: Graph, axis: Array, cos: int, sin: int, vector: Vector) -> Vector:
+    main = int(np.argmax(np.abs(axis)))
+    if np.all(np.abs(np.delete(axis, main)) <= REDUCTION):
+        found, (i, j) = list(vector), ((main + 1) % 3, (main + 2) % 3)
+        signed = sin if axis[main] > 0.0 else g.sub(g.constant(0.0), sin)
+        found[i] = g.sub(g.mul(cos, vector[i]), g.mul(signed, vector[j]))
+        found[j] = g.add(g.mul(signed, vector[i]), g.mul(cos, vector[j]))
+        return found[0], found[1], found[2]
+    a, b, c = (float(part) for part in axis)
+    across = _turned_by(g, np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]]), vector)
+    along = _turned_by(g, np.outer(axis, axis), vector)
+    rest = g.sub(g.constant(1.0), cos)
+    x, y, z = (
+        g.total((g.mul(cos, vector[k]), g.mul(sin, across[k]), g.mul(rest, along[k]))) for k in range(len(vector))
+    )
+    return x, y, z
+
+
+def _placed(g: Graph, robot: Robot, link: str) -> tuple[Vector, Vector, Vector]:
+    """Return a link's origin in the root's frame [m], and its x and y directions."""
+    tree, coupling = robot.tree, robot.coupling
+    origin = absolute_chain(tree, coupling, link, (0.0, 0.0, 0.0))
+    x, y = (direction_chain(tree, coupling, link, unit) for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    return chain_nodes(g, origin), chain_nodes(g, x), chain_nodes(g, y)
+
+
+def ways(rule: ContactRule, reach: Array) -> list[dict[str, Any]]:
+    """Return, for each coordinate, how the page finds how far it can move before this boundary is in contact.
+
+    ``"none"``: it changes nothing. ``"stop"``: contact lines are known. ``"turn"``: the square of the distance, or the
+    height, is `a + b cos(c q_j) + s sin(c q_j)`; `rate` is c. ``"slide"``: the square is a parabola, the height a line.
+    ``"step"``: none of these; `speed` bounds how fast the signed clearance changes [m/rad or 1], infinite as null.
+
+    Args:
+        rule: The boundary's.
+        reach: (n,) the largest `|q_j|` [rad or m], infinite without limits.
+    """
+    path = rule.path
+    chain, used = path.minimal, set(path.minimal.coordinates)
+    for turned in path.difference.turned:
+        used |= set(turned.coordinates)
+    speeds = _speeds(path, reach)
+    found: list[dict[str, Any]] = []
+    for index in range(len(reach)):
+        rates = chain.coefficients[:, index][chain.coefficients[:, index] != 0.0]
+        slides = bool(np.any(chain.slides[:, :, index]))
+        speed = float(speeds[index])
+        if rule.stop is not None:
+            found.append({"way": "stop" if rule.stop.coefficients[index] else "none"})
+        elif index not in used:
+            found.append({"way": "none"})
+        elif path.is_harmonic and len(rates) == 1 and not slides:
+            found.append({"way": "turn", "rate": float(rates[0])})
+        elif path.is_harmonic and not len(rates):
+            found.append({"way": "slide"})
+        else:
+            found.append({"way": "step", "speed": speed if np.isfinite(speed) else None})
+    return found
+
+
+def _speeds(path: RelativePath, reach: Array) -> Array:
+    """Return bounds (n,) of `|d separation / d q_j|`: those of the point, and of every t's edge vector on top."""
+    chain, difference = path.minimal, path.difference
+    speed = lever_arms(chain, reach).first
+    first = difference.corners[0].shape[1]
+    for corners, edges in zip(difference.corners, (difference.turned[:first], difference.turned[first:]), strict=True):
+        arms = np.array([lever_arms(edge, reach).first for edge in edges]).reshape(len(edges), len(reach))
+        speed = speed + (np.abs(corners) @ arms).max(axis=0)
+    return speed * (1.0 + EXPLORER_SPEED)

@@ -1,0 +1,204 @@
+"""The data of a page: what Python knows of a robot, in numbers that JavaScript reads back as they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pinbound.boundaries.boundary import Boundary
+from pinbound.certificates import Certificate
+from pinbound.coverage import Coverage
+from pinbound.explorer.planes import plane_record, windows
+from pinbound.explorer.program import program_record, ways
+from pinbound.explorer.solids import bodies_record, marks_record
+from pinbound.figures.plots import PALETTE
+from pinbound.model.coupling import GuardedLimit, Intervals, LinearLimit
+from pinbound.motion.history import Motion
+from pinbound.robot.robot import Robot
+from pinbound.tolerances import UNIT_ROUNDOFF
+from pinbound.typing import Array
+
+__all__ = ["motion_record", "page_record"]
+
+MOST_FORMULAS = 60
+"""Boundaries whose formulas are on the page: SymPy takes 50 ms and more for each."""
+MOST_ROTATIONS = 3
+"""Rotations of a path up to which its formula can be read."""
+
+
+def page_record(
+    robot: Robot,
+    planes: Sequence[tuple[str, str]],
+    at: Array,
+    window: dict[str, tuple[float, float]],
+    meshes: bool,
+    budget: float,
+    width: float,
+) -> dict[str, Any]:
+    """Return everything that the page shows, but the motion.
+
+    Args:
+        robot: The robot.
+        planes: Pairs of coordinates whose regions are computed.
+        at: (n,) where the other coordinates are held, and where the page starts.
+        window: Ends of coordinates without limits.
+        meshes: Whether meshes are drawn.
+        budget: [s] for each region.
+        width: As in `feasible_region`.
+    """
+    boundaries = list(robot.boundaries)
+    marks = [(one.point_a.name, one.point_b.name) for one in boundaries]
+    rules = [one.rule for one in boundaries]
+    program, values, places = program_record(robot, rules, marks, robot.boundaries.common)
+    shown = windows(robot, at, window)
+    reach = np.maximum(np.abs(robot.lower), np.abs(robot.upper))
+    drawn, missing = bodies_record(robot, meshes)
+    regions = [plane_record(robot, plane, at, shown, budget, width) for plane in planes]
+    points = [one for one in boundaries if not one.path.difference.directions]
+    formulas = [one for one in points if one.path.minimal.rotations <= MOST_ROTATIONS][:MOST_FORMULAS]
+    named = {one.name: _formula(one) for one in formulas}
+    return {
+        "format": "pinbound explorer 1",
+        "robot": robot.name,
+        "coordinates": [
+            {"name": name, "unit": "rad" if robot.turns(name) else "m", "window": list(ends)}
+            for name, ends in zip(robot.coordinates, shown, strict=True)
+        ],
+        "home": robot.home.tolist(),
+        "at": at.tolist(),
+        "program": program,
+        "boundaries": [
+            _boundary(one, value, reach, named.get(one.name, [])) for one, value in zip(boundaries, values, strict=True)
+        ],
+        "limits": _limits(robot.linear_limits, robot.guarded_limits, robot.intervals),
+        "links": [
+            {"name": name, "parent": joint.parent if (joint := robot.tree.parent_joint.get(name)) else None} | place
+            for name, place in zip(robot.tree.links, places, strict=True)
+        ],
+        "bodies": drawn,
+        "marks": marks_record(robot),
+        "regions": regions,
+        "colours": _colours(regions, robot.boundaries.names),
+        "palette": len(PALETTE),
+        "coverage": _coverage(robot.coverage),
+        "notes": [*missing, *robot.notes],
+        "assumptions": list(robot.annotations.assumptions),
+    }
+
+
+def _boundary(one: Boundary, value: dict[str, Any], reach: Array, formula: Sequence[str]) -> dict[str, Any]:
+    stop = one.rule.stop
+    return value | {
+        "name": one.name,
+        "marks": [one.point_a.name, one.point_b.name],
+        "links": [one.point_a.link, one.point_b.link],
+        "kind": one.kind.value,
+        "ancestor": one.ancestor,
+        "coordinates": list(one.coordinates),
+        "threshold": one.threshold,
+        "distance": one.contact_distance,
+        "is_height": one.path.floor < 0.0,
+        "stop": stop
+        and {"coefficients": stop.coefficients.tolist(), "gap": list(stop.free_gap), "amplitude": stop.amplitude},
+        "ways": ways(one.rule, reach),
+        "contacts": None
+        if one.contacts is None
+        else [
+            {"text": c.text, "angle": c.angle, "half_width": c.half_width, "smallest": c.smallest} for c in one.contacts
+        ],
+        "formula": list(formula),
+    }
+
+
+def _formula(one: Boundary) -> list[str]:
+    """Return the components of the minimal form as MathML."""
+    from pinbound.evaluate import symbolic
+
+    return list(symbolic.mathml(one.expression()))
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _linear(one: LinearLimit) -> dict[str, Any]:
+    return {
+        "joint": one.joint,
+        "coefficients": one.coefficients.tolist(),
+        "offset": one.offset,
+        "lower": _finite(one.lower),
+        "upper": _finite(one.upper),
+    }
+
+
+def _limits(linear: Sequence[LinearLimit], guarded: Sequence[GuardedLimit], intervals: Intervals) -> dict[str, Any]:
+    """Return limits as users know them, and as the rows that say whether q keeps them."""
+    return {
+        "linear": [_linear(one) for one in linear],
+        "guarded": [
+            {"name": one.name, "limit": _linear(one.limit), "where": [_linear(part) for part in one.where]}
+            for one in guarded
+        ],
+        "rows": [
+            {"coefficients": c, "low": low, "high": high, "is_sum": is_sum}
+            for c, low, high, is_sum in zip(
+                intervals.coefficients.tolist(),
+                intervals.low.tolist(),
+                intervals.high.tolist(),
+                intervals.is_sum.tolist(),
+                strict=True,
+            )
+        ],
+        "roundoff": UNIT_ROUNDOFF,
+    }
+
+
+def _colours(regions: Sequence[dict[str, Any]], names: Sequence[str]) -> dict[str, int]:
+    """Return the place of each name in the palette: edges as in the figures, then the other boundaries."""
+    edges = {edge["name"] for region in regions for loop in region.get("loops", ()) for edge in loop}
+    first = sorted(edges, key=lambda name: (len(name), name))
+    rest = sorted(set(names) - edges, key=lambda name: (len(name), name))
+    return {name: index for index, name in enumerate([*first, *rest])}
+
+
+def _coverage(coverage: Coverage) -> dict[str, Any]:
+    return {
+        "summary": coverage.record.summary,
+        "is_complete": coverage.is_complete,
+        "open": [
+            {"links": list(pair.links), "status": pair.status.value, "reason": pair.reason} for pair in coverage.open
+        ],
+    }
+
+
+def motion_record(robot: Robot, motion: Motion, found: Certificate, name: str) -> dict[str, Any]:
+    """Return a motion and what its certificate says.
+
+    Args:
+        robot: The robot.
+        motion: Waypoints, straight in q between them.
+        found: The certificate of the whole motion.
+        name: What the motion is called.
+    """
+    times = np.arange(len(motion.waypoints), dtype=np.float64) if motion.times is None else motion.times
+    first, tightest = found.first_contact, found.tightest
+    return {
+        "name": name,
+        "waypoints": motion.waypoints.tolist(),
+        "times": np.asarray(times, dtype=np.float64).tolist(),
+        "is_timed": motion.times is not None,
+        "verdict": found.verdict.value,
+        "lower": _finite(found.lower),
+        "upper": _finite(found.upper),
+        "tightest": tightest and {"name": tightest.name, "time": tightest.time},
+        "first_contact": first and {"before": first.before, "after": first.after, "name": found.violations[0].name},
+        "open": [
+            {"name": part.name, "start": part.start, "end": part.end, "reason": part.reason.value}
+            for part in found.open_parts[:20]
+        ],
+        "coverage": found.coverage.summary,
+        "notes": list(found.notes),
+    }

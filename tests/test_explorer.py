@@ -1,0 +1,451 @@
+"""The explorer's page, in a real browser: its numbers are Python's, and it answers to mouse, touch and keys.
+
+Tests of the page are skipped, with the reason, where no Chromium or no Playwright is found.
+"""
+
+import json
+import math
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import linkages
+import pinbound as pb
+from pinbound.explorer.program import ways
+from robots import joint, robot_xml
+
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+NEAR = 1e-12  # what the page's numbers may differ by [m]
+STEPPED = 1e-8  # the clearance at which the page stops stepping [m]
+EXACT_AT_CONTACT = 1e-7  # closed forms by other formulas: half the digits where a contact is grazed [rad]
+
+
+HORN = ((0.0, 0.0, 0.0), (0.1, 0.0, 0.02), (0.0, 0.1, 0.05), (0.02, 0.03, 0.15), (0.07, 0.07, 0.1))
+
+
+def every_mark() -> pb.Robot:
+    """Return an arm on a rail, with a mark of every kind, a rule with a condition, and every way that the page has."""
+    joints = [
+        joint("rail", "prismatic", "base", "cart", axis="1 0 0", limit="-0.4 0.4"),
+        joint("j1", "revolute", "cart", "a", axis="0 0 1", xyz="0 0 0.3", limit="-2.5 2.5"),
+        joint("j2", "revolute", "a", "b", axis="0 0.6 0.8", xyz="0.05 0.02 0.1", limit="-2 2"),
+        joint("j3", "revolute", "b", "c", axis="0 1 0", xyz="0 0 0.4", rpy="0.1 0 0.2", limit="-2.5 2.5"),
+        joint("m", "revolute", "c", "d", axis="0 1 0", xyz="0 0 0.2", limit="-1.2 1.2", mimic="j3 -0.5 0.1"),
+    ]
+    robot = pb.load(robot_xml(joints, {}, []))
+    marks = [
+        pb.Point("p", "base", (0.3, 0.1, 0.5), radius=0.02),
+        pb.Point("s", "c", (0.05, 0.0, 0.15), radius=0.03),
+        pb.Point("bare", "b", (0.1, 0.0, 0.3)),
+        pb.Segment("bone", "d", (0.0, 0.0, 0.0), (0.02, 0.01, 0.2), radius=0.02),
+        pb.Segment("post", "base", (-0.4, 0.3, 0.0), (-0.4, 0.3, 0.6), radius=0.01),
+        pb.Box("crate", "base", (0.4, -0.2, 0.2), (0.1, 0.2, 0.3), (0.2, 0.15, 0.3), radius=0.005),
+        pb.Box("hand", "d", (0.0, 0.0, 0.22), (0.0, 0.3, 0.0), (0.06, 0.1, 0.05)),
+        pb.Hull("horn", "c", HORN),
+        pb.Cylinder("can", "base", (0.0, -0.5, 0.0), (0.0, -0.5, 0.4), radius=0.08),
+        pb.Line("wire", "base", (0.0, 0.6, 0.9), (1.0, 0.0, 0.1), radius=0.01),
+        pb.Plane("floor", "base", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    ]
+    pairs = [
+        ("p", "s"), ("p", "bare"), ("post", "bone"), ("post", "s"), ("crate", "hand"), ("crate", "horn"),
+        ("can", "hand"), ("wire", "s"), ("wire", "bone"), ("wire", "hand"), ("floor", "s"), ("floor", "bone"),
+        ("floor", "horn"), ("floor", "hand"),
+    ]  # fmt: skip
+    boundaries = [pb.BoundaryMark(f"{a} - {b}", a, b) for a, b in pairs]
+    low = pb.Condition({"j3": 1.0}, upper=-0.5)
+    rules = (pb.Rule("front", {"j2": 1.0}, lower=-0.9, where=(low,)), pb.Rule("sum", {"j2": 1.0, "j3": 1.0}, upper=3.2))
+    return robot.with_annotations(pb.Annotations.of(marks, boundaries, rules=rules))
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    programs = [shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome")]
+    program = next((one for one in programs if one), None)
+    if program is None:
+        pytest.skip("no Chromium is installed: apt-get install chromium")
+    playwright = pytest.importorskip("playwright.sync_api", reason="no Playwright is installed: pip install playwright")
+    with playwright.sync_playwright() as driver:
+        found = driver.chromium.launch(executable_path=program, headless=True, args=FLAGS)
+        yield found
+        found.close()
+
+
+@pytest.fixture(scope="module")
+def robots() -> dict[str, pb.Robot]:
+    return {"minervabot_v3": pb.load("minervabot_v3"), "every mark": every_mark()}
+
+
+@pytest.fixture(scope="module")
+def pages(robots: dict[str, pb.Robot], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("explorer")
+    motion = np.radians([[0.0, 0.0, 0.0], [60.0, 20.0, 10.0], [0.0, 0.0, 0.0]])
+    made = {
+        "minervabot_v3": pb.explorer_page(robots["minervabot_v3"], motion=motion),
+        "every mark": pb.explorer_page(robots["every mark"], planes=[("j2", "j3")], budget=0.0),
+    }
+    return {name: page.save(folder / f"{name}.html") for name, page in made.items()}
+
+
+def opened(browser: Any, path: Path, **options: Any) -> Any:
+    page = browser.new_page(**{"viewport": {"width": 1280, "height": 900}} | options)
+    page.faults = []
+    page.on("pageerror", lambda error: page.faults.append(str(error)))
+    page.on("console", lambda said: page.faults.append(said.text) if said.type == "error" else None)
+    page.on("request", lambda asked: asked.url.startswith(("file:", "data:")) or page.faults.append(asked.url))
+    page.goto(path.as_uri())
+    page.wait_for_function("() => window.pinbound?.panels && pinbound.frames > 0")
+    return page
+
+
+@pytest.fixture
+def page(browser: Any, pages: dict[str, Path]) -> Iterator[Any]:
+    found = opened(browser, pages["minervabot_v3"])
+    yield found
+    assert found.faults == []
+    found.close()
+
+
+def poses(robot: pb.Robot, count: int) -> np.ndarray:
+    low, high = np.clip(robot.lower, -3.0, 3.0), np.clip(robot.upper, -3.0, 3.0)
+    return np.random.default_rng(19).uniform(low, high, (count, len(low)))
+
+
+ASK = """(Q) => { const { robot, data } = pinbound; return JSON.stringify({
+  clearances: Q.map((q) => [...robot.evaluate(q)]),
+  free: Q.map((q) => robot.contact(q, data.boundaries.map((_, k) => k)) < 0),
+  kept: Q.map((q) => robot.broken(q).length === 0),
+  places: Q.map((q) => robot.places(q)),
+  slopes: Q.slice(0, 100).map((q) => robot.clearances.map((one) => one.gradient(q).gradient).map((g) => g && [...g])),
+}); }"""
+
+
+@pytest.mark.parametrize("name", ["minervabot_v3", "every mark"])
+def test_a_thousand_poses_have_pythons_numbers(
+    name: str, browser: Any, pages: dict[str, Path], robots: dict[str, pb.Robot]
+) -> None:
+    robot, page = robots[name], opened(browser, pages[name])
+    Q = poses(robot, 1000)
+    found = json.loads(page.evaluate(ASK, Q.tolist()))
+    assert page.faults == []
+    page.close()
+    B = robot.boundaries
+    signed = B.signed_clearances(Q)
+    assert np.abs(np.array(found["clearances"]) - signed).max() < NEAR
+    decided = np.abs(signed).min(axis=1) > NEAR
+    assert np.array_equal(np.array(found["free"])[decided], np.all(signed > 0.0, axis=1)[decided])
+    assert found["kept"] == robot.intervals.hold(Q).tolist()
+    if name == "every mark":
+        assert 100 < sum(found["kept"]) < 900
+    places = np.array(found["places"]).reshape(len(Q), -1, 4, 4)
+    for k, link in enumerate(robot.tree.links):
+        origin = robot.positions(link, Q)
+        assert np.abs(places[:, k, 3, :3] - origin).max() < NEAR
+        for axis, unit in enumerate(np.eye(3).tolist()):
+            assert np.abs(places[:, k, axis, :3] - (robot.positions(link, Q, unit) - origin)).max() < NEAR
+    slopes = B.signed_gradients(Q[:100])
+    for q, row in enumerate(found["slopes"]):
+        for k, slope in enumerate(row):
+            known = slopes[q, k] if slope is not None else np.zeros(0)
+            if slope is None:
+                assert not np.any(np.isfinite(slopes[q, k]))
+            elif np.all(np.isfinite(known)) and abs(signed[q, k]) > 1e-3:  # near contact |r| divides the rounding
+                assert np.abs(np.array(slope) - known).max() < 1e-10
+
+
+@pytest.mark.parametrize("name", ["minervabot_v3", "every mark"])
+def test_live_limits_are_pythons(name: str, browser: Any, pages: dict[str, Path], robots: dict[str, pb.Robot]) -> None:
+    """Closed forms agree; what is stepped ends before the contact, at a clearance of 10 nm or at the last step."""
+    robot, page = robots[name], opened(browser, pages[name])
+    B, Q = robot.boundaries, poses(robot, 4000)
+    Q = Q[B.free(Q)][: 20 if name == "minervabot_v3" else 3]
+    ask = """(Q) => Q.map((q) => { const s = pinbound.robot.evaluate(q); return q.map((_, j) => {
+      const { lower, upper } = pinbound.reach.of(Float64Array.from(q), j, s);
+      return [lower, upper].map(({ value, name, how }) => [String(value), name, how]); }); })"""
+    hows = set()
+    for q, rows in zip(Q, page.evaluate(ask, Q.tolist()), strict=True):
+        for j, ends in enumerate(rows):
+            known = B.limits(robot.coordinates[j], q)
+            for (text, stop, how), value, side in zip(ends, (known.lower, known.upper), (-1.0, 1.0), strict=True):
+                hows.add(how)
+                short = 0.0 if float(text) == value else side * (value - float(text))
+                if how in ("exact", "closed form"):
+                    assert abs(short) < EXACT_AT_CONTACT, (q, j, stop)
+                else:
+                    moved = q.copy()
+                    moved[j] = float(text)
+                    assert -1e-9 < short
+                    assert how == "at least" or B[stop].signed_clearance(moved) <= 2.0 * STEPPED
+    assert hows >= ({"closed form"} if name == "minervabot_v3" else {"exact", "stepped"})
+    page.close()
+
+
+def test_closed_forms_are_pythons(browser: Any, pages: dict[str, Path], robots: dict[str, pb.Robot]) -> None:
+    """Boundary by boundary: where each coordinate comes into contact by a turn, a slide or a stop."""
+    tried: set[str] = set()
+    for name, robot in robots.items():
+        page, B = opened(browser, pages[name]), robot.boundaries
+        Q = poses(robot, 40)
+        ask = """(Q) => Q.map((q) => pinbound.robot.clearances.map((one) => q.map((_, j) => {
+          const span = pinbound.reach.span(one, Float64Array.from(q), j); return span && span.map(String); })))"""
+        found = page.evaluate(ask, Q.tolist())
+        given = [one["ways"] for one in page.evaluate("() => pinbound.data.boundaries.map(({ ways }) => ({ ways }))")]
+        clear = B.signed_clearances(Q) > 1e-6
+        for i, k, j in np.argwhere(clear[:, :, None] & np.ones(len(robot.coordinates), dtype=bool)).tolist():
+            way = given[k][j]["way"]
+            if way not in ("stop", "turn", "slide"):
+                assert found[i][k][j] is None
+                continue
+            known = B[k].limits(robot.coordinates[j], Q[i]).around(float(Q[i, j]))
+            span = (-math.inf, math.inf) if found[i][k][j] is None else tuple(map(float, found[i][k][j]))
+            if way == "stop":  # the page knows home's gap, `limits` every turn
+                continue
+            tried.add(way)
+            for value, end in zip(span, known, strict=True):
+                assert value == end or abs(value - end) < EXACT_AT_CONTACT, (B[k], robot.coordinates[j], span, known)
+        page.close()
+    assert tried == {"turn", "slide"}
+
+
+def state(page: Any, what: str) -> Any:
+    return page.evaluate(f"() => pinbound.{what}")
+
+
+def pixels(page: Any, point: tuple[float, float]) -> tuple[float, float]:
+    """Return where a point [deg] of the shown plane is in the window."""
+    box = page.locator("#plane").bounding_box()
+    x, y = page.evaluate("(p) => pinbound.plane.toPixels(p)", np.radians(point).tolist())
+    return box["x"] + x, box["y"] + y
+
+
+def test_dragging_in_the_region_moves_the_robot(page: Any) -> None:
+    before = page.evaluate("() => pinbound.robot.places(pinbound.q).map((m) => m.slice(12, 15))")
+    page.mouse.move(*pixels(page, (0.0, 0.0)))
+    page.mouse.down()
+    page.mouse.move(*pixels(page, (10.0, 5.0)))
+    page.mouse.move(*pixels(page, (40.0, 30.0)), steps=4)
+    page.mouse.up()
+    page.wait_for_function("() => document.getElementById('verdict').textContent.includes('Free')")
+    q = np.degrees(state(page, "q"))
+    assert np.allclose(q, [0.0, 40.0, 30.0], atol=0.6)  # a pixel is a third of a degree
+    after = page.evaluate("() => pinbound.robot.places(pinbound.q).map((m) => m.slice(12, 15))")
+    assert np.abs(np.array(after) - before).max() > 0.03
+    values = [float(one.input_value()) for one in page.locator("#joints input[type=number]").all()]
+    assert np.allclose(values, q, atol=1e-3)
+    page.mouse.click(*pixels(page, (-20.0, 50.0)))
+    page.wait_for_function("() => document.getElementById('verdict').textContent.includes('Not free')")
+    assert {"beta_4", "beta_10"} <= {one["name"] for one in state(page, "touching.map(({ name }) => ({ name }))")}
+
+
+def test_a_slider_and_the_keys_move_the_point(page: Any) -> None:
+    def cursor() -> float:
+        return float(page.locator("#cursor .point").get_attribute("cx"))
+
+    start = cursor()
+    page.locator("#joint-1").fill("20")
+    page.wait_for_function("() => Math.abs(pinbound.q[1] - Math.PI / 9) < 1e-9")
+    page.wait_for_function("(x) => document.querySelector('#cursor .point').getAttribute('cx') - x > 20", arg=start)
+    assert "beta_8" in page.locator(".joint .ends").nth(1).text_content()
+    page.locator("#plane").focus()
+    page.keyboard.press("ArrowUp")
+    page.keyboard.press("Shift+ArrowRight")
+    page.wait_for_function("() => pinbound.drawn === pinbound.moved")
+    assert np.allclose(np.degrees(state(page, "q")), [0.0, 20.1, 1.0])
+    page.get_by_role("button", name="Go home").click()
+    page.wait_for_function("() => pinbound.q.every((value) => value === 0) && pinbound.drawn === pinbound.moved")
+    assert cursor() == start
+
+
+def test_a_click_on_an_edge_lights_up_its_two_marks(page: Any) -> None:
+    page.mouse.click(*pixels(page, (13.0, 45.43)))  # the middle of beta_4, q3 = q2 + 32.43 deg
+    page.wait_for_function("() => document.getElementById('labels').children.length === 2")
+    assert page.locator("#labels span").all_text_contents() == ["o14", "o15"]
+    assert np.allclose(state(page, "q"), 0.0)  # it was a click, no drag
+    said = page.locator("#detail").text_content()
+    angle = math.degrees(pb.load("minervabot_v3").boundaries["beta_4"].contact.angle)
+    assert f"q3 - q2 = {angle:.6f} deg" in said
+    assert "o14 on link_2; o15 on link_13" in said
+    assert page.locator("#detail math").count() == 3
+    assert f"{1e3 * pb.load('minervabot_v3').boundaries['beta_4'].signed_clearance(np.zeros(3)):.6f} mm" in said
+    page.get_by_role("button", name="beta_9").click()
+    page.wait_for_function("() => pinbound.chosen === 'beta_9'")
+    assert page.locator("#choice").input_value() == "beta_9"
+
+
+def test_touch_and_a_narrow_window(browser: Any, pages: dict[str, Path]) -> None:
+    page = opened(
+        browser, pages["minervabot_v3"], viewport={"width": 390, "height": 800}, has_touch=True, is_mobile=True
+    )
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
+    page.locator("#plane").scroll_into_view_if_needed()
+    page.touchscreen.tap(*pixels(page, (30.0, 40.0)))
+    page.wait_for_function("() => pinbound.q[1] > 0.4")
+    assert np.allclose(np.degrees(state(page, "q")), [0.0, 30.0, 40.0], atol=1.0)
+    assert page.faults == []
+    page.close()
+
+
+def test_a_region_is_called_exact_only_where_python_computed_it(
+    browser: Any, pages: dict[str, Path], robots: dict[str, pb.Robot], page: Any
+) -> None:
+    page.evaluate("() => pinbound.set(0, 1.0)")  # nothing depends on q1
+    page.wait_for_function("() => pinbound.drawn === pinbound.moved")
+    assert page.locator("#plane-said").text_content().startswith("Exact region")
+    page.locator("#across").select_option("0")
+    page.wait_for_function("() => document.getElementById('plane-said').textContent.includes('144 x 144')")
+    assert "Sampled" in page.locator("#plane-said").text_content()
+    assert page.locator("#drawing .edge").count() == 0
+    other = opened(browser, pages["every mark"])  # its budget was zero
+    other.wait_for_function("() => document.getElementById('plane-said').textContent.startsWith('Sampled on')")
+    assert "No region was computed" in other.locator("#plane-said").text_content()
+    assert other.faults == []
+    other.close()
+
+
+def test_the_raster_is_free_where_python_is(browser: Any, tmp_path: Path, robots: dict[str, pb.Robot]) -> None:
+    robot = robots["minervabot_v3"]
+    page = opened(browser, pb.explorer_page(robot, planes=[("q2", "q3")], at=[0.3, 0.0, 0.0]).save(tmp_path / "p.html"))
+    Q = np.column_stack((np.zeros(400), np.random.default_rng(4).uniform(-1.5, 1.5, (400, 2))))
+    hits = np.array(page.evaluate("(Q) => Q.map((q) => pinbound.plane.hit(q))", Q.tolist()))
+    assert np.array_equal(hits == -1, robot.boundaries.free(Q))
+    touching = hits >= 0
+    assert np.all(robot.boundaries.signed_clearances(Q)[touching, hits[touching]] <= 0.0)
+    page.close()
+
+
+def test_a_motion_is_played_with_its_certificate(page: Any, robots: dict[str, pb.Robot]) -> None:
+    said = page.locator("#motion-verdict").text_content()
+    found = pb.certify(robots["minervabot_v3"], np.radians([[0.0, 0.0, 0.0], [60.0, 20.0, 10.0], [0.0, 0.0, 0.0]]))
+    assert said.startswith("certified")
+    assert f"at least {math.floor(1e6 * found.lower) / 1e3:.3f} mm" in said
+    page.evaluate("() => { pinbound.player.lasts = 60; }")
+    page.get_by_role("button", name="Play").click()
+    page.wait_for_function("() => pinbound.q[0] > 0.1")
+    page.get_by_role("button", name="Pause").click()
+    page.evaluate("() => pinbound.player.show(0.5)")
+    assert np.allclose(np.degrees(state(page, "q")), [60.0, 20.0, 10.0])
+
+
+CONTRAST = """() => {
+  const rgb = (text) => text.match(/[\\d.]+/g).map(Number);
+  const linear = (v) => (v / 255 <= 0.03928 ? v / 3294.6 : ((v / 255 + 0.055) / 1.055) ** 2.4);
+  const light = ([r, g, b]) => 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b);
+  const behind = (one) => {
+    const c = rgb(getComputedStyle(one).backgroundColor);
+    return c.length < 4 || c[3] > 0 ? c : behind(one.parentElement);
+  };
+  const found = [];
+  for (const one of document.querySelectorAll("body *")) {
+    const own = [...one.childNodes].some((child) => child.nodeType === 3 && child.textContent.trim());
+    if (!own || !one.getClientRects().length || one.tagName === "SCRIPT") continue;
+    const style = getComputedStyle(one);
+    const [a, b] = [light(rgb(one.namespaceURI.endsWith("svg") ? style.fill : style.color)), light(behind(one))];
+    found.push([(Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05), one.textContent.slice(0, 30)]);
+  }
+  return found; }"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_text_has_contrast(scheme: str, browser: Any, pages: dict[str, Path]) -> None:
+    page = opened(browser, pages["minervabot_v3"], color_scheme=scheme)
+    page.evaluate("() => pinbound.choose('beta_4')")
+    page.evaluate("() => document.querySelectorAll('details').forEach((one) => (one.open = true))")
+    assert page.evaluate("() => document.documentElement.dataset.theme") == scheme
+    found = page.evaluate(CONTRAST)
+    assert len(found) > 60
+    assert [one for one in found if one[0] < 4.5] == []
+    page.close()
+
+
+def test_names_are_data(browser: Any, tmp_path: Path) -> None:
+    """A name that would end the script, or open an element, is shown as it is."""
+    evil = "</script><img src=x onerror=alert(1)>\u2028"
+    xml = robot_xml(
+        [joint("q1", "revolute", "base", "a", xyz="0 0 0.1"), joint("q2", "revolute", "a", "b", xyz="0 0 0.4")],
+        {"p": ("base", "0.2 0 0.1"), "t": ("b", "0.05 0 0.35")},
+        [("p", "t")],
+    )
+    escaped = evil.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace("\u2028", "")
+    robot = pb.load(xml.replace('name="p_t"', f'name="{escaped}"'))
+    made = pb.explorer_page(robot)
+    assert "</script><img" in made.data
+    assert "</script><img" not in made.text
+    page = opened(browser, made.save(tmp_path / "evil.html"))
+    page.evaluate("() => pinbound.choose(pinbound.data.boundaries[0].name)")
+    assert page.locator("#choice option").nth(1).text_content() == evil.replace("\u2028", "")
+    assert page.locator("body img").count() == 0
+    assert page.faults == []
+    page.close()
+
+
+def test_speeds_bound_what_clearances_change_by(robots: dict[str, pb.Robot]) -> None:
+    """No contact can be stepped over: |s(q + d e_j) - s(q)| <= speed_j |d|."""
+    robot = robots["every mark"]
+    reach = np.maximum(np.abs(robot.lower), np.abs(robot.upper))
+    Q, rng = poses(robot, 400), np.random.default_rng(1)
+    for boundary in robot.boundaries:
+        for j, way in enumerate(ways(boundary.rule, reach)):
+            moved = Q.copy()
+            moved[:, j] = rng.uniform(robot.lower[j], robot.upper[j], len(Q))
+            change = np.abs(boundary.signed_clearance(moved) - boundary.signed_clearance(Q))
+            if way["way"] == "step":
+                assert np.all(change <= way["speed"] * np.abs(moved[:, j] - Q[:, j]) + 1e-14)
+            elif way["way"] == "none":
+                assert change.max() < 1e-14
+
+
+def test_the_page_states_what_is_missing(robots: dict[str, pb.Robot]) -> None:
+    robot = robots["minervabot_v3"]
+    made = pb.explorer_page(robot)
+    data = json.loads(made.data)
+    assert data["coverage"]["summary"] == robot.coverage.summary
+    assert len(data["coverage"]["open"]) == len(robot.coverage.open)
+    assert data["assumptions"] == list(robot.annotations.assumptions)
+    assert made.size < 400_000
+    assert "default-src 'none'" in made.text
+    assert not re.search(r"(src|href)=\"(?!data:)", made.text)
+    (region,) = data["regions"]
+    known = pb.feasible_region(robot)
+    assert [edge["name"] for loop in region["loops"] for edge in loop] == [edge.name for edge in known.edges]
+    assert np.array_equal(np.array(region["corners"]), known.vertices)
+    broken = pb.explorer_page(robots["every mark"], planes=[("j2", "j3")], budget=0.0)
+    assert "budget" in broken.notes[-1]
+
+
+def test_meshes_come_along_only_when_asked_for(tmp_path: Path) -> None:
+    (tmp_path / "tip.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    body = '<link name="a"><visual><geometry><mesh filename="tip.obj"/></geometry></visual></link>'
+    xml = robot_xml([joint("q1", "revolute", "base", "a")], {}, []).replace('<link name="a"/>', body)
+    (tmp_path / "arm.urdf").write_text(xml)
+    robot = pb.load(tmp_path / "arm.urdf")
+    plain, full = pb.explorer_page(robot), pb.explorer_page(robot, meshes=True)
+    assert "1 body is not drawn: meshes are left out: --meshes takes them in" in plain.notes
+    assert json.loads(plain.data)["bodies"] == []
+    assert len(json.loads(full.data)["bodies"]) == 1
+    assert full.size > plain.size
+
+
+def test_what_cannot_be_explored_is_refused(robots: dict[str, pb.Robot]) -> None:
+    robot, looped = robots["minervabot_v3"], linkages.scene("four-bar", np.random.default_rng(0), pb.load)
+    with pytest.raises(pb.UnknownNameError, match="q9"):
+        pb.explorer_page(robot, planes=[("q2", "q9")])
+    with pytest.raises(pb.DimensionError, match="a plane has two coordinates"):
+        pb.explorer_page(robot, planes=[("q2", "q2")])
+    with pytest.raises(pb.DimensionError, match="finite"):
+        pb.explorer_page(robot, at=[0.0, math.nan, 0.0])
+    with pytest.raises(pb.UnsupportedError, match="has no coordinate"):
+        pb.explorer_page(pb.load(robot_xml([joint("f", "fixed", "base", "a")], {}, [])))
+    with pytest.raises(pb.UnsupportedError, match="no parallelograms"):
+        pb.explorer_page(looped)
