@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from typer.testing import CliRunner
 
 import pinbound as pb
 from loop_texts import ANCHOR, SITES, five_bar, four_bar, joint, loops, mjcf
+from pinbound.cli import app
 from pinbound.typing import Array
 
 
@@ -110,6 +113,20 @@ def test_files_write_and_read_welds_and_active_joints(tmp_path: Path) -> None:
     assert pb.Annotations.load(tmp_path / "one.yaml").closures[0].active == ("a joint", "m")
     assert pb.Annotations.load(tmp_path / "one.yaml").closures[0].weld
     assert 'weld="true"' in marks.to_xml()
+
+
+def test_info_tells_loops_and_rules_over_them(tmp_path: Path) -> None:
+    """It asked for limits as rows over q, which loops do not have, and ended with exit code 2."""
+    urdf, closures = written(tmp_path, five_bar('type="fixed"'), "robot.yaml", loops("3d"))
+    rule = tmp_path / "rule.yaml"
+    rule.write_text("rules: [{name: both, upper: 0.8726646259971648, coefficients: {motor_l: 1, free_l: -1}}]")
+    words = ["info", str(urdf), "--annotations", str(closures), "--annotations", str(rule)]
+    done = CliRunner().invoke(app, words, env={"COLUMNS": "200"})
+    assert done.exit_code == 0, done.output
+    assert "motor_l - free_l <= 50 deg" in done.output
+    record = json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
+    assert record["S"] is None
+    assert record["moves"]["free_l"] == "loop_B-loop_A(motor_l, motor_r)"
 
 
 FAULTS = {

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -192,3 +193,15 @@ def test_check_and_region_repeat_what_a_preset_does_not_know(tmp_path: Path) -> 
         said = runner.invoke(app, words).stdout
         assert all(f"assumption: {one}" in said for one in known)
         assert json.loads(runner.invoke(app, [*words, "--json"]).stdout)["assumptions"] == known
+
+
+def test_the_inner_boundary_of_m410ib_700_can_be_marked_as_the_page_says(tmp_path: Path) -> None:
+    """Its corners with the rule and with the range of J3 are those of the drawing: (1065, 1278) and (1065, 666) mm."""
+    page = (Path(__file__).parents[1] / "docs" / "palletizers.md").read_text(encoding="utf-8")
+    (tmp_path / "inner.yaml").write_text(re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)[-1])
+    robot = pb.load("palletizers/fanuc_m410ib_700", annotations=tmp_path / "inner.yaml")
+    region = pb.feasible_region(robot, ("J2", "J3"))
+    edge = next(one for one in region.edges if one.name == "inner_boundary")
+    ends = np.array([edge.start, edge.end])
+    places = [1e3 * robot.positions("flange", [0.0, *end, 0.0])[[0, 2]] for end in ends]
+    np.testing.assert_allclose(sorted(places, key=lambda at: -at[1]), [[1065, 1278], [1065, 666]], rtol=0, atol=0.7)

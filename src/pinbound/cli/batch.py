@@ -91,7 +91,7 @@ def batch(
     """
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     if not len(loaded.boundaries) and not limits_only:
-        nothing_to_check(loaded.name)
+        nothing_to_check(loaded.name, robot)
     require_coverage(loaded.coverage.of(()) if limits_only else loaded.coverage, require_coverage_)
     source = _source(loaded, file, grid, random, sobol, seed, within, deg)
     names = tuple(name.strip() for name in columns.split(",") if name.strip())

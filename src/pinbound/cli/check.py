@@ -87,7 +87,7 @@ def check(
         if plot is not None:
             console().print(f"figure: {plot}", markup=False)
     if found.verdict is Verdict.NOTHING_TO_CHECK:
-        nothing_to_check(loaded.name)
+        nothing_to_check(loaded.name, robot)
     require_coverage(loaded.coverage.of(one.name for one in found.boundaries), require_coverage_)
     if found.verdict is not Verdict.CERTIFIED:
         raise typer.Exit(1)

@@ -66,15 +66,19 @@ def require_coverage(coverage: Coverage, required: bool) -> None:
     raise typer.Exit(1)
 
 
-def nothing_to_check(name: str) -> None:
+def nothing_to_check(name: str, robot: str) -> None:
     """End with exit code 2: there is no boundary, and limits alone were not asked for.
+
+    Args:
+        name: What the robot is called.
+        robot: What was typed for it.
 
     Raises:
         Exit: Always.
     """
     said = console(stderr=True)
     said.print(
-        f"pinbound: {name} has no boundary to check. Mark it (pinbound mark {name} --out NAME.pinbound.yaml), "
+        f"pinbound: {name} has no boundary to check. Mark it (pinbound mark {robot} --out NAME.pinbound.yaml), "
         "or ask for joint limits alone with --limits-only.",
         markup=False,
         soft_wrap=True,

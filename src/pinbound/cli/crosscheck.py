@@ -81,7 +81,7 @@ def crosscheck(
     if out is not None:
         _draw(loaded, found, out)
     if not len(loaded.boundaries):
-        nothing_to_check(loaded.name)
+        nothing_to_check(loaded.name, robot)
     if not found.levels:
         raise typer.Exit(2)
     require_coverage(loaded.coverage, require_coverage_)

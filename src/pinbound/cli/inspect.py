@@ -20,6 +20,7 @@ from pinbound.cli.coverage import (
     say_assumptions,
     say_coverage,
 )
+from pinbound.cli.rules import opened, rule_rows
 from pinbound.cli.shared import (
     Annotations,
     AsJson,
@@ -42,7 +43,6 @@ from pinbound.loops.closures import Closure
 from pinbound.model.coupling import linear_text
 from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
-from pinbound.robot.rules import condition_text
 from pinbound.tolerances import REGION_BUDGET, REGION_WIDTH
 from pinbound.units import amount, factors, names, shown
 
@@ -80,7 +80,7 @@ def info(
     )
     print_table("Joints", ("joint", "type", "moves", "home", "limits"), _joint_rows(loaded))
     if loaded.annotations.rules:
-        print_table("Rules", ("rule", "binds [rad or m]", "where"), _rule_rows(loaded))
+        print_table("Rules", ("rule", "binds", "where"), rule_rows(loaded, for_people=True))
     if loaded.closures:
         rows = [(c.name, f"{c.mark.link_a} - {c.mark.link_b}", f"{c.bound:.1e}", _off(c)) for c in loaded.closures]
         headings = ("closure", "links", "residual at most, for every q [m]", "joints off by, at most [rad]")
@@ -142,17 +142,6 @@ def _joint_rows(robot: Robot) -> list[tuple[str, ...]]:
     return rows
 
 
-def _rule_rows(robot: Robot) -> list[tuple[str, str, str]]:
-    """Return every rule as it is said of q: its name, what it asks, and where."""
-    names = {rule.name for rule in robot.annotations.rules}
-    plain = [limit for limit in robot.linear_limits if limit.joint in names]
-    rows = [(limit.joint, condition_text(limit, robot.coordinates), "everywhere") for limit in plain]
-    for one in robot.guarded_limits:
-        where = " and ".join(condition_text(condition, robot.coordinates) for condition in one.where)
-        rows.append((one.rule, condition_text(one.limit, robot.coordinates), where))
-    return rows
-
-
 def _amount(robot: Robot, joint: str, value: float) -> str:
     if not math.isfinite(value):
         return "none"
@@ -160,6 +149,7 @@ def _amount(robot: Robot, joint: str, value: float) -> str:
 
 
 def _info_record(robot: Robot) -> dict[str, Any]:
+    is_linear = opened(robot) is robot
     return {
         "name": robot.name,
         "coordinates": robot.coordinates,
@@ -167,8 +157,9 @@ def _info_record(robot: Robot) -> dict[str, Any]:
         "upper": robot.upper,
         "home": robot.home,
         "joints": robot.coupling.joints,
-        "S": robot.coupling.S,
-        "offset": robot.coupling.offset,
+        "S": robot.coupling.S if is_linear else None,
+        "offset": robot.coupling.offset if is_linear else None,
+        "moves": {joint: robot.coupling.text(joint) for joint in robot.coupling.joints},
         "links": list(robot.tree.links),
         "closures": [
             {"name": c.name, "residual_bound": c.bound, "joint_errors": {d.joint: d.bound for d in c.deviations}}
@@ -177,7 +168,7 @@ def _info_record(robot: Robot) -> dict[str, Any]:
         "points": [_mark_record(mark) for mark in robot.annotations.points.values()],
         "marks": [_mark_record(mark) for mark in robot.annotations.marks.values()],
         "boundaries": robot.boundaries.names,
-        "rules": [{"name": name, "binds": binds, "where": where} for name, binds, where in _rule_rows(robot)],
+        "rules": [{"name": name, "binds": binds, "where": where} for name, binds, where in rule_rows(robot)],
         "contact_tolerance": robot.annotations.contact_tolerance,
         "coverage": _coverage_record(robot.coverage),
         "notes": robot.notes,

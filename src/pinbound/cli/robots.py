@@ -57,9 +57,23 @@ def robots(as_json: AsJson = False) -> None:
 
 _START = """<?xml version="1.0"?>
 <!--
-  A palletizer from its datasheet. Load it with pinbound.load("my_palletizer.urdf.xacro"); $(find ...) needs no ROS.
-  Lengths in metres, angles in radians; ${math.radians(85)} is 85 degrees. palletizer.xacro, in the folder that
-  $(find pinbound) means, says what each argument is. What you leave out has no body and no loop.
+  A palletizer from its datasheet: put its numbers in place of these, which are an example's. Lengths in metres, angles
+  in radians: ${math.radians(85)} is 85 degrees. On the drawing of the working range, from the side, all joints at zero:
+
+    shoulder_x, shoulder_z     from the foot of the robot to the axis of the arm (J2)
+    arm, forearm               axis of the arm to elbow; elbow to the pin of the wrist
+    flange_x, flange_drop      pin of the wrist to the flange: forward, down
+    third_axis                 absolute: the datasheet counts J3 to the ground; relative: to the arm
+    forearm_sign               1: a growing J3 lowers the forearm; -1: it lifts it
+    arm_zero, forearm_zero     if the drawing is made at other angles: lean of the arm, rise of the forearm at zero
+    j1_lower ... j4_upper      ranges of the joints
+    drive, level_*, forward_*  the rods: length of the crank behind the shoulder; pivot of the rod that keeps the wrist
+                               level; its pin on the elbow. Not on your datasheet? Leave them out, nothing else changes
+    ..._width                  thickness of the bodies. Without it there is no body, and nothing to check but ranges and
+                               rules: measure it on a drawing, rather too large, and say so in an assumption
+
+  Load it with pinbound.load("my_palletizer.urdf.xacro"), or give it to any command of pinbound; no ROS is needed. All
+  arguments: the head of palletizer.xacro, in the folder that `pinbound robots` names.
 -->
 <robot name="my_palletizer" xmlns:xacro="http://www.ros.org/wiki/xacro" xmlns:pinbound="urn:pinbound:1">
   <xacro:include filename="$(find pinbound)/palletizer.xacro"/>
@@ -75,7 +89,7 @@ _START = """<?xml version="1.0"?>
     drive="0.4" level_x="-0.3" level_z="0.2" forward_x="0.2" forward_z="0.3"
     arm_width="0.3" forearm_width="0.25" column_width="0.6" flange_width="0.25"/>
   <pinbound:annotations>
-    <!-- The maker's rule: J3 is at most 60 degrees ahead of, and behind, J2. -->
+    <!-- The maker's rule, if there is one: J3 is at most 60 degrees ahead of, and behind, J2. -->
     <pinbound:rule name="coupling" coefficients="J3: 1, J2: -1"
                    lower="${math.radians(-60)}" upper="${math.radians(60)}"/>
   </pinbound:annotations>

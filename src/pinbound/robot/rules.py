@@ -81,16 +81,16 @@ def _said_of_q(name: str, rule: Rule | Condition, coupling: Coupling, errors: Ar
     return LinearLimit(name, c, offset, rule.lower + error, rule.upper - error)
 
 
-def condition_text(condition: LinearLimit, names: Sequence[str]) -> str:
-    """Return a condition, or a rule, for people.
+def condition_text(condition: LinearLimit, names: Sequence[str], factor: float = 1.0, unit: str = "") -> str:
+    """Return a condition, or a rule, for people; its numbers times `factor`, with a unit behind them.
 
     Example:
         >>> condition_text(LinearLimit("front", np.array([0.0, 1.0]), 0.0, -math.inf, 0.5), ("J2", "J3"))
         'J3 <= 0.5'
     """
-    middle = linear_text(condition.coefficients, names, condition.offset)
-    lower = f"{condition.lower:.6g} <= " if math.isfinite(condition.lower) else ""
-    upper = f" <= {condition.upper:.6g}" if math.isfinite(condition.upper) else ""
+    middle = linear_text(condition.coefficients, names, factor * condition.offset)
+    lower = f"{factor * condition.lower:.6g}{unit} <= " if math.isfinite(condition.lower) else ""
+    upper = f" <= {factor * condition.upper:.6g}{unit}" if math.isfinite(condition.upper) else ""
     if lower and not upper:
-        return f"{middle} >= {condition.lower:.6g}"
+        return f"{middle} >= {factor * condition.lower:.6g}{unit}"
     return f"{lower}{middle}{upper}"

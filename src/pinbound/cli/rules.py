@@ -1,0 +1,41 @@
+"""Makers' rules as `pinbound info` shows them."""
+
+from __future__ import annotations
+
+import math
+
+from pinbound.model.coupling import LinearLimit
+from pinbound.robot.robot import Robot
+from pinbound.robot.rules import condition_text
+
+__all__ = ["opened", "rule_rows"]
+
+
+def rule_rows(robot: Robot, for_people: bool = False) -> list[tuple[str, str, str]]:
+    """Return every rule as it is said of q: its name, what it asks, and where.
+
+    For people a rule over angles alone is said in degrees; else numbers are in radians and metres. Through loops that
+    are no parallelograms a rule is said of q and their passive joints.
+    """
+    robot = opened(robot)
+
+    def said(limit: LinearLimit) -> str:
+        used = [name for name, c in zip(robot.coordinates, limit.coefficients, strict=True) if c]
+        if not for_people:
+            return condition_text(limit, robot.coordinates)
+        if all(map(robot.turns, used)):
+            return condition_text(limit, robot.coordinates, math.degrees(1.0), " deg")
+        return f"{condition_text(limit, robot.coordinates)} (rad, m)"
+
+    names = {rule.name for rule in robot.annotations.rules}
+    plain = [limit for limit in robot.linear_limits if limit.joint in names]
+    rows = [(limit.joint, said(limit), "everywhere") for limit in plain]
+    for one in robot.guarded_limits:
+        rows.append((one.rule, said(one.limit), " and ".join(map(said, one.where))))
+    return rows
+
+
+def opened(robot: Robot) -> Robot:
+    """Return the robot in which loops that are no parallelograms are open; itself, if it has none."""
+    found: Robot = getattr(robot, "opened", robot)
+    return found
