@@ -10,7 +10,7 @@ from typing import Any, NoReturn, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FrozenDict", "Value", "read_only"]
+__all__ = ["FrozenDict", "Value", "owned", "read_only"]
 
 K = TypeVar("K", bound=Hashable)
 V = TypeVar("V")
@@ -65,6 +65,18 @@ def read_only(array: A) -> A:
     copy = array.copy(order="K")
     copy.flags.writeable = False
     return copy
+
+
+def owned(array: A) -> A:
+    """Return an array that nobody else holds, itself, made read-only: no copy need be made of it.
+
+    Example:
+        >>> kept = owned(np.zeros(2))
+        >>> kept.flags.writeable, read_only(kept) is kept
+        (False, True)
+    """
+    array.flags.writeable = False
+    return array
 
 
 class Value:

@@ -116,6 +116,9 @@ class Expansion:
         )
 
 
+_TURN = 2.0 * np.pi
+
+
 @dataclass(frozen=True)
 class OneAngle:
     """m chains of one rotation and no slide: `norm^2 = smallest^2 + 4 |p||s| sin^2((phi - angle) / 2)`.
@@ -141,14 +144,18 @@ class OneAngle:
 
     def extremes(self, which: Indices, lower: Array, upper: Array) -> tuple[Array, Array]:
         """Return the smallest and the largest norm while phi runs over [lower, upper], (N,) each [m]."""
-        ends = self.norm(which, lower), self.norm(which, upper)
-        near, far = np.minimum(*ends), np.maximum(*ends)
-        turn, start = 2.0 * np.pi, lower - self.angle[which]
-        width = upper - lower
-        meets = np.ceil(start / turn) * turn - start <= width
-        passes = np.ceil((start - np.pi) / turn) * turn - (start - np.pi) <= width
+        far = np.maximum(self.norm(which, lower), self.norm(which, upper))
+        start = lower - self.angle[which] - np.pi
+        passes = np.ceil(start / _TURN) * _TURN - start <= upper - lower
         top = np.sqrt(self.smallest**2 + self.reach)[which]
-        return np.where(meets, self.smallest[which], near), np.where(passes, top, far)
+        return self.least(which, lower, upper), np.where(passes, top, far)
+
+    def least(self, which: Indices, lower: Array, upper: Array) -> Array:
+        """Return the smallest norm (N,) while phi runs over [lower, upper] [m]."""
+        near = np.minimum(self.norm(which, lower), self.norm(which, upper))
+        start = lower - self.angle[which]
+        meets = np.ceil(start / _TURN) * _TURN - start <= upper - lower
+        return np.where(meets, self.smallest[which], near)
 
 
 def bundle(chains: Sequence[Chain], n: int) -> Bundle:

@@ -267,7 +267,16 @@ class Tables:
         bodies: _Bodies = _bodies.get(parts, lambda: _Bodies(self.robot, self.swept))
         return tuple(boundary.name for boundary in self.swept), bodies, _thresholds(self.swept), _places(self.swept)
 
+    @cached_property
+    def _none_swept(self) -> SweptBoundaries:
+        """What there is of other marks than points if no boundary has one."""
+        nothing = np.zeros(self.n)
+        return self._swept_over(nothing, nothing, 1)
+
     def _swept(self, lower: Array, upper: Array, degree: int) -> SweptBoundaries:
+        return self._swept_over(lower, upper, degree) if self.swept else self._none_swept
+
+    def _swept_over(self, lower: Array, upper: Array, degree: int) -> SweptBoundaries:
         names, bodies, threshold, places = self._swept_known
         swept, tables = bodies.over(lower, upper)
         error = bound_of(swept, bodies.rounding, lower, upper, degree) + places

@@ -41,6 +41,10 @@ class Limits:
         """Return the margin of one end [rad or m]."""
         return float(self.bounds[row] - self.coefficients[row] @ q)
 
+    def at(self, which: Indices, phi: Array) -> Array:
+        """Return the margins (N,) of ends `which` where `c . q` is phi (N,) [rad or m]."""
+        return self.bounds[which] - phi
+
     def enclose(self, which: Indices, part: Expansion, rows: Indices) -> Enclosure:
         """Return the enclosure: the largest `c . q` is at a control point."""
         return self.judge(which, *angle_range(self.coefficients, which, part, rows))

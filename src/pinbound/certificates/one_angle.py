@@ -53,14 +53,17 @@ class OneAngleBoundaries:
         """Return the signed clearances (N, m) [m]."""
         phi = Q @ self.chains.coefficients.T
         which = np.broadcast_to(np.arange(len(self.names)), phi.shape)
-        return self._signed(which, phi)
+        return self.at(which, phi)
 
     def clearance(self, row: int, q: Array) -> float:
         """Return the signed clearance of one boundary [m]."""
-        return float(self._signed(np.array([row]), self.chains.coefficients[row : row + 1] @ q)[0])
+        return float(self.at(np.array([row]), self.chains.coefficients[row : row + 1] @ q)[0])
 
-    def _signed(self, which: Indices, phi: Array) -> Array:
+    def at(self, which: Indices, phi: Array) -> Array:
+        """Return the signed clearances (N,) of boundaries `which` at their angles phi (N,) [m]."""
         norm = self.chains.norm(which, phi) - self.threshold[which]
+        if not self.is_stop.any():
+            return norm
         return np.where(self.is_stop[which], self._stopped(which, self._depth(which, phi)), norm)
 
     def _depth(self, which: Indices, phi: Array) -> Array:
@@ -98,8 +101,10 @@ class OneAngleBoundaries:
     def judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
         """Return the enclosure from the range of the effective angle."""
         error, slack, stop = self.error[which], self.angle_error[which], self.is_stop[which]
-        value = self._signed(which, middle)
-        near, _ = self.chains.extremes(which, lower, upper)
+        value, near = self.at(which, middle), self.chains.least(which, lower, upper)
+        if not self.is_stop.any():
+            bound = near - self.threshold[which] - error
+            return Enclosure(value, bound, error, bound > 0.0, value < -error, value - bound <= 2.0 * error)
         start, end = self.gap[which, 0], self.gap[which, 1]
         home = (lower - slack > start) & (upper + slack < end)
         over = (middle + slack < start) | (middle - slack > end)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache
 from typing import overload
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError
 from pinbound.typing import Array, Flags, Indices, Ints
-from pinbound.values import FrozenDict, Value, read_only
+from pinbound.values import FrozenDict, Value, owned, read_only
 
 __all__ = [
     "Budget",
@@ -164,12 +165,14 @@ class Findings(Value, Sequence[Finding]):
     @classmethod
     def none(cls, n: int) -> Findings:
         """Return no findings, of a robot of n coordinates."""
-        nothing = np.zeros(0)
-        return cls((), np.zeros(0, dtype=np.int64), nothing, nothing, nothing, np.zeros((0, n)), {})
+        return _no_findings(n)
 
     @classmethod
     def joined(cls, parts: Sequence[Findings], names: tuple[str, ...], order: Indices) -> Findings:
         """Return the rows `order` of findings one after the other; `names` are theirs in that order."""
+        some = [part for part in parts if part.names]
+        if len(some) == 1 and some[0].names == names:  # then `order` leaves each where it is
+            return some[0]
         starts: list[int] = np.cumsum([0, *(len(part.names) for part in parts)]).tolist()
         contacts = {
             start + row: one for start, part in zip(starts, parts, strict=False) for row, one in part.contacts.items()
@@ -177,17 +180,19 @@ class Findings(Value, Sequence[Finding]):
         places = {int(row): place for place, row in enumerate(order)} if contacts else {}
         return cls(
             names,
-            np.concatenate([part.codes for part in parts])[order],
-            np.concatenate([part.lower for part in parts])[order],
-            np.concatenate([part.upper for part in parts])[order],
-            np.concatenate([part.times for part in parts])[order],
-            np.concatenate([part.Q for part in parts])[order],
+            owned(np.concatenate([part.codes for part in parts])[order]),
+            owned(np.concatenate([part.lower for part in parts])[order]),
+            owned(np.concatenate([part.upper for part in parts])[order]),
+            owned(np.concatenate([part.times for part in parts])[order]),
+            owned(np.concatenate([part.Q for part in parts])[order]),
             {places[row]: contact for row, contact in contacts.items()},
         )
 
     @property
     def verdict(self) -> Verdict:
         """Of all of them: VIOLATED if one is, else UNDECIDED if one is, else CERTIFIED."""
+        if not self.codes.any():
+            return Verdict.CERTIFIED
         return next((one for one in (Verdict.VIOLATED, Verdict.UNDECIDED) if self.any(one)), Verdict.CERTIFIED)
 
     def any(self, verdict: Verdict) -> bool:
@@ -220,6 +225,12 @@ class Findings(Value, Sequence[Finding]):
             self.Q[row],
             self.contacts.get(row),
         )
+
+
+@cache
+def _no_findings(n: int) -> Findings:
+    nothing = np.zeros(0)
+    return Findings((), np.zeros(0, dtype=np.int64), nothing, nothing, nothing, np.zeros((0, n)), {})
 
 
 @dataclass(frozen=True, slots=True)

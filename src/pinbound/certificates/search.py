@@ -23,6 +23,7 @@ from pinbound.certificates.records import Budget, Contact, Findings, OpenPart, R
 from pinbound.certificates.swept import SweptBoundaries
 from pinbound.tolerances import FIRST_CONTACT
 from pinbound.typing import Array, Flags, Indices
+from pinbound.values import owned
 
 __all__ = ["Meter", "Search"]
 
@@ -158,10 +159,10 @@ class Search:
         wide = np.abs(family.angles) @ self.trajectory.radius.max(axis=0)
         low, high = inner.min(axis=0) - wide, inner.max(axis=0) + wide
         self.meter.boxes += m
-        clear, lower = np.zeros(m, np.bool_), np.full(m, -np.inf)
-        for row in (phi.argmin(axis=0), phi.argmax(axis=0)):
-            found = family.judge(which, phi[row, which], low, high)
-            upper, clear, lower = found.value + found.error, found.clear, found.lower
+        rows = phi.argmin(axis=0), phi.argmax(axis=0)
+        found = family.judge(which, phi[rows[1], which], low, high)
+        clear, lower, last = found.clear, found.lower, found.value + found.error
+        for row, upper in zip(rows, (family.at(which, phi[rows[0], which]) + found.error, last), strict=True):
             better = upper < self.best
             self.best = np.where(better, upper, self.best)
             self.best_piece = np.where(better, row // 2, self.best_piece)
@@ -265,6 +266,8 @@ class Search:
     def results(self) -> tuple[Findings, list[OpenPart]]:
         """Return one finding a constraint, and the open parts before its first contact, neighbours merged."""
         m, names = len(self.family.names), self.family.names
+        if not self.open and not self.unseen and not np.isfinite(self.first).any():
+            return self._findings(np.zeros(m, dtype=np.int64), {}), []
         pending, hit = np.full(m, np.inf), np.isfinite(self.first)
         listed: list[OpenPart] = []
         for parts, lower, code in self.open:
@@ -287,16 +290,19 @@ class Search:
             before, after = (float(min(pending[row], self.first[row])), float(self.first[row]))
             q = self.trajectory.at(self.first_piece[row : row + 1], self.first_u[row : row + 1])[0]
             contacts[row] = Contact(self.origin + before, self.origin + after, q, float(self.first_value[row]))
-        findings = Findings(
-            names,
-            np.where(hit, 1, np.where(np.isfinite(pending), 2, 0)),
-            np.minimum(self.lower, self.best),
+        codes = np.where(hit, 1, np.where(np.isfinite(pending), 2, 0))
+        return self._findings(codes, contacts), _merged(listed)
+
+    def _findings(self, codes: Indices, contacts: dict[int, Contact]) -> Findings:
+        return Findings(
+            self.family.names,
+            codes,
+            owned(np.minimum(self.lower, self.best)),
             self.best,
-            self.origin + self._times(self.best_piece, self.best_u),
+            owned(self.origin + self._times(self.best_piece, self.best_u)),
             self.trajectory.at(self.best_piece, self.best_u),
             contacts,
         )
-        return findings, _merged(listed)
 
 
 def _expanded(trajectory: Trajectory, parts: _Parts) -> tuple[Expansion, Indices]:
