@@ -73,7 +73,7 @@ def on_visual_meshes(robot: pb.Robot) -> int:
 def main() -> int:
     """Run, print, write; exit code 1 if a node in contact is called inside."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--width", type=float, default=0.06, help="of the cells [rad]")
+    parser.add_argument("--width", type=float, default=0.01, help="of the cells [rad]")
     parser.add_argument("--figure", type=Path)
     parser.add_argument("--visual", action="store_true", help="ask coal about the visual meshes, and nothing else")
     options = parser.parse_args()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from pinbound.bounds.inside import ball, disc
+from pinbound.bounds.inside import ball, disc, stays_inside
 from pinbound.bounds.vertices import Corners, corners_of
 
 CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
@@ -81,3 +81,56 @@ def test_flat_bodies_have_no_ball_and_the_disc_is_that_of_their_plane() -> None:
             found.append(inside / depth)
     assert np.median(found) > 0.5
     assert min(found) > 0.0
+
+
+def moving(rng: np.random.Generator, depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, list]:
+    """Two bodies that overlap by about a share of their size, and how they move to first order."""
+    a, b = body(rng), body(rng)
+    turn = rotation(rng)
+    ways = np.concatenate((np.eye(3), -turn.T))
+    difference = ((a @ ways[:3])[:, None] + (b @ ways[3:])[None]).reshape(-1, 3)
+    hull = ConvexHull(difference)
+    facet = int(rng.integers(len(hull.simplices)))
+    normal, place = hull.equations[facet, :3], difference[hull.simplices[facet]].mean(axis=0)
+    w = depth * normal - place  # the origin lies just below a facet
+    moves = []
+    for _ in range(2):
+        spin, slide = 0.1 * depth * rng.normal(size=3), 0.02 * rng.normal(size=3)
+        slide -= (1.0 - 5.0 * depth * (rng.random() < 0.4)) * (slide @ normal) * normal  # mostly along the facet
+        moves.append((slide, np.concatenate((np.cross(spin, ways[:3]), np.zeros((3, 3))))))
+    return a, b, w, ways, moves
+
+
+@pytest.mark.parametrize("depth", [0.005, 0.03, 0.2])
+def test_bodies_that_are_said_to_stay_overlapping_do_so_wherever_they_move(depth: float) -> None:
+    rng = np.random.default_rng(round(1e3 * depth))
+    said, able = 0, 0
+    for _ in range(35):
+        a, b, w, ways, moves = moving(rng, depth)
+        off = float(rng.choice([0.0, 1e-4]))
+        found = stays_inside(
+            pair(a, b), ONE, w[None], ways[:, None], [(s[None], e[:, None]) for s, e in moves], np.array([off])
+        )[0]
+        least = np.inf
+        for signs in [*np.array(np.meshgrid([-1, 0, 1], [-1, 0, 1])).reshape(2, -1).T, *rng.uniform(-1, 1, (12, 2))]:
+            there = w + sum(s * move[0] for s, move in zip(signs, moves, strict=True))
+            turned = ways + sum(s * move[1] for s, move in zip(signs, moves, strict=True))
+            D = (there + (a @ turned[:3])[:, None] + (b @ turned[3:])[None]).reshape(-1, 3)
+            least = min(least, float(-ConvexHull(D).equations[:, 3].max()))
+        assert not found or least >= off - 1e-12
+        said, able = said + found, able + (least > off)
+    assert able > 6
+    assert said > (0.2 if depth < 0.1 else 0.5) * able
+
+
+def test_what_moves_along_a_face_needs_no_depth_for_it() -> None:
+    """A cube sunk by a millimetre that slides along the face by a tenth; moved across it, it may leave."""
+    w, ways = np.array([[0.0, 0.0, -1.999]]), np.concatenate((np.eye(3), -np.eye(3)))[:, None]
+    still = np.zeros((6, 1, 3))
+    along, across = np.array([[0.1, 0.1, 0.0]]), np.array([[0.0, 0.0, 0.1]])
+    assert stays_inside(pair(CUBE, CUBE), ONE, w, ways, [(along, still)], np.zeros(1))[0]
+    assert not stays_inside(pair(CUBE, CUBE), ONE, w, ways, [(across, still)], np.zeros(1))[0]
+    assert not stays_inside(pair(CUBE, CUBE), ONE, w, ways, [(along, still)], np.full(1, 2e-3))[0]
+    nan = np.full((1, 3), np.nan)
+    assert not stays_inside(pair(CUBE, CUBE), ONE, w, ways, [(nan, still)], np.zeros(1))[0]
+    assert not stays_inside(pair(CUBE, CUBE), ONE, nan, ways, [(along, still)], np.zeros(1))[0]

@@ -86,7 +86,7 @@ def test_bounds_over_cells_hold_between_their_corners(scene: pb.Robot) -> None:
 
 def test_outside_undecided_cells_all_is_as_the_drawing_says(scene: pb.Robot, region: pb.Region) -> None:
     found = searched(scene, WIDTH)
-    cells = pave(found)
+    cells, _ = pave(found)
     low, high = found.grid.boxes(cells)
     assert np.max(high - low) <= WIDTH
     points = np.random.default_rng(2).uniform(-2.99, 2.99, (5_000, 2))

@@ -9,24 +9,31 @@ triangles,
     tan(angle / 2) = a . (b x c) / (|a||b||c| + (a . b)|c| + (b . c)|a| + (c . a)|b|),
 
 over 4 pi, a whole number but for rounding. In a plane the same holds of a polygon (`docs/hull-proofs.md`).
+
+While bodies move, the surface moves with them, and goes on winding around the origin as long as no triangle of it
+passes through the origin.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from pinbound.bounds.vertices import Corners
 from pinbound.geometry.vectors import cross, dot
-from pinbound.typing import Array, Indices
+from pinbound.typing import Array, Flags, Indices
 
-__all__ = ["ball", "disc"]
+__all__ = ["ball", "disc", "stays_inside"]
 
 _ROUNDING = 1e-12  # relative to the body: what rounding can make of a distance from a triangle, slivers included
 _WHOLE = 0.1  # how far from a whole number a sum of angles may be: rounding is far below, another number far above
 _AROUND = 16  # directions in a plane
+_TILTS = (0.04, 0.15, 0.45, 1.1, 2.0)  # [rad] of rings of directions from the one in which a body is shallowest
+_RING_OF = 6  # directions
+_STEPS = tuple(0.5 * 0.6**k for k in range(8))  # [rad] with which that one is looked for
 _FLATTEST = 1e-24  # of the squares of the widths of a body
 
 
@@ -40,14 +47,93 @@ def ball(corners: Corners, which: Indices, w: Array, edges: Array) -> Array:
         edges: (K, N, 3), the e_i.
     """
     along = np.einsum("ui,nij->nuj", _SPHERE, _rounder(corners.scatter[which], edges))
-    points = _supports(corners, which, w, edges, along)
-    a, b, c = (points[:, _TRIANGLES[:, corner]] for corner in range(3))
+    points, _ = _supports(corners, which, w, edges, along)
+    faces = _faces(points, _TRIANGLES)
+    return _kept(_turns(*faces), np.linalg.norm(_feet(*faces), axis=2), points)
+
+
+def stays_inside(
+    corners: Corners, which: Indices, w: Array, edges: Array, moves: Sequence[tuple[Array, Array]], off: Array
+) -> Flags:
+    """Return for which rows (N,) the origin is sure to stay inside `w + sum_i t_i e_i` while that moves.
+
+    Every place on the body moves by `sum_j s_j (w_j + sum_i t_i e_ij)` with `|s_j| <= 1`, and by `off` at most beside.
+    With a unit vector u from the origin to the nearest point of a triangle, no point of it comes to the origin if all
+    three of its corners p keep `u . p > sum_j |u . p_j| + off`.
+
+    Args:
+        corners: The corners that t runs over.
+        which: (N,) whose.
+        w: (N, 3) [m].
+        edges: (K, N, 3), the e_i.
+        moves: Of each j the w_j (N, 3) and the e_ij (K, N, 3) [m].
+        off: (N,) [m].
+    """
+    rounder = _rounder(corners.scatter[which], edges)
+    pole, height = _shallowest(corners, which, w, edges, rounder)
+    inside = np.zeros(len(which), dtype=np.bool_)
+    rows = np.flatnonzero(height > off)  # no ball that is larger is inside
+    which, w, edges = which[rows], w[rows], edges[:, rows]
+    along = np.einsum("ui,nji,nkj->nuk", _POLAR, _frames(pole[rows]), rounder[rows])
+    points, t = _supports(corners, which, w, edges, along)
+    faces = _faces(points, _POLAR_TRIANGLES)
+    feet = _feet(*faces)
+    length: Array = np.linalg.norm(feet, axis=2)
+    u = np.divide(feet, length[..., None], out=np.zeros_like(feet), where=length[..., None] > 0.0)
+    heights = np.stack([dot(face, u) for face in faces])
+    for shift, turned in moves:
+        moved = shift[rows, None] + np.einsum("nuk,kni->nui", t, turned[:, rows])
+        heights -= np.abs([dot(face, u) for face in _faces(moved, _POLAR_TRIANGLES)])
+    inside[rows] = _kept(_turns(*faces), heights.min(axis=0), points) > off[rows]
+    return inside
+
+
+def _shallowest(corners: Corners, which: Indices, w: Array, edges: Array, rounder: Array) -> tuple[Array, Array]:
+    """Return the direction along which bodies reach least beyond the origin (N, 3), `rounder` undone, and how far (N,).
+
+    Or nearly: nothing that is proven rests on it.
+    """
+
+    def heights(around: Array) -> Array:
+        along = np.einsum("nui,nji->nuj", around, rounder)
+        length = np.linalg.norm(along, axis=2)
+        return dot(_supports(corners, which, w, edges, along)[0], along) / length
+
+    rows = np.arange(len(which))
+    found = heights(np.broadcast_to(_SPHERE, (len(which), *_SPHERE.shape)))
+    best = found.argmin(axis=1)
+    pole, height = _SPHERE[best], found[rows, best]
+    for step in _STEPS:
+        frames = _frames(pole)
+        ring = math.cos(step) * frames[:, None, :, 2] + math.sin(step) * np.einsum("ui,nji->nuj", _RING, frames)
+        found = heights(ring)
+        best = found.argmin(axis=1)
+        better = found[rows, best] < height
+        pole = np.where(better[:, None], ring[rows, best], pole)
+        height = np.where(better, found[rows, best], height)
+    return pole, height
+
+
+def _frames(pole: Array) -> Array:
+    """Return rotations (N, 3, 3) whose third column is a unit vector (N, 3)."""
+    side: Any = np.cross(pole, np.eye(3)[np.argmin(np.abs(pole), axis=1)])
+    side /= np.linalg.norm(side, axis=1)[:, None]
+    return np.stack((side, np.cross(pole, side), pole), axis=2)
+
+
+def _faces(points: Array, triangles: Indices) -> tuple[Array, Array, Array]:
+    a, b, c = (points[:, triangles[:, corner]] for corner in range(3))
+    return a, b, c
+
+
+def _turns(a: Array, b: Array, c: Array) -> Array:
+    """Return how often triangles (N, T, 3) wind around the origin (N,)."""
     lengths = [np.sqrt(dot(x, x)) for x in (a, b, c)]
     volume = dot(a, cross(b, c))
     rest = lengths[0] * lengths[1] * lengths[2] + dot(a, b) * lengths[2]
     rest += dot(b, c) * lengths[0] + dot(c, a) * lengths[1]
-    turns = np.arctan2(volume, rest).sum(axis=1) / (2.0 * math.pi)
-    return _kept(turns, _triangles(a, b, c), points)
+    found: Array = np.arctan2(volume, rest).sum(axis=1) / (2.0 * math.pi)
+    return found
 
 
 def disc(corners: Corners, which: Indices, w: Array, edges: Array, normal: Array) -> Array:
@@ -57,12 +143,12 @@ def disc(corners: Corners, which: Indices, w: Array, edges: Array, normal: Array
     second: Any = np.cross(normal, first)
     angles = 2.0 * math.pi * (np.arange(_AROUND) + 0.3) / _AROUND
     along = np.cos(angles)[:, None] * first[:, None] + np.sin(angles)[:, None] * second[:, None]
-    points = _supports(corners, which, w, edges, along)
+    points, _ = _supports(corners, which, w, edges, along)
     flat = np.stack([np.einsum("nui,ni->nu", points, axis) for axis in (first, second)], axis=2)
     a, b = flat, np.roll(flat, -1, axis=1)
     crossed = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     turns = np.arctan2(crossed, np.einsum("nui,nui->nu", a, b)).sum(axis=1) / (2.0 * math.pi)
-    return _kept(turns, _edge(a, b), flat)
+    return _kept(turns, np.linalg.norm(_foot(a, b), axis=2), flat)
 
 
 def _kept(turns: Array, distance: Array, points: Array) -> Array:
@@ -81,34 +167,35 @@ def _rounder(scatter: Array, edges: Array) -> Array:
     return np.einsum("nik,nk,njk->nij", vectors, share, vectors)
 
 
-def _supports(corners: Corners, which: Indices, w: Array, edges: Array, directions: Array) -> Array:
-    """Return the furthest points (N, U, 3) of the bodies along directions (N, U, 3)."""
+def _supports(corners: Corners, which: Indices, w: Array, edges: Array, directions: Array) -> tuple[Array, Array]:
+    """Return the furthest points (N, U, 3) of the bodies along directions (N, U, 3), and their t (N, U, K)."""
     count, many = directions.shape[:2]
     along = -np.einsum("kni,nui->nuk", edges, directions).reshape(count * many, len(edges))
     t = corners.least(np.repeat(which, many), along)[1].reshape(count, many, len(edges))
-    found: Array = w[:, None] + np.einsum("nuk,kni->nui", t, edges)
-    return found
+    return w[:, None] + np.einsum("nuk,kni->nui", t, edges), t
 
 
-def _triangles(a: Array, b: Array, c: Array) -> Array:
-    """Return the distance of the origin from triangles (N, T): from the nearest edge, or from the plane above them."""
+def _feet(a: Array, b: Array, c: Array) -> Array:
+    """Return the points of triangles (N, T, 3) that are nearest to the origin: on an edge, or in the plane."""
     normal = cross(b - a, c - a)
     square = dot(normal, normal)
     inside = square > 0.0
     for first, second in ((b, c), (c, a), (a, b)):
         inside &= dot(normal, cross(first, second)) >= 0.0
-    plane = np.divide(np.abs(dot(normal, a)), np.sqrt(square), out=np.zeros_like(square), where=square > 0.0)
-    edges = np.minimum(np.minimum(_edge(a, b), _edge(b, c)), _edge(c, a))
-    return np.where(inside, np.minimum(plane, edges), edges)
+    height = np.divide(dot(normal, a), square, out=np.zeros_like(square), where=square > 0.0)
+    feet = np.stack((height[..., None] * normal, _foot(a, b), _foot(b, c), _foot(c, a)))
+    lengths = dot(feet, feet)
+    lengths[0, ~inside] = np.inf
+    found: Array = np.take_along_axis(feet, lengths.argmin(axis=0)[None, ..., None], axis=0)[0]
+    return found
 
 
-def _edge(a: Array, b: Array) -> Array:
-    """Return the distance of the origin from edges (...)."""
+def _foot(a: Array, b: Array) -> Array:
+    """Return the points of edges (...) that are nearest to the origin."""
     along = b - a
     square = np.einsum("...i,...i->...", along, along)
     t = np.divide(-np.einsum("...i,...i->...", a, along), square, out=np.zeros_like(square), where=square > 0.0)
-    foot = a + np.clip(t, 0.0, 1.0)[..., None] * along
-    found: Array = np.sqrt(np.einsum("...i,...i->...", foot, foot))
+    found: Array = a + np.clip(t, 0.0, 1.0)[..., None] * along
     return found
 
 
@@ -146,3 +233,34 @@ def _askew() -> Array:
 
 _SPHERE, _TRIANGLES = _halved(*_octahedron())
 _SPHERE = _SPHERE @ _askew().T
+
+
+def _globe() -> tuple[Array, Indices]:
+    """Return a triangulated sphere whose corners crowd around its pole, the third axis."""
+    angles = 2.0 * math.pi * np.arange(_RING_OF) / _RING_OF
+    rings = [
+        np.stack((np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.full(_RING_OF, np.cos(tilt))), axis=1)
+        for number, tilt in enumerate(_TILTS)
+        for turn in [angles + (number % 2) * math.pi / _RING_OF]
+    ]
+    directions = np.vstack(([[0.0, 0.0, 1.0]], *rings, [[0.0, 0.0, -1.0]]))
+    triangles: list[tuple[int, int, int]] = []
+    last = len(directions) - 1
+    for here in range(_RING_OF):
+        there = (here + 1) % _RING_OF
+        triangles.append((0, 1 + here, 1 + there))
+        for ring in range(len(_TILTS) - 1):
+            above, below = 1 + ring * _RING_OF, 1 + (ring + 1) * _RING_OF
+            if ring % 2:  # the ring below is turned back by half a corner
+                triangles += [(above + here, below + here, below + there), (above + here, below + there, above + there)]
+            else:
+                triangles += [(above + here, below + here, above + there), (above + there, below + here, below + there)]
+        bottom = 1 + (len(_TILTS) - 1) * _RING_OF
+        triangles.append((bottom + here, last, bottom + there))
+    return directions, np.array(triangles, dtype=np.intp)
+
+
+_POLAR, _POLAR_TRIANGLES = _globe()
+_RING = np.column_stack(
+    (np.cos(_TURNS := 2.0 * math.pi * np.arange(_RING_OF) / _RING_OF), np.sin(_TURNS), 0.0 * _TURNS)
+)

@@ -25,13 +25,13 @@ import numpy as np
 
 from pinbound.bounds.bodies import SweptBundle, all_rows, spread_of, swept_bundle
 from pinbound.bounds.bounds import Expansion, Terms, box_terms, motion_terms
-from pinbound.bounds.inside import ball, disc
+from pinbound.bounds.inside import ball, disc, stays_inside
 from pinbound.bounds.rounding import Rounding, Walks
 from pinbound.bounds.vertices import Corners
 from pinbound.evaluate.closest import nearest, overlap, overlap_in_plane
 from pinbound.evaluate.minimum_norm import nearest_hulls, nearest_in_tables
 from pinbound.tolerances import INFLATION, UNIT_ROUNDOFF
-from pinbound.typing import Array, Indices
+from pinbound.typing import Array, Flags, Indices
 
 __all__ = [
     "Bounds",
@@ -173,7 +173,20 @@ def _bounds(
             farthest: Array = np.max([_measure(swept, which, end, n) for end in ends], axis=0)
             upper = np.minimum(upper, farthest + bent)
     off = rows.of(terms.aside)[:, 0] * INFLATION + error * (1.0 + rows.of(terms.wide).max(axis=1))
+    if terms.second is not None:
+        touching = ~swept.is_signed[which] & (value <= _TOUCHING * swept.reach[which])
+        doubtful = np.flatnonzero(touching & (swept.counts[which] > _FLAT) & (depth < moved) & (bent + off < moved))
+        if len(doubtful):
+            steps = [share * vector[doubtful] for vector in vectors]
+            still = _stays(swept, which[doubtful], r[doubtful], steps, (bent + off)[doubtful])
+            upper[doubtful[still]] = value[doubtful[still]]
     return Bounds(value, lower - off, upper + off)
+
+
+def _stays(swept: SweptBundle, which: Indices, r: Array, steps: Sequence[Array], off: Array) -> Flags:
+    """Return which solid bodies that overlap in the middle are sure to do so over the whole piece or box (N,)."""
+    w, *moves = (np.einsum("nij,ncj->cni", swept.projection[which], one) for one in (r, *steps))
+    return stays_inside(swept.corners, which, w[0], w[1:], [(one[0], one[1:]) for one in moves], off)
 
 
 def _sloped(corners: Corners, which: Indices, along: Array, falls: Sequence[Array], t: Array) -> Array:

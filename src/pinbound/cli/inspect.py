@@ -43,7 +43,7 @@ from pinbound.loops.closures import Closure
 from pinbound.model.coupling import linear_text
 from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
-from pinbound.tolerances import REGION_BUDGET, REGION_WIDTH
+from pinbound.tolerances import REGION_BUDGET
 from pinbound.units import amount, factors, names, shown
 
 __all__ = ["derive", "info", "limits", "region"]
@@ -53,7 +53,12 @@ Degrees = Annotated[bool, typer.Option("--deg", help="Angles of --at and --windo
 InPlane = Annotated[str | None, typer.Option("--coordinates", help="The two coordinates, e.g. q2,q3.")]
 Budget = Annotated[float, typer.Option(help="Seconds after which it ends with what is left; inf: never.")]
 Width = Annotated[
-    float, typer.Option(help="Side of the cells that enclose contacts of boxes and prisms that turn by several angles.")
+    float | None,
+    typer.Option(
+        help="Side of the cells that enclose contacts of boxes and prisms that turn by several angles: 0.002 [rad], "
+        "or twice, four times that where curves are long.",
+        show_default=False,
+    ),
 ]
 
 Pairs = Annotated[
@@ -351,7 +356,7 @@ def region(
     window: Window = None,
     deg: Degrees = False,
     budget: Budget = REGION_BUDGET,
-    width: Width = REGION_WIDTH,
+    width: Width = None,
     require_coverage_: RequireCoverage = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,

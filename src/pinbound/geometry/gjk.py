@@ -17,7 +17,7 @@ import numpy as np
 
 from pinbound.geometry.exact_nearest import nearest_exactly
 from pinbound.geometry.vectors import cross, dot
-from pinbound.tolerances import UNIT_ROUNDOFF
+from pinbound.tolerances import NEARLY_TOUCHING, PROVEN_GAP, UNIT_ROUNDOFF
 from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["AGREE", "INSIDE", "MOST_ROUNDS", "nearest_vertices", "reach", "search", "settled"]
@@ -69,11 +69,15 @@ def nearest_vertices(w: Array, directions: Array, corners: tuple[Array, Array]) 
 
 
 def settled(w: Array, directions: Array, corners: tuple[Array, Array], t: Array, bound: Array) -> tuple[Array, Array]:
-    """Return t and bound of a search, those t in whole numbers that the search has not proven: slivers that touch."""
+    """Return t and bound of a search, those t in whole numbers that the search has not proven: slivers that touch.
+
+    Bodies `NEARLY_TOUCHING` apart have their distance proven to `PROVEN_GAP`; nearer ones to `AGREE`, all of the size.
+    """
     scale = reach(w, directions, corners)
     with np.errstate(invalid="ignore"):
         length = np.linalg.norm(w + np.einsum("nk,kni->ni", t, directions), axis=1)
-        rough = (length - np.maximum(bound, 0.0) > AGREE * scale) & ~((bound < 0.0) & (length <= AGREE * scale))
+        enough = np.where(length > NEARLY_TOUCHING * scale, PROVEN_GAP, AGREE) * scale
+        rough = (length - np.maximum(bound, 0.0) > enough) & ~((bound < 0.0) & (length <= AGREE * scale))
     for row in np.flatnonzero(rough).tolist():
         t[row] = nearest_exactly(w[row], directions[:, row], corners)
     return t, bound

@@ -185,12 +185,12 @@ class Arrangement(Value):
 
 
 def arrange(
-    slice_: Slice, accuracy: float, deadline: Deadline | None = None, width: float = REGION_WIDTH
+    slice_: Slice, accuracy: float, deadline: Deadline | None = None, width: float | None = None
 ) -> Arrangement:
     """Return the free faces of a plane, contact curves traced to an accuracy, a share of `Slice.scales`.
 
     The start may be nearer to contact than the accuracy can tell; then a finer one is taken. Contacts that are searched
-    for are enclosed in cells of the width.
+    for are enclosed in cells of the width; None: `REGION_WIDTH`, or a wider one where that many cells are enough.
 
     Raises:
         UnsupportedError: If a contact curve is degenerate (`contours.trace`), the window holds too many turns, the
@@ -201,7 +201,8 @@ def arrange(
     if searched:
         for curve in searched:
             check_turns(slice_, curve)
-        tubes = Tubes(Searched(slice_, searched, Grid.over(_wide(slice_), width)), deadline)
+        asked = REGION_WIDTH if width is None else width
+        tubes = Tubes(Searched(slice_, searched, Grid.over(_wide(slice_), asked)), asked, deadline, width is None)
     finest = accuracy
     for finer in (1.0, 1e-2, 1e-4):
         finest = accuracy * finer

@@ -16,7 +16,7 @@ step, so that neighbours agree to the last bit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,7 @@ _ROOTS = 6  # root cells along the shorter side of the window, about
 _MOST_ROOTS = 64
 _ROWS = 2**13  # of a boundary on a cell, bounded in one go
 _MOST_CELLS = 400_000
+_ENOUGH = 20_000  # cells, if no width is asked for: some seconds
 _SETTLED = 3  # halvings of root cells, some 0.1 rad: from there on undecided cells line up along curves
 _FOUR: Ints = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 _TURN = 2.0 * np.pi
@@ -205,8 +206,10 @@ def _chunks(rows: Indices) -> list[Indices]:
     return [rows[start : start + _ROWS] for start in range(0, len(rows), _ROWS)]
 
 
-def pave(searched: Searched, deadline: Deadline | None = None) -> Cells:
+def pave(searched: Searched, deadline: Deadline | None = None, adapts: bool = False) -> tuple[Cells, Grid]:
     """Return the cells of the stated width that are undecided; all else is proven free, in contact or out of limits.
+
+    And the grid of that width; or of a wider one if it `adapts`, where so many cells are enough.
 
     Raises:
         UnsupportedError: If there are too many cells, or time is up.
@@ -223,10 +226,12 @@ def pave(searched: Searched, deadline: Deadline | None = None) -> Cells:
     )
     cells = decided(searched, cells, deadline)
     for level in range(grid.level):
+        if adapts and level > _SETTLED and 2 * len(cells) > _ENOUGH:
+            return cells, replace(grid, level=level)
         cells = decided(searched, cells.quarters(), deadline)
-        if level >= _SETTLED:  # along curves the number doubles from here on
+        if level >= _SETTLED and not adapts:  # along curves the number doubles from here on
             _refuse_more_than(searched, len(cells) << (grid.level - 1 - level))
-    return cells
+    return cells, grid
 
 
 def _refuse_more_than(searched: Searched, count: int) -> None:

@@ -17,7 +17,7 @@ from pinbound.exceptions import DimensionError
 from pinbound.region.region import Region, region_of
 from pinbound.region.slice import slice_of
 from pinbound.robot.robot import Robot
-from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET, REGION_WIDTH
+from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET
 
 __all__ = ["feasible_region"]
 
@@ -30,7 +30,7 @@ def feasible_region(
     accuracy: float = REGION_ACCURACY,
     margin: float = 0.0,
     budget: float = REGION_BUDGET,
-    width: float = REGION_WIDTH,
+    width: float | None = None,
 ) -> Region:
     """Return the connected component, containing home, of the joint limits less the contacts.
 
@@ -45,8 +45,9 @@ def feasible_region(
         margin: [m], added to every threshold.
         budget: [s], after which tracing ends in an error that says what is left; `inf`: never.
         width: Of contacts that are searched for (boxes, prisms, segments edge to edge, where they turn by several
-            angles): the longest side of the cells that enclose their curves, in the units of `accuracy`. What cells
-            leave open, `unresolved` tells, and `area_interval`.
+            angles): the longest side of the cells that enclose their curves, in the units of `accuracy`. None: 2 mrad,
+            or 4, 8, ... where the curves are so long that 20,000 cells are used up; `region.width` says which. What
+            cells leave open, `unresolved` tells, and `area_interval`.
 
     Returns:
         The region, with a named edge for every boundary or limit that is active; `components` has the others. Limits
@@ -74,7 +75,7 @@ def feasible_region(
         raise DimensionError(
             f"the accuracy is {accuracy}; give a number between 0 and 1 (radians, metres, or a share of the window)"
         )
-    if not 0.0 < width < 1.0:
+    if width is not None and not 0.0 < width < 1.0:
         raise DimensionError(
             f"the width is {width}; give a number between 0 and 1 (radians, metres, or a share of the window)"
         )

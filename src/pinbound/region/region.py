@@ -23,7 +23,7 @@ from pinbound.region.deadline import Deadline
 from pinbound.region.halfplanes import HalfPlane, Support, intersect, support
 from pinbound.region.shape import PlanarShape
 from pinbound.region.slice import Slice, slice_of
-from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET, REGION_WIDTH
+from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET
 from pinbound.typing import Array, Flags
 
 __all__ = ["ConvexRegion", "Corner", "Edge", "Region", "TracedRegion", "convex_region", "region_of"]
@@ -112,7 +112,7 @@ class Region(PlanarShape):
         low, high = self.slice.window
         window = {name: (float(low[i]), float(high[i])) for i, name in enumerate(self.coordinates)}
         slice_ = slice_of(self.slice.robot, self.coordinates, self.at, window, self.slice.margin + margin)
-        return region_of(slice_, self.accuracy or REGION_ACCURACY, self.width or REGION_WIDTH)
+        return region_of(slice_, self.accuracy or REGION_ACCURACY, self.width or None)
 
     def clearance(self, gap: float = 1e-6) -> margins.SmallestClearance:
         """Return proven bounds of the smallest clearance of any boundary over the region.
@@ -392,7 +392,7 @@ def convex_region(
 
 
 def region_of(
-    slice_: Slice, accuracy: float = REGION_ACCURACY, width: float = REGION_WIDTH, budget: float = REGION_BUDGET
+    slice_: Slice, accuracy: float = REGION_ACCURACY, width: float | None = None, budget: float = REGION_BUDGET
 ) -> Region:
     """Return the component of a plane's free set that holds its start; arguments as for `feasible_region`.
 
@@ -402,7 +402,7 @@ def region_of(
     deadline = Deadline(budget, f"tracing the region of ({', '.join(slice_.coordinates)})")
     if slice_.curves or slice_.obstacles:
         arrangement = arrange(slice_, accuracy, deadline, width)
-        return _of_face(arrangement, 0, accuracy, True, width)
+        return _of_face(arrangement, 0, accuracy, True)
     half_planes = [*slice_.box, *slice_.limits]
     for strip in slice_.strips:
         lower, upper = strip.gap(slice_.start)
@@ -417,14 +417,12 @@ def region_of(
     return convex_region(slice_, tuple(half_planes), others)
 
 
-def _of_face(
-    arrangement: Arrangement, index: int, accuracy: float, with_others: bool = False, width: float = 0.0
-) -> TracedRegion:
+def _of_face(arrangement: Arrangement, index: int, accuracy: float, with_others: bool = False) -> TracedRegion:
     slice_ = arrangement.slice
     loops, corners = arranged_loops(arrangement, arrangement.faces[index], accuracy)
 
     def others() -> tuple[Region, ...]:
-        return tuple(_of_face(arrangement, other, accuracy, width=width) for other in range(1, len(arrangement.faces)))
+        return tuple(_of_face(arrangement, other, accuracy) for other in range(1, len(arrangement.faces)))
 
     return TracedRegion(
         slice_,
@@ -436,7 +434,7 @@ def _of_face(
         unresolved=arrangement.unresolved(index),
         _joined=arrangement.joined_area(index) if arrangement.blocks else None,
         _interval=arrangement.area_interval(index),
-        width=width if arrangement.settled else 0.0,
+        width=arrangement.settled.tubes.width if arrangement.settled else 0.0,
     )
 
 

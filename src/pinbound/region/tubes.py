@@ -72,10 +72,11 @@ class Doubts:
 class Tubes:
     """Undecided cells, which change as they are cut."""
 
-    def __init__(self, searched: Searched, deadline: Deadline | None) -> None:
-        """Cut the plane into cells of the stated width."""
-        self.searched, self.grid, self.deadline = searched, searched.grid, deadline
-        self.cells = pave(searched, deadline)
+    def __init__(self, searched: Searched, width: float, deadline: Deadline | None, adapts: bool = False) -> None:
+        """Cut the plane into cells of the stated width, or of as many times that as is enough if it `adapts`."""
+        self.searched, self.deadline = searched, deadline
+        self.cells, self.grid = pave(searched, deadline, adapts)
+        self.width = width * 2.0 ** (searched.grid.level - self.grid.level)
         self._signs: dict[int, tuple[Ints, Flags]] = {}
         self._roots: dict[int, tuple[Any, Array]] = {}
         self.hidden = np.empty(0, dtype=np.int64)
