@@ -21,6 +21,7 @@ from pinbound.bounds.code import Code
 from pinbound.bounds.rounding import Walks
 from pinbound.bounds.separation_tables import SeparationTables, separation_tables
 from pinbound.bounds.swept_bounds import SweptBundle, all_rows, rounding_bound, separated, swept_bundle
+from pinbound.bounds.three_edges import in_three_edges
 from pinbound.machine.compiled import has_numba
 from pinbound.machine.step_source import FEW, ROW, step_source
 from pinbound.path.relative import RelativePath
@@ -77,13 +78,10 @@ class StepTerms:
 
     def rows(self, which: Indices, q: Array, half: Array) -> StepRowTerms:
         """Return the rows of paths `which` (c,) at q (n,), for steps within `half` (n,), path by path."""
-        if self.tables is None or not _CODE.is_worth(len(which), np.inf):
+        tables = self.tables
+        if tables is None or not np.all(tables.fits[which]) or not _CODE.is_worth(len(which), np.inf):
             return self.rows_in_numpy(which, q, half)
-        fits = self.tables.fits[which]
-        parts = [self._rows_in_machine_code(self.tables, which[fits], q, half)]
-        if not np.all(fits):
-            parts.append(self.rows_in_numpy(which[~fits], q, half))
-        return parts[0] if len(parts) == 1 else _joined(parts)
+        return self._rows_in_machine_code(tables, which, q, half)
 
     def _rows_in_machine_code(self, tables: SeparationTables, which: Indices, q: Array, half: Array) -> StepRowTerms:
         size = ROW + len(q)
@@ -97,24 +95,26 @@ class StepTerms:
 
     def rows_in_numpy(self, which: Indices, q: Array, half: Array) -> StepRowTerms:
         """Return the same without machine code, within what the rounding bounds hold."""
-        along, rates, bend, off = self.at(which, q, half)
+        along, rates, bend, off, t = self.at(which, q, half)
         along[:, 0] -= off
         places, values, slopes, losses = list[int](), list[float](), list[Array](), list[float]()
         for row, place in enumerate(map(int, which)):
-            for corner, loss in _taken(self.bundle.corners.pairs[place], along[row], rates[row], half):
+            bodies = self.bundle.corners.pairs[place]
+            for value, slope, loss in _rows(bodies, along[row], rates[row], half, t[row]):
                 places.append(row)
-                values.append(float(corner @ along[row, : len(corner)]))
-                slopes.append(corner @ rates[row, : len(corner)])
+                values.append(value)
+                slopes.append(slope)
                 losses.append(loss)
         rows = np.array(places, dtype=np.intp)
         g = np.array(slopes).reshape(-1, len(q))
         return StepRowTerms(which[rows], np.array(values), g, np.array(losses), bend[rows])
 
-    def at(self, which: Indices, q: Array, half: Array) -> tuple[Array, Array, Array, Array]:
+    def at(self, which: Indices, q: Array, half: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return the terms of paths `which` (c,) at q (n,), for steps within `half` (n,).
 
         That is `n . r` of chain and edge vectors (c, 1 + K) [m]; its rates (c, 1 + K, n); half the bound of second
-        derivatives of any pair of vertices over the box (c,) [m]; and the rounding bound of all (c,) [m].
+        derivatives of any pair of vertices over the box (c,) [m]; the rounding bound of all (c,) [m]; and the t (c, K)
+        of places that are nearest.
         """
         chains, rows, c = self.bundle.chains, self.bundle.rows, len(which)
         first, each = which * rows, all_rows(self.bundle, which)
@@ -129,7 +129,7 @@ class StepTerms:
             x = x @ turns[:, i].transpose(0, 2, 1)
             tails.append(x)
             x = x + blocks[:, :, i]
-        _, n, _, _ = separated(self.bundle, which, x)
+        _, n, _, t = separated(self.bundle, which, x)
         along = (x @ n[:, :, None])[:, :, 0]
         rates, u = np.empty((*along.shape, k)), n[:, None]
         sliding = np.zeros((*along.shape, len(q)))
@@ -142,13 +142,17 @@ class StepTerms:
                 u = u @ turns[:, i]
         second, wide = bends_over_box(chains, self.bundle.arms, first, half)
         off = self.error[which] * (1.0 + wide.sum(axis=1))
-        return along, rates @ C + sliding, 0.5 * second * INFLATION, off
+        return along, rates @ C + sliding, 0.5 * second * INFLATION, off, t
 
 
 def step_terms(paths: Sequence[RelativePath], walked: Walks, lower: Array, upper: Array) -> StepTerms:
     """Return the terms of paths, with bounds that hold in a box of q (n,), (n,)."""
-    bundle = swept_bundle(paths, lower, upper)
+    found = [in_three_edges(path) for path in paths]
+    bundle, off = swept_bundle([path for path, _ in found], lower, upper), np.array([off for _, off in found])
     error = rounding_bound(bundle, walked, lower, upper)
+    if np.any(off > 0.0):  # the edges were reduced as they are given: what that has rounded counts, too
+        given = rounding_bound(swept_bundle(paths, lower, upper), walked, lower, upper)
+        error = np.where(off > 0.0, error + given + off, error)
     return StepTerms(bundle, error, separation_tables(bundle) if has_numba() and len(paths) else None)
 
 
@@ -157,31 +161,29 @@ def load_code() -> None:
     _CODE.load()
 
 
-def _joined(parts: Sequence[StepRowTerms]) -> StepRowTerms:
-    return StepRowTerms(
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in ("places", "value", "g", "loss", "bend"))
-    )
-
-
-def _taken(bodies: tuple[Array, Array], along: Array, rates: Array, half: Array) -> Iterator[tuple[Array, float]]:
-    """Return the pairs of vertices that have a row, as coefficients of chain and edges, and what others take back.
+def _rows(
+    bodies: tuple[Array, Array], along: Array, rates: Array, half: Array, t: Array
+) -> Iterator[tuple[float, Array, float]]:
+    """Return value, rates and loss of a pair's rows: of few pairs of vertices each, of more the one of places t.
 
     A separation along a direction is the least over the vertices of either body, so that each side is looked at alone.
     """
     first, second = bodies
+    split, count = 1 + first.shape[1], 1 + first.shape[1] + second.shape[1]
+    along, rates = along[:count], rates[:count]
     if len(first) * len(second) <= FEW:
         for pair in product(first, second):
-            yield np.concatenate(([1.0], *pair)), 0.0
+            corner = np.concatenate(([1.0], *pair))
+            yield float(corner @ along), corner @ rates, 0.0
         return
-    split = 1 + first.shape[1]
-    taken, loss = [np.ones(1)], 0.0
-    for vertices, edges in ((first, slice(1, split)), (second, slice(split, split + second.shape[1]))):
-        heights = vertices @ along[edges]
-        least = int(np.argmin(heights))
-        swing = np.abs((vertices - vertices[least]) @ rates[edges]) @ half - (heights - heights[least])
+    value, loss = float(along[0]), 0.0
+    for vertices, edges in ((first, slice(1, split)), (second, slice(split, count))):
+        heights, place = vertices @ along[edges], t[edges.start - 1 : edges.stop - 1]
+        least = float(heights.min())
+        swing = np.abs((vertices - place) @ rates[edges]) @ half - (heights - least)
         loss += float(np.maximum(swing, 0.0).max())
-        taken.append(vertices[least])
-    yield np.concatenate(taken), loss * INFLATION
+        value += least
+    yield value, rates[0] + t[: count - 1] @ rates[1:], loss * INFLATION
 
 
 def _rotations(axes: Array, angles: Array) -> Array:

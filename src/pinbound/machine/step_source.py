@@ -2,8 +2,8 @@
 
 At one q, for each pair that is asked for, the nearest places are searched for as in `separation_source`. Along their
 direction n the chain and the edge vectors of both bodies have values and rates, so that each pair of vertices is linear
-in the step, but for the bound of its bend. Few pairs of vertices have a row each. Of more the least one has a row, and
-what the others may take back over the box is its loss. `docs/steps.md` derives it.
+in the step, but for the bound of its bend. Few pairs of vertices have a row each. Of more, one row falls as the nearest
+places do, and what vertices may take back over the box is its loss. `docs/steps.md` derives it.
 """
 
 from __future__ import annotations
@@ -41,31 +41,46 @@ def step_source() -> KernelSource:
     return KernelSource(text, 0, LANES)
 
 
-_WRITE: Final = """
+_VERTICES: Final = """
 at, many = np.int64(w[p + 19]), np.int64(w[p + 20])
 a0, a1, a2 = w[at + vertex_a], w[at + many + vertex_a], w[at + 2 * many + vertex_a]
 at, many = np.int64(w[p + 22]), np.int64(w[p + 23])
 b0, b1, b2 = w[at + vertex_b], w[at + many + vertex_b], w[at + 2 * many + vertex_b]
-for j in range(n + 1):
-    r, to = rates + 7 * (j - 1), row + $ROW + j - 1
-    if j == 0:
-        r, to = alongs, row + 1
-    value = out[r] + (a0 * out[r + 1] + a1 * out[r + 2] + a2 * out[r + 3])
-    out[to] = value + (b0 * out[r + 4] + b1 * out[r + 5] + b2 * out[r + 6])
-out[row], out[row + 1] = pair, out[row + 1] - off
-out[row + 2], out[row + 3] = loss * $INFLATION, second * $INFLATION
+height = out[alongs] + (a0 * out[alongs + 1] + a1 * out[alongs + 2] + a2 * out[alongs + 3])
+height += b0 * out[alongs + 4] + b1 * out[alongs + 5] + b2 * out[alongs + 6]
+"""
+"""A pair of vertices, and its height along n."""
+
+_WRITE: Final = """
+out[row], out[row + 1], out[row + 2], out[row + 3] = pair, height - off, loss * $INFLATION, second * $INFLATION
+for j in range(n):
+    r = rates + 7 * j
+    slope = out[r] + (a0 * out[r + 1] + a1 * out[r + 2] + a2 * out[r + 3])
+    out[row + $ROW + j] = slope + (b0 * out[r + 4] + b1 * out[r + 5] + b2 * out[r + 6])
 row += $ROW + n
 """
-"""The row of a pair of vertices."""
+"""A row that falls as a place on either body does."""
 
 _LOSS: Final = """
+height = out[alongs]
 for side in range(2):
     at, many = np.int64(w[p + 19 + 3 * side]), np.int64(w[p + 20 + 3 * side])
     last, first = np.int64(w[p + 21 + 3 * side]), 1 + 3 * side
     ax, ay, az = out[alongs + first], out[alongs + first + 1], out[alongs + first + 2]
     @FURTHEST
-    vertex_a, vertex_b = c if side == 0 else vertex_a, c
+    height += low
     bx, by, bz = w[at + c], w[at + many + c], w[at + 2 * many + c]
+    if not is_height:
+        bx, by, bz = 0.0, 0.0, 0.0
+        for i in range(4):
+            if used & (1 << i):
+                c = np.int64(out[corners + 2 * i + side])
+                bx += out[shares + i] * w[at + c]
+                by += out[shares + i] * w[at + many + c]
+                bz += out[shares + i] * w[at + 2 * many + c]
+    if side == 0:
+        a0, a1, a2 = bx, by, bz
+    b0, b1, b2 = bx, by, bz
     most8 = every(0.0)
     for i in range(many // 8):
         x8, y8, z8 = wide(w, at + 8 * i), wide(w, at + many + 8 * i), wide(w, at + 2 * many + 8 * i)
@@ -82,7 +97,7 @@ for side in range(2):
         low = out[lanes + i] if out[lanes + i] > low else low
     loss += low
 """
-"""Both bodies' least vertices along n, and by how much the others may pass below them over the box."""
+"""The height of the least pair of vertices, the nearest places, and what vertices may take back of the row of these."""
 
 _STEPS: Final = """
 @HEAD
@@ -104,7 +119,7 @@ for number in range(count):
     @SWINGS
     @SLOPES
     @MOVES
-    off, loss, vertex_a, vertex_b = Q[errors + pair] * (1.0 + wide), 0.0, 0, 0
+    off, loss = Q[errors + pair] * (1.0 + wide), 0.0
     count_a, count_b = np.int64(w[p + 21]) + 1, np.int64(w[p + 24]) + 1
     if count_a * count_b > $FEW:
         @LOSS
@@ -113,6 +128,7 @@ for number in range(count):
         for both in range(count_a * count_b):
             vertex_a = both // count_b
             vertex_b = both - count_b * vertex_a
+            @VERTICES
             @WRITE
 return row // ($ROW + n)
 """
@@ -128,6 +144,7 @@ _PARTS: Final = (
     ("SLOPES", SLOPES),
     ("MOVES", MOVES),
     ("LOSS", _LOSS),
+    ("VERTICES", _VERTICES),
     ("WRITE", _WRITE),
     ("FURTHEST", FURTHEST),
 )
