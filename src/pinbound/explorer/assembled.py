@@ -39,6 +39,12 @@ class ExplorerPage:
         planes: The planes whose regions are on it.
         notes: What it cannot show, a sentence each.
         verdict: What was proven about the motion; None without one.
+
+    Example:
+        >>> import pinbound as pb
+        >>> page = pb.explorer_page(pb.load("minervabot_v3"), motion=np.radians([[0, 0, 0], [0, 20, 10]]))
+        >>> page.verdict.value, page.planes
+        ('certified', (('q2', 'q3'),))
     """
 
     text: str
