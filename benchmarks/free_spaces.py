@@ -1,8 +1,10 @@
 """What free_volume, certified_polytope and certified_cover reach on the UR5 and the Panda, against seconds.
 
     python benchmarks/free_spaces.py volumes
-    python benchmarks/free_spaces.py polytope panda_spherized.urdf --pairs pairs.json --seconds 20 60
-    python benchmarks/free_spaces.py cover panda_spherized.urdf --pairs pairs.json --all --share 0.55 --queries 1000
+    python benchmarks/free_spaces.py polytope panda.urdf --pairs pairs.json --seconds 20 60
+    python benchmarks/free_spaces.py polytope panda.urdf --pairs pairs.json --seeds 10 --keep . --iris iris.json
+    python benchmarks/free_spaces.py samples panda.urdf --pairs pairs.json --keep . --samples 10000000
+    python benchmarks/free_spaces.py cover panda.urdf --pairs pairs.json --all --share 0.55 --queries 1000
     python benchmarks/free_spaces.py pictures --out FOLDER
 
 Without a robot it is the UR5 of example-robot-data with spheres around each body's box (`certify_robots.py`); give a
@@ -13,6 +15,7 @@ the processor are beside those of the wall, which other processes share.
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import tempfile
 import time
@@ -88,38 +91,65 @@ def polytope(options: argparse.Namespace, folder: Path) -> int:
     for name, robot in robots(options, folder).items():
         Q = rng.uniform(robot.lower, robot.upper, (SAMPLES, len(robot.coordinates)))
         seeds = np.vstack([robot.home[None], Q[robot.boundaries.free(Q[:200]).nonzero()[0]]])[: options.seeds]
+        (options.out / f"{name}_seeds.json").write_text(json.dumps(seeds.tolist()))
+        theirs = json.loads(options.iris.read_text()) if options.iris else []
         for number, q in enumerate(seeds):
             for seconds in options.seconds:
                 clock = Clock()
                 found = pb.certified_polytope(robot, q, budget=pb.Budget(10**10, seconds))
                 said = f"{name}, seed {number}, {seconds:g} s: {found.verdict.value}, {len(found.faces)} faces"
                 print(f"{said}, {found.boxes / 1e6:.1f} million boxes, {clock}", flush=True)
-                if found.verdict is pb.Verdict.CERTIFIED:
-                    share, contacts, count = sampled(robot, found, Q, rng)
-                    wrong += contacts
-                    print(
-                        f"    {100 * share:.3g} % of the box; {contacts} of {count} samples inside in contact",
-                        flush=True,
-                    )
+                if found.verdict is not pb.Verdict.CERTIFIED:
+                    continue
+                if options.keep:
+                    np.savez(options.keep / f"{name}_{number}_{seconds:g}.npz", A=found.A, b=found.b, q=found.q)
+                share = float(np.mean(found.contains(Q)))
+                contacts, count = sampled(robot, (found.A, found.b, found.q), options.samples, rng)
+                wrong += contacts
+                print(
+                    f"    {100 * share:.3g} % of the box; {contacts} of {count} samples inside in contact", flush=True
+                )
+            if number < len(theirs) and theirs[number]["A"]:
+                A, b = np.array(theirs[number]["A"]), np.array(theirs[number]["b"])
+                share = float(np.mean(np.all(Q @ A.T <= b, axis=1)))
+                contacts, count = sampled(robot, (A, b, q), options.samples, rng)
+                said = f"{100 * share:.3g} % of the box, {100 * contacts / count:.2f} % of it in contact"
+                print(f"    IrisZo: {said}, {theirs[number]['seconds'][0]:.1f} s of processor", flush=True)
     return int(wrong > 0)
 
 
-def sampled(robot: pb.Robot, found: pb.FreePolytope, Q: np.ndarray, rng: Any) -> tuple[float, int, int]:
-    """Return the share of the box that is in it, and how many of a million samples inside are in contact, by a walk."""
-    share = float(np.mean(found.contains(Q)))
-    at, contacts, count = np.tile(found.q, (2000, 1)), 0, 0
-    while count < SAMPLES:
+def samples(options: argparse.Namespace, folder: Path) -> int:
+    """Take samples inside polytopes that `--keep` kept; 1 if one is in contact."""
+    wrong, total, rng, clock = 0, 0, np.random.default_rng(3), Clock()
+    for robot in robots(options, folder).values():
+        for path in sorted(options.keep.glob("*.npz")):
+            kept = np.load(path)
+            contacts, count = sampled(robot, (kept["A"], kept["b"], kept["q"]), options.samples, rng)
+            wrong, total = wrong + contacts, total + count
+            print(f"{path.name}: {contacts} of {count} samples inside in contact", flush=True)
+    print(f"{wrong} of {total} samples inside in contact; {clock}", flush=True)
+    return int(wrong > 0)
+
+
+def sampled(robot: pb.Robot, one: tuple[np.ndarray, ...], most: int, rng: Any) -> tuple[int, int]:
+    """Return how many of so many samples inside `{A q <= b}` around q are in contact, by a walk of 4000 at once."""
+    A, b, q = one
+    at, contacts, count = np.tile(q, (4000, 1)), 0, 0
+    size = (A.shape[1] + 2) * 2.0**-53
+    room = b - at @ A.T
+    while count < most:
         ways = rng.normal(size=at.shape)
-        along, room = ways @ found.A.T, found.b - at @ found.A.T
+        along = ways @ A.T
         with np.errstate(divide="ignore", invalid="ignore"):
             times = room / along
         first = np.max(np.where(along < 0.0, times, -np.inf), axis=1)
         last = np.min(np.where(along > 0.0, times, np.inf), axis=1)
         at = at + (first + rng.uniform(size=len(at)) * (last - first))[:, None] * ways
-        inside = at[found.contains(at)]
+        room = b - at @ A.T
+        inside = at[np.all(room >= size * (np.abs(at) @ np.abs(A.T)), axis=1)]
         contacts += int(np.count_nonzero(~robot.boundaries.free(inside)))
         count += len(inside)
-    return share, contacts, count
+    return contacts, count
 
 
 def covers(options: argparse.Namespace, folder: Path) -> int:
@@ -192,13 +222,16 @@ def pictures(options: argparse.Namespace, folder: Path) -> int:
 def main() -> int:
     """Run what was asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    runs = {"volumes": volumes, "polytope": polytope, "cover": covers, "pictures": pictures}
+    runs = {"volumes": volumes, "polytope": polytope, "samples": samples, "cover": covers, "pictures": pictures}
     parser.add_argument("run", choices=list(runs))
     parser.add_argument("robot", type=Path, nargs="?")
     parser.add_argument("--pairs", type=Path)
     parser.add_argument("--seconds", type=float, nargs="+", default=[10.0])
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--share", type=float, default=0.9)
+    parser.add_argument("--samples", type=int, default=SAMPLES, help="inside each polytope")
+    parser.add_argument("--keep", type=Path, help="a folder where polytopes are written")
+    parser.add_argument("--iris", type=Path, help="what benchmarks/iris_zo.py wrote, for the same seeds")
     parser.add_argument("--all", action="store_true", help="cover all coordinates, by polytopes")
     parser.add_argument("--each", type=float, default=1.0, help="seconds that a plan may take")
     parser.add_argument("--queries", type=int, default=100)

@@ -29,8 +29,8 @@ from scipy import ndimage
 import pinbound as pb
 
 BOXES = (400, 6000)
-"""Boxes that a claim may cost: most are made with few, one in eight with many. Nine in ten claims cost 10 to 40 ms."""
-POLYTOPES, VOLUMES, PLANS = 8, 4, 26
+"""Boxes that a claim may cost: most are made with few, one in eight with many. Most claims cost 5 to 50 ms."""
+POLYTOPES, VOLUMES, PLANS = 4, 14, 60
 """Claims a robot, beside one projection and one cover."""
 NEAR = 1e-11
 """Metres: how much deeper than zero the oracle has to be before it contradicts; its own rounding is 1e-15."""

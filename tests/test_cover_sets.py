@@ -11,6 +11,8 @@ import pytest
 
 import pinbound as pb
 from pinbound.certificates.records import Reason
+from pinbound.certificates.search import Meter
+from pinbound.freespace.cover import _polytopes
 from pinbound.freespace.set_graph import SetGraph, connected, touching
 from test_polytope import POST, load
 
@@ -120,6 +122,22 @@ def test_a_spent_budget_says_what_is_open(post: pb.Robot) -> None:
     assert len(found.open)
     sizes = [np.prod(one[:, 1] - one[:, 0], axis=1).sum() for one in (found.boxes, found.open)]
     assert found.share[0] == pytest.approx(sizes[0] / sum(sizes), abs=1e-9)
+
+
+def test_a_budget_that_ends_while_a_seed_is_chosen_ends_the_search(
+    post: pb.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Time was negative for the set to come, which raised."""
+    meter = Meter(pb.Budget(10**9, 50.0))
+
+    def slow(robot: pb.Robot, names: list[str], Q: np.ndarray) -> np.ndarray:
+        meter.started -= 100.0
+        return np.zeros(len(Q))
+
+    monkeypatch.setattr("pinbound.freespace.cover._least", slow)
+    found = _polytopes(post, list(post.boundaries), {}, meter, 1.0, False, 0)
+    assert (len(found), found.reason) == (0, Reason.TIME)
+    assert found.notes
 
 
 def test_no_boundary_is_no_cover(post: pb.Robot) -> None:

@@ -191,8 +191,10 @@ def _polytopes(
             break
         some = rng.choice(left, min(_CHOICE, len(left)), replace=False)
         best = some[int(np.argmax(_least(robot, names, seeds[some])))]
-        seconds = meter.budget.seconds - meter.seconds
-        allowed = Budget(meter.budget.boxes - meter.boxes, min(seconds, max(_FEWEST_SECONDS, _ONE_SET * seconds)))
+        seconds = max(0.0, meter.budget.seconds - meter.seconds)  # the choice of a seed took time, too
+        allowed = Budget(
+            max(0, meter.budget.boxes - meter.boxes), min(seconds, max(_FEWEST_SECONDS, _ONE_SET * seconds))
+        )
         polytope = certified_polytope(robot, seeds[best], names, allowed, window, limits_only=limits_only, seed=seed)
         meter.boxes += polytope.boxes
         left = left[left != best]
