@@ -335,7 +335,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=200, help="cases: claims that are attacked")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--log", type=Path, help="a file that is written anew every 20 robots")
+    parser.add_argument("--log", type=Path, help="a file that is written anew after every robot")
     options = parser.parse_args()
     found, started, cases, number = Counter[str](), time.perf_counter(), 0, 0
     while cases < options.count:
@@ -353,10 +353,8 @@ def main() -> int:
                     print(f"robot {number} of seed {options.seed}", flush=True)
                     found[f"robot {number} of seed {options.seed}"] += 1
         number += 1
-        if options.log and number % 20 == 0:
+        if options.log:
             options.log.write_text(report(found, cases, started))
-    if options.log:
-        options.log.write_text(report(found, cases, started))
     print(report(found, cases, started), end="")
     return int(any(name.startswith("WRONG") and count for name, count in found.items()))
 

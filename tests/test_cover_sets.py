@@ -12,7 +12,7 @@ import pytest
 import pinbound as pb
 from pinbound.certificates.records import Reason
 from pinbound.certificates.search import Meter
-from pinbound.freespace.cover import _polytopes
+from pinbound.freespace.cover import _free_samples, _interval, _polytopes
 from pinbound.freespace.set_graph import SetGraph, connected, touching
 from test_polytope import POST, load
 
@@ -122,6 +122,24 @@ def test_a_spent_budget_says_what_is_open(post: pb.Robot) -> None:
     assert len(found.open)
     sizes = [np.prod(one[:, 1] - one[:, 0], axis=1).sum() for one in (found.boxes, found.open)]
     assert found.share[0] == pytest.approx(sizes[0] / sum(sizes), abs=1e-9)
+
+
+def test_the_share_is_estimated_from_samples_that_did_not_say_when_to_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = pb.load("palletizers/dobot_mg400")
+    drawn: list[np.ndarray] = []
+
+    def kept(*arguments: object) -> np.ndarray:
+        drawn.append(_free_samples(*arguments))
+        return drawn[-1]
+
+    monkeypatch.setattr("pinbound.freespace.cover._free_samples", kept)
+    cover = pb.certified_cover(robot, limits_only=True, share=0.9)
+    assert cover.reason is None
+    assert cover.share[0] >= 0.9
+    assert len(drawn) >= 3  # seeds, those that said when to stop, and fresh ones
+    assert not np.array_equal(drawn[1], drawn[-1])
+    assert np.array_equal(cover.share, _interval(cover.contains(drawn[-1])))
+    assert str(cover.coverage) in repr(cover)
 
 
 def test_a_budget_that_ends_while_a_seed_is_chosen_ends_the_search(

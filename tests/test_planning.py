@@ -33,6 +33,7 @@ def test_a_pick_and_place_cycle_is_planned_and_certified_again() -> None:
     for start, goal in zip(stops, np.roll(stops, -1, axis=0), strict=True):
         found = pb.plan(robot, start, goal)
         assert found.verdict is pb.Verdict.CERTIFIED
+        assert str(found.coverage) in repr(found.certificate)
         assert pb.certify(robot, found.waypoints).verdict is pb.Verdict.CERTIFIED
         assert np.array_equal(found.waypoints, [start, goal])
         assert found.length == pytest.approx(np.linalg.norm(goal - start))
@@ -44,6 +45,7 @@ def test_a_contact_between_is_a_proof_that_there_is_no_motion() -> None:
     found = pb.plan(robot, robot.home, [9.0, 0.0, 0.0])
     assert (found.verdict, found.separated_by) == (pb.Verdict.VIOLATED, "q1 upper")
     assert "goal" in found.notes[0]
+    assert found.coverage is None  # nothing was certified
     assert len(found.waypoints) == 0
     edge = next(one for one in region.edges if one.name == "beta_3")
     for step, verdict in ((-1e-9, pb.Verdict.CERTIFIED), (1e-9, pb.Verdict.VIOLATED)):

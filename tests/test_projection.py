@@ -47,6 +47,10 @@ def test_a_slice_is_the_projection_of_two_coordinates(tmp_path: Path) -> None:
         figure = draw_free(robot, one)
         sizes = [len(part.get_paths()) for part in figure.axes[0].collections if isinstance(part, PolyCollection)]
         assert sizes == [len(one.inside if one is found else one.free), len(one.open)]
+        title = " ".join(figure.axes[0].get_title().split())
+        assert title.startswith(f"{robot.name}. ")
+        assert title.endswith(str(one.coverage))  # what was not looked at is said with every answer
+        assert repr(one).endswith(f"proven; {one.coverage}>")
 
 
 def test_a_spatial_robot(tmp_path: Path) -> None:
@@ -71,7 +75,7 @@ def test_a_volume_of_three_coordinates_is_drawn(tmp_path: Path) -> None:
         figure = draw_free(robot, found)
     axes = figure.axes[0]
     assert axes.get_zlabel() == "j4 [deg]"
-    assert axes.get_title().startswith("j1 = 0.0 deg\n")
+    assert axes.get_title().startswith(f"{robot.name}. Slice: j1 = 0.0 deg\n")
     (squares,) = axes.collections  # one for all voxels: one for each voxel would take minutes to draw
     middles = [0.5 * (one[1:] + one[:-1]) for one in (np.linspace(*found.box[:, axis], 7) for axis in range(3))]
     points = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1)[..., None, :]

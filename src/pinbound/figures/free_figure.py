@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from textwrap import fill
 from typing import Any, cast
 
 import numpy as np
@@ -19,6 +20,7 @@ __all__ = ["draw_free"]
 _FREE, _OPEN, _CONTACT = "#BFE3C9", "#E69F00", "#8A8A8A"
 _VOXELS = 36  # along each of three coordinates
 _SEEN_THROUGH = 0.35  # opacity of voxels, so that what lies behind the outer ones is seen
+_LINE = 82  # characters, of what the boundaries watch and what they do not
 _NAMED = 3  # coordinates that are held, in one line of the title
 
 
@@ -27,7 +29,8 @@ def draw_free(robot: Robot, found: FreeVolume | FreeProjection) -> Any:
 
     Green is proven free, grey proven not to be, orange not decided. Of three coordinates what is *not* proven free is
     drawn, as voxels whose middle lies in no free box: orange where it lies in an open one. The title says where the
-    other coordinates are held, and which share of the box is decided. Angles are in degrees, lengths in mm.
+    other coordinates are held, which share of the box is decided, and what the boundaries do not watch. Angles are in
+    degrees, lengths in mm.
 
     Args:
         robot: The robot.
@@ -47,7 +50,7 @@ def draw_free(robot: Robot, found: FreeVolume | FreeProjection) -> Any:
     figure = Figure(figsize=(6.4, 5.8), layout="constrained")
     if isinstance(found, FreeProjection):
         meanings = ("free for some value of the others", "free for no value", "not decided")
-        title = "Projection: the other coordinates take any value"
+        title = "Projection: free for some value of the other coordinates, proven in and out"
     else:
         meanings = ("free", "not free", "not decided")
         title = _held(robot, found)
@@ -63,7 +66,8 @@ def draw_free(robot: Robot, found: FreeVolume | FreeProjection) -> Any:
         axes.set_box_aspect(None, zoom=0.9)  # else labels are cut off
         _legend(figure, zip(meanings[1:], (_CONTACT, _OPEN), strict=True))
         title += "\na voxel is drawn where its middle lies in no box that is proven free"
-    axes.set_title(f"{title}\n{100.0 * found.decided:.1f} % of the box decided", fontsize=9)
+    title = f"{robot.name}. {title}\n{100.0 * found.decided:.1f} % of the box decided"
+    axes.set_title(f"{title}\n{fill(str(found.coverage), _LINE)}", fontsize=9)
     axes.set_xlabel(labels[0], labelpad=None if len(names) == 2 else 12.0)
     axes.set_ylabel(labels[1], labelpad=None if len(names) == 2 else 12.0)
     return without_math(figure)
@@ -77,7 +81,8 @@ def _held(robot: Robot, found: FreeVolume) -> str:
         if name not in found.coordinates
     ]
     lines = [", ".join(held[start : start + _NAMED]) for start in range(0, len(held), _NAMED)]
-    return ",\n".join(lines) or "All coordinates"
+    joined = ",\n".join(lines)
+    return f"Slice: {joined}" if held else "All coordinates"
 
 
 def _legend(figure: Any, entries: Iterable[tuple[str, str]]) -> None:

@@ -206,6 +206,10 @@ def _polytopes(
         left = left[~one.contains(seeds[left])]
         held |= one.contains(judged)
         interval = _interval(held)
+        if interval[0] >= share:  # these samples said when to stop: fresh ones say how much it is
+            judged = _free_samples(robot, chosen, window, rng)
+            held = np.any([one.contains(judged) for one in found], axis=0)
+            interval = _interval(held)
     if failed:
         notes.append(f"around {failed} free samples no polytope could be certified within its share of the budget")
     if not len(judged):

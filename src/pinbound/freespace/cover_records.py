@@ -101,10 +101,11 @@ class FreeCover(Value):
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        """Return what it holds, and the share."""
+        """Return what it holds, the share, and what the boundaries watch."""
         sets = f"{len(self.boxes)} boxes" if len(self.boxes) else f"{len(self.polytopes)} polytopes"
         how = "proven" if self.is_proven else "sampled"
-        return f"<FreeCover of {', '.join(self.coordinates)}: {sets}, share {self.share[0]:.3g} or more, {how}>"
+        said = f"{sets}, share {self.share[0]:.3g} or more, {how}"
+        return f"<FreeCover of {', '.join(self.coordinates)}: {said}; {self.coverage}>"
 
     def __len__(self) -> int:
         """Return how many sets there are."""

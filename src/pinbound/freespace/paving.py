@@ -47,7 +47,7 @@ _BESIDE = 2.0 * LIMIT
 """How far beyond a limit a joint is taken to go: it is kept up to LIMIT beyond it, and so are boxes at the edge."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FreeVolume(Value):
     """How much of a box is free, proven. Made by `free_volume`.
 
@@ -82,6 +82,12 @@ class FreeVolume(Value):
     reason: Reason | None
     boxes: int
     seconds: float
+
+    def __repr__(self) -> str:
+        """Return the interval as shares of the box, and what the boundaries watch."""
+        low, high = self.lower / self.volume, self.upper / self.volume
+        said = f"free share of the box in [{low:.6g}, {high:.6g}], proven"
+        return f"<FreeVolume of {', '.join(self.coordinates)}: {said}; {self.coverage}>"
 
     @property
     def undecided(self) -> float:

@@ -21,6 +21,7 @@ from pinbound.certificates import certify, certify_box
 from pinbound.certificates.records import Budget, Certificate, Verdict
 from pinbound.certificates.scope import scope
 from pinbound.certificates.search import Meter
+from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import UnsupportedError
 from pinbound.freespace.cover_records import APART, FreeCover
 from pinbound.freespace.digest import robot_digest
@@ -80,6 +81,11 @@ class Plan(Value):
     times: Array | None = None
     motion: Any = None
     motion_certificate: Certificate | None = None
+
+    @property
+    def coverage(self) -> CoverageRecord | None:
+        """What the boundaries watch of the robot, and what they do not, by the certificate; None without one."""
+        return None if self.certificate is None else self.certificate.coverage
 
     @property
     def length(self) -> float:

@@ -36,7 +36,7 @@ _PARTS = 48
 _CELLS = 256
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FreeProjection(Value):
     """What of the box of limits of two coordinates is free for some value of all others. Made by `free_projection`.
 
@@ -69,6 +69,12 @@ class FreeProjection(Value):
     reason: Reason | None
     boxes: int
     seconds: float
+
+    def __repr__(self) -> str:
+        """Return the interval as shares of the box, and what the boundaries watch."""
+        low, high = (area / float((self.box[1] - self.box[0]).prod()) for area in self.areas)
+        said = f"share of the box that is in, in [{low:.6g}, {high:.6g}], proven"
+        return f"<FreeProjection to {', '.join(self.coordinates)}: {said}; {self.coverage}>"
 
     @property
     def decided(self) -> float:
