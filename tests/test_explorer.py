@@ -279,7 +279,7 @@ def test_a_click_on_an_edge_lights_up_its_two_marks(page: Any) -> None:
     assert "o14 on link_2; o15 on link_13" in said
     assert page.locator("#detail math").count() == 3
     assert f"{1e3 * pb.load('minervabot_v3').boundaries['beta_4'].signed_clearance(np.zeros(3)):.6f} mm" in said
-    page.get_by_role("button", name="beta_9").click()
+    page.get_by_role("button", name="beta_9", exact=True).click()
     page.wait_for_function("() => pinbound.chosen === 'beta_9'")
     assert page.locator("#choice").input_value() == "beta_9"
 
@@ -302,7 +302,7 @@ def test_a_region_is_called_exact_only_where_python_computed_it(
 ) -> None:
     page.evaluate("() => pinbound.set(0, 1.0)")  # nothing depends on q1
     page.wait_for_function("() => pinbound.drawn === pinbound.moved")
-    assert page.locator("#plane-said").text_content().startswith("Exact region")
+    assert page.locator("#plane-said").text_content().startswith("Exact region of (q2, q3)")
     page.locator("#across").select_option("0")
     page.wait_for_function("() => document.getElementById('plane-said').textContent.includes('144 x 144')")
     assert "Sampled" in page.locator("#plane-said").text_content()
@@ -431,7 +431,7 @@ def test_meshes_come_along_only_when_asked_for(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(xml)
     robot = pb.load(tmp_path / "arm.urdf")
     plain, full = pb.explorer_page(robot), pb.explorer_page(robot, meshes=True)
-    assert "1 body is not drawn: meshes are left out: --meshes takes them in" in plain.notes
+    assert "1 body is not drawn: meshes are left out; --meshes (meshes=True) takes them in" in plain.notes
     assert json.loads(plain.data)["bodies"] == []
     assert len(json.loads(full.data)["bodies"]) == 1
     assert full.size > plain.size

@@ -84,6 +84,7 @@ def page_record(
         "colours": _colours(regions, robot.boundaries.names),
         "palette": len(PALETTE),
         "coverage": _coverage(robot.coverage),
+        "missing": missing,
         "notes": [*missing, *robot.notes],
         "assumptions": list(robot.annotations.assumptions),
     }

@@ -27,7 +27,7 @@ def bodies_record(robot: Robot, meshes: bool) -> tuple[list[dict[str, Any]], lis
     for body in collision_bodies(robot):
         one = _record(body)
         if body.shape == "mesh":
-            fault = robot.meshes.fault(body) if meshes else "meshes are left out: --meshes takes them in"
+            fault = robot.meshes.fault(body) if meshes else "meshes are left out; --meshes (meshes=True) takes them in"
             if fault:
                 left.setdefault(fault, []).append(body.name)
                 continue

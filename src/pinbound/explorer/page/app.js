@@ -117,6 +117,7 @@ class Panels {
     this.state = state;
     this.hasLimits = false;
     const { data } = state;
+    element("joints").style.setProperty("--name", `${1 + Math.max(3, ...data.coordinates.map(({ name }) => name.length))}ch`);
     this.rows = data.coordinates.map((one, k) => this.row(one, k));
     element("choice").innerHTML =
       '<option value="">none</option>' + data.boundaries.map(({ name }) => `<option value="${escape(name)}">${escape(name)}</option>`).join("");
@@ -127,6 +128,14 @@ class Panels {
       state.paint();
     });
     element("watched").textContent = `Coverage: ${data.coverage.summary}.${data.coverage.is_complete ? "" : " What is not watched may touch where this page says free."}`;
+    this.nearest = [0, 1, 2, 3].map(() => {
+      const item = document.createElement("li");
+      element("nearest").append(item);
+      const button = this.button(item, "", () => state.choose(button.dataset.name));
+      return button;
+    });
+    const missing = data.missing.join(". ");
+    if (missing) element("missing").textContent = `${missing}.`;
     this.planeBar();
     this.sceneBar();
     this.statements();
@@ -168,6 +177,14 @@ class Panels {
     }
     if (verdict.textContent !== text) verdict.textContent = text;
     verdict.className = state.isFree ? "good" : "bad";
+    const order = [...state.signed.keys()].sort((a, b) => state.signed[a] - state.signed[b]);
+    this.nearest.forEach((button, k) => {
+      const one = order[k];
+      button.parentElement.hidden = one === undefined;
+      if (one === undefined) return;
+      button.dataset.name = state.data.boundaries[one].name;
+      button.textContent = `${button.dataset.name}: ${millimetres(state.signed[one])}`;
+    });
     this.numbers();
   }
 
@@ -223,7 +240,7 @@ class Panels {
     }
     const options = coordinates.map(({ name }, k) => `<option value="${k}">${escape(name)}</option>`).join("");
     bar.innerHTML = `<label for="across">across</label><select id="across">${options}</select><label for="upward">up</label><select id="upward">${options}</select>
-      <button id="wide" type="button" aria-pressed="false">All limits</button><button id="back" type="button">Back to the exact values</button>`;
+      <button id="wide" type="button" aria-pressed="false">All limits</button><button id="back" type="button">Back to the computed values</button>`;
     const selects = [element("across"), element("upward")];
     const show = () => selects.forEach((select, k) => (select.value = state.plane.columns[k]));
     show();
@@ -255,13 +272,13 @@ class Panels {
     const { scene } = state;
     const views = { Start: {}, Front: { turn: 0, tilt: 0 }, Side: { turn: -Math.PI / 2, tilt: 0 }, Top: { turn: -Math.PI / 2, tilt: 1.55 } };
     for (const [name, view] of Object.entries(views)) {
-      this.button("scene-bar", name, () => {
+      this.button(element("scene-bar"), name, () => {
         scene.reset(view);
         state.changed();
       });
     }
     for (const what of ["bodies", "marks"]) {
-      const button = this.button("scene-bar", what[0].toUpperCase() + what.slice(1), () => {
+      const button = this.button(element("scene-bar"), what[0].toUpperCase() + what.slice(1), () => {
         scene.shows[what] = !scene.shows[what];
         button.setAttribute("aria-pressed", scene.shows[what]);
         scene.dirty = true;
@@ -271,12 +288,12 @@ class Panels {
     }
   }
 
-  button(bar, text, act) {
+  button(parent, text, act) {
     const button = document.createElement("button");
     button.type = "button";
     button.textContent = text;
     button.addEventListener("click", act);
-    element(bar).append(button);
+    parent.append(button);
     return button;
   }
 
@@ -306,7 +323,7 @@ class Panels {
     element("choice").value = boundary ? chosen : "";
     const box = element("detail");
     if (!chosen) {
-      box.innerHTML = '<p class="soft">Click an edge of the region, or choose a boundary, and its two marks light up in the robot.</p>';
+      box.innerHTML = '<p>Click an edge of the region, or choose a boundary, and its two marks light up in the robot.</p>';
       return;
     }
     if (!boundary) {
@@ -369,7 +386,7 @@ class Panels {
     const list = (items) => (items.length ? `<ul>${items.map((item) => `<li>${escape(item)}</li>`).join("")}</ul>` : "");
     const open = data.coverage.open.map(({ links, status, reason }) => `${links.join(" - ")}: ${status}; ${reason}`);
     const hows = [
-      "Clearances, slopes, contacts and places of links are evaluated here from the same reduced paths as in Python, in double precision: they equal Python's to 1e-12.",
+      "Clearances, slopes, contacts and places of links are evaluated here from the same reduced paths as in Python, in double precision: they equal Python's to a billionth of a millimetre (1e-12 m).",
       "Regions with named edges were computed in Python. Straight edges are exact; curved ones say how exact they are. They hold for the values of the other coordinates that are stated, and are dotted elsewhere.",
       "A sampled region is a picture: each cell is asked at its middle. It proves nothing between the middles, nor that parts are connected.",
       "Free means that every marked pair is apart and every limit kept. It does not mean that the robot can get there from home, but for stops, which know on which side home is.",

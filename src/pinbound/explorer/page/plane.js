@@ -1,4 +1,4 @@
-// The plane of two coordinates: the exact region of Python where it holds, else a grid sampled here and called so.
+// The plane of two coordinates: the region that Python computed where it holds, else a grid sampled here and called so.
 
 const LIGHT = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F6000", "#000000"];
 const DARK = ["#4DA8E0", "#FF8A3D", "#2FC79B", "#E29BC4", "#F2B632", "#8ACFF5", "#C9A227", "#FFFFFF"];
@@ -186,6 +186,14 @@ class Plane {
       const [x, y] = this.toPixels(middle);
       const away = Math.hypot(centre[0] - x, centre[1] - y) || 1;
       const half = 3.6 * name.length + 4;
+      const [from, to] = [points[0], points[points.length - 1]].map((p) => this.toPixels(p));
+      if (name.length > 7 && Math.abs(from[1] - to[1]) > Math.max(2 * half, 3 * Math.abs(from[0] - to[0]))) {
+        const beside = x + (centre[0] > x ? 14 : -6);
+        parts.push(`<text class="name" text-anchor="middle" transform="translate(${beside} ${y}) rotate(-90)">${escape(name)}</text>`);
+        taken.push([beside, y, 8]);
+        done.add(name);
+        continue;
+      }
       const place = [x + ((centre[0] - x) / away) * (half + 8), y + ((centre[1] - y) / away) * 16 + 4];
       place[0] = Math.min(Math.max(place[0], PAD.left + half), this.width - PAD.right - half);
       if (taken.some((one) => Math.abs(one[0] - place[0]) < one[2] + half && Math.abs(one[1] - place[1]) < 14)) continue;
@@ -307,12 +315,12 @@ class Plane {
   said() {
     const { data } = this.state;
     const names = this.columns.map((k) => data.coordinates[k].name).join(", ");
-    if (this.isExact) return `Exact region of (${names}), computed in Python: ${this.region.said}.`;
+    if (this.isExact) return `${this.region.is_exact ? "Exact" : "Computed"} region of (${names}), by Python: ${this.region.said}.`;
     const grid = this.raster?.drawn;
     const sampled = `Sampled${grid ? ` on a ${grid} x ${grid} grid` : ""}: cells are coloured by a boundary in contact, and what is thinner than a cell can be missed`;
     if (!this.region) return `${sampled}. ${this.failure ? `No region was computed: ${this.failure}.` : "No region was computed for this plane."}`;
     const where = this.region.fixed.map((k) => `${data.coordinates[k].name} = ${amount(this.region.at[k], data.coordinates[k].unit)}`);
-    return `${sampled}. The exact region (dotted) holds at ${where.join(", ")} only.`;
+    return `${sampled}. The computed region (dotted) holds at ${where.join(", ")} only.`;
   }
 
   place(event) {

@@ -66,7 +66,7 @@ class Scene {
   reset(view = {}) {
     this.view = { ...this.start, pan: [0, 0], ...view };
     this.isFitted = !this.width;
-    if (this.width) this.fit();
+    if (this.width) this.settle();
     this.dirty = true;
   }
 
@@ -94,8 +94,12 @@ class Scene {
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   }
 
-  fit() {
+  settle() {
     this.isFitted = true;
+    for (let turn = 0; turn < 4; turn++) this.fit();
+  }
+
+  fit() {
     const m = this.matrix();
     const seen = this.points.map((p) => {
       const w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
@@ -105,7 +109,8 @@ class Scene {
     const open = 0.26 * this.view.far * 1.08;
     const across = this.width / this.height;
     const unit = open / (0.26 * Math.min(1, across));
-    this.view.pan = [0.5 * (ends[0][0] + ends[0][1]) * unit * 0.26 * across, 0.5 * (ends[1][0] + ends[1][1]) * unit * 0.26];
+    this.view.pan[0] += 0.5 * (ends[0][0] + ends[0][1]) * unit * 0.26 * across;
+    this.view.pan[1] += 0.5 * (ends[1][0] + ends[1][1]) * unit * 0.26;
     const half = Math.max(...ends.map(([low, high]) => 0.5 * (high - low)), 1e-3);
     this.view.far = Math.min(Math.max(this.view.far * (half / 0.86), 0.05), 6);
   }
@@ -140,7 +145,7 @@ class Scene {
     const box = this.element.getBoundingClientRect();
     const ratio = Math.min(window.devicePixelRatio || 1, 2);
     [this.width, this.height] = [box.width, box.height];
-    if (this.width && (!this.isFitted || !this.isSized)) this.fit();
+    if (this.width && (!this.isFitted || !this.isSized)) this.settle();
     this.isSized = this.width > 0;
     [this.canvas.width, this.canvas.height] = [Math.max(1, Math.round(box.width * ratio)), Math.max(1, Math.round(box.height * ratio))];
     this.dirty = true;
@@ -191,7 +196,17 @@ class Scene {
     const pair = chosen ? chosen.record.marks : [];
     if (this.shows.marks) {
       const names = new Set(pair);
-      this.solids(this.marks, places, ({ record }) => (names.has(record.name) ? null : markColour(record, dark, this.shows.bodies)));
+      gl.enable(gl.POLYGON_OFFSET_FILL); // a mark that lies in the faces of its body stays behind them
+      gl.polygonOffset(2, 4);
+      for (const isSolid of [true, false]) {
+        gl.depthMask(isSolid);
+        this.solids(this.marks, places, ({ record }) => {
+          const shade = names.has(record.name) ? null : markColour(record, dark, this.shows.bodies);
+          return shade && (shade[3] === 1) === isSolid ? shade : null;
+        });
+      }
+      gl.depthMask(true);
+      gl.disable(gl.POLYGON_OFFSET_FILL);
     }
     this.labels.textContent = "";
     if (!chosen) return;
