@@ -52,7 +52,7 @@ def test_a_urdf_with_meshes_is_certified_in_three_commands(tmp_path: Path, monke
 
 
 def test_the_set_up_commands_are_the_promised_ones() -> None:
-    assert "pip install . && pinbound report minervabot_v3 --out report" in SHELL
+    assert "pip install '.[all]' && pinbound report minervabot_v3 --out report" in SHELL
     assert "pip install '.[test]' && pytest" in SHELL
 
 

@@ -34,6 +34,7 @@ from pinbound.coverage.covers import cover
 from pinbound.crosscheck.regions_level import check_region
 from pinbound.evaluate.touching import nearest_features
 from pinbound.export import drake_text
+from pinbound.extras import require
 from pinbound.figures.report import tool_link
 from pinbound.meshes import read_mesh
 from pinbound.model.coupling import LinearLimit
@@ -191,7 +192,7 @@ def without(*modules: str, then: Do, where: str = "importlib.import_module") -> 
 
     def missing(name: str, package: str | None = None) -> Any:
         if name.partition(".")[0] in modules:
-            raise ImportError(name)
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
         return real(name, package)
 
     return patched(where, missing, then)
@@ -725,12 +726,14 @@ def entries() -> Iterator[Entry]:
     yield one("Run the same command again to resume.", lost_rows, job)
     yield one("Run the same command again to resume.", lost_chunk, lambda f: job(f, chunk_rows=5))
     yield one(
-        "install pinbound[distributed]",
+        "type: pip install 'pinbound[distributed]'",
         without("distributed", then=lambda f: job(f, scheduler="tcp://127.0.0.1:1")),
         lambda _: importlib.import_module("distributed"),
     )
-    arrow = "install pinbound[batch]"
+    arrow = "type: pip install 'pinbound[batch]'"
     yield one(arrow, without("pyarrow", then=job), job)
+    report = lambda _: require("report", "a report")
+    yield one("type: pip install 'pinbound[{}]'", without("jinja2", then=report), report)
     # boundaries
     one_q = "give one configuration ({},), not {}"
     near = lambda q: lambda _: planar().boundaries.limits("q1", q)
@@ -760,7 +763,7 @@ def entries() -> Iterator[Entry]:
     yield one("give float64 or float32", norms([ZERO], dtype="int32"), norms([ZERO], dtype="float32"))
     yield one("give a whole number of 1 or more", norms([ZERO], threads=0), norms([ZERO], threads=1))
     compiled = norms([ZERO], backend="compiled")
-    numba = "install pinbound[fast], or leave the choice to 'auto'"
+    numba = "type: pip install 'pinbound[fast]', or leave the choice to 'auto'"
     yield one(numba, without_numba(compiled), compiled, without_numba(norms([ZERO])))
     array = "give a writeable {} array of shape {}"
     yield one(array, out_of((3, 1)), out_of())

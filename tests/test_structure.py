@@ -14,7 +14,7 @@ import pinbound
 PACKAGE = Path(pinbound.__file__).parent
 FLOORS = [
     ("deprecation", "exceptions", "tolerances", "typing"),
-    ("units", "values"),
+    ("extras", "units", "values"),
     ("geometry", "machine", "tables"),
     ("model",),
     ("meshes",),

@@ -42,7 +42,7 @@ def results(
     try:
         distributed: Any = importlib.import_module("distributed")
     except ImportError as error:
-        raise UnsupportedError("a scheduler needs Dask; install pinbound[distributed]") from error
+        raise UnsupportedError("a scheduler needs Dask; type: pip install 'pinbound[distributed]'") from error
     _knock(address)
     try:
         client = distributed.Client(address, timeout=_CONNECT, set_as_default=False)

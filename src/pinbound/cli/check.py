@@ -32,6 +32,7 @@ from pinbound.cli.shared import (
     print_table,
 )
 from pinbound.exceptions import PinboundError
+from pinbound.extras import require
 from pinbound.motion.history import Motion, history, read_motion
 from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
@@ -73,6 +74,8 @@ def check(
     Exit code 0: certified. 1: violated, undecided within the budget, or coverage is required and partial. 2: bad input,
     or no boundary to check.
     """
+    if plot is not None:
+        require("plots", "--plot")
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     read = read_motion(loaded, motion, deg)
     budget = Budget(max_boxes, max_seconds)

@@ -20,6 +20,7 @@ from pinbound.cli.shared import (
     parse_window,
 )
 from pinbound.explorer import explorer_page
+from pinbound.extras import require
 from pinbound.motion.history import read_motion
 from pinbound.tolerances import EXPLORER_BUDGET, REGION_WIDTH
 
@@ -54,6 +55,7 @@ def explore(
     xacro_arg: XacroArgs = None,
 ) -> None:
     """Write one page, offline, in which one drags through the region and sees the robot move."""
+    require("report", "the explorer's page")
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     page = explorer_page(
         loaded,

@@ -38,7 +38,6 @@ from pinbound.cli.shared import (
     print_table,
 )
 from pinbound.coverage import Coverage
-from pinbound.evaluate import symbolic
 from pinbound.loops.closures import Closure
 from pinbound.model.coupling import linear_text
 from pinbound.region import Region, feasible_region
@@ -224,6 +223,8 @@ def derive(
     if as_json:
         emit_json([_boundary_record(boundary) for boundary in loaded.boundaries])
         return
+    from pinbound.evaluate import symbolic
+
     out = console()
     for boundary in loaded.boundaries:
         if latex:

@@ -17,6 +17,7 @@ from pinbound.cli.shared import (
     load_robot,
     print_table,
 )
+from pinbound.extras import require
 from pinbound.figures.report import write_report
 
 __all__ = ["report"]
@@ -34,6 +35,7 @@ def report(
     xacro_arg: XacroArgs = None,
 ) -> None:
     """Write an HTML page with the tree, the boundaries, the region, its workspace image and the assumptions."""
+    require("report", "a report")
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     page, rows = write_report(loaded, out, frame)
     table = [

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from pinbound.cli.shared import Annotations, PackageDirs, XacroArgs, console, load_robot, print_table
+from pinbound.extras import require
 
 __all__ = ["reproduce"]
 
@@ -20,6 +21,8 @@ def reproduce(
     xacro_arg: XacroArgs = None,
 ) -> None:
     """Draw every table and figure of the paper anew from the URDF, with its errata as computations."""
+    require("report", "the paper's page")
+    require("meshes", "the paper's page")
     from pinbound.reproduce import reproduce_paper
 
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)

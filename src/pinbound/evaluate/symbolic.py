@@ -14,9 +14,9 @@ from html import escape
 from typing import Any, cast
 
 import numpy as np
-import sympy
 
 from pinbound.exceptions import UnsupportedError
+from pinbound.extras import Needs
 from pinbound.path.chain import Chain, HullChain, are_parallel
 from pinbound.path.kind import Case
 from pinbound.path.relative import RelativePath
@@ -36,6 +36,9 @@ __all__ = [
     "symbols",
     "unreduced_vector",
 ]
+
+with Needs("symbols", "a formula"):
+    import sympy
 
 sp = cast(Any, sympy)  # SymPy carries only part of its types
 

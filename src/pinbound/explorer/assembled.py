@@ -18,6 +18,7 @@ from pinbound.certificates import Budget, Verdict, certify
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.explorer.planes import chosen_planes
 from pinbound.explorer.record import motion_record, page_record
+from pinbound.extras import Needs
 from pinbound.motion.history import Motion
 from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
@@ -139,7 +140,8 @@ def explorer_page(
 
 def _rendered(name: str, data: str) -> str:
     """Return the page: texts of names are data, and none of them can end the script that holds it."""
-    import jinja2
+    with Needs("report", "the explorer's page"):
+        import jinja2
 
     folder = resources.files("pinbound.explorer") / "page"
     parts = {name: (folder / name).read_text(encoding="utf-8") for name in ("style.css", *SCRIPTS)}

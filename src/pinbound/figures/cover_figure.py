@@ -16,6 +16,7 @@ import shapely
 
 from pinbound.annotations import Mark
 from pinbound.coverage.bodies import Body
+from pinbound.extras import Needs
 from pinbound.figures.plots import PALETTE, without_math
 from pinbound.meshes import Mesh
 from pinbound.typing import Array
@@ -43,7 +44,8 @@ def draw_cover(
         marks: Bounded marks on the link.
         said: A line under the title.
     """
-    from matplotlib.figure import Figure
+    with Needs("plots", "a figure"):
+        from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12.0, 4.4), layout="constrained")
     bounds = _bounds(bodies, meshes, marks)

@@ -10,6 +10,7 @@ import numpy as np
 
 from pinbound import units
 from pinbound.exceptions import UnsupportedError
+from pinbound.extras import Needs
 from pinbound.figures.plots import without_math
 from pinbound.freespace import FreeProjection, FreeVolume
 from pinbound.robot.robot import Robot
@@ -39,7 +40,8 @@ def draw_free(robot: Robot, found: FreeVolume | FreeProjection) -> Any:
     Raises:
         UnsupportedError: If the volume has four coordinates.
     """
-    from matplotlib.figure import Figure
+    with Needs("plots", "a figure"):
+        from matplotlib.figure import Figure
 
     names = found.coordinates
     if len(names) > 3:

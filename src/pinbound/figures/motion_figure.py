@@ -9,6 +9,7 @@ import numpy as np
 
 from pinbound import units
 from pinbound.certificates import Certificate, Verdict
+from pinbound.extras import Needs
 from pinbound.figures.plots import without_math
 from pinbound.motion.history import MotionHistory, tightest
 from pinbound.region import Place, Region
@@ -33,7 +34,8 @@ def draw_motion(seen: MotionHistory, certificate: Certificate | None = None, clo
     Returns:
         A matplotlib figure.
     """
-    from matplotlib.figure import Figure
+    with Needs("plots", "a figure"):
+        from matplotlib.figure import Figure
 
     rows = 1 if seen.mu is None else 2
     figure = cast(Any, Figure(figsize=(8.2, 3.4 * rows + 0.6), layout="constrained"))
@@ -67,7 +69,8 @@ def draw_paths(region: Region, paths: Mapping[str, MotionHistory], margin: Regio
     Returns:
         A matplotlib figure.
     """
-    from matplotlib.figure import Figure
+    with Needs("plots", "a figure"):
+        from matplotlib.figure import Figure
 
     figure = cast(Any, Figure(figsize=(7.6, 6.4), layout="constrained"))
     axes = figure.add_subplot()

@@ -16,6 +16,7 @@ import shapely
 from pinbound import units
 from pinbound.annotations import Mark
 from pinbound.boundaries.boundary import Boundary
+from pinbound.extras import Needs
 from pinbound.region import Edge, Region
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array
@@ -42,7 +43,8 @@ _STRETCH = 0.1  # metres of a line, or of a plane's normal, that are drawn
 
 
 def _figure(width: float, height: float) -> tuple[Any, Any]:
-    from matplotlib.figure import Figure
+    with Needs("plots", "a figure"):
+        from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
     axes = cast(Any, figure).add_subplot()

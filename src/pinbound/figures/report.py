@@ -16,6 +16,7 @@ from pinbound.annotations import Mark
 from pinbound.boundaries.boundary import Boundary
 from pinbound.coverage.bodies import Body, collision_bodies
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
+from pinbound.extras import require
 from pinbound.figures import plots
 from pinbound.figures.cover_figure import draw_cover
 from pinbound.region import Region, feasible_region
@@ -120,7 +121,11 @@ def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Pat
 
     Returns:
         The page, and the rows of its boundary table.
+
+    Raises:
+        UnsupportedError: If the extra `report` is not installed.
     """
+    require("report", "a report")
     import jinja2
 
     tool = tool_link(robot, frame)

@@ -1,7 +1,7 @@
 """The batch kernel: norms, clearances, gradients and smallest clearances of a whole set, at the speed of the hardware.
 
 `scalars` and `program` say what is computed, once for the set; `source` and `compiled` turn that into machine code by
-Numba (`pip install pinbound[fast]`), which `object_cache` keeps for later processes; `vectorised` runs it in NumPy
+Numba (extra `fast`), which `object_cache` keeps for later processes; `vectorised` runs it in NumPy
 where there is no Numba, or too little work to compile for; `choice` chooses, and `engine` runs it.
 Many marked points run by tables (`balls`, `ball_kernel`).
 """

@@ -71,7 +71,9 @@ def check_choices(threads: Any, backend: Any) -> None:
     if backend not in BACKENDS:
         raise UnknownNameError("backend", str(backend), BACKENDS)
     if backend == "compiled" and not has_numba():
-        raise UnsupportedError("backend 'compiled' needs Numba; install pinbound[fast], or leave the choice to 'auto'")
+        raise UnsupportedError(
+            "backend 'compiled' needs Numba; type: pip install 'pinbound[fast]', or leave the choice to 'auto'"
+        )
 
 
 def representable(Q: Array, dtype: np.dtype[Any]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Formats that trimesh reads, which comes with yourdfpy: PLY, OFF, glTF in one file, and the zipped 3MF and ZAE."""
+"""Formats that trimesh reads (extra `meshes`): PLY, OFF, glTF in one file, and the zipped 3MF and ZAE."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.extras import Needs
 from pinbound.meshes.mesh import MOST_BYTES, refuse, too_many
 
 __all__ = ["OTHERS", "read_other"]
@@ -54,7 +55,8 @@ def read_other(data: bytes, suffix: str, source: str) -> tuple[Array, Ints]:
     if suffix in _ZIPPED:
         _look_into(data, source)
     faces = _COUNT[suffix](data, source) if suffix in _COUNT else 0
-    import trimesh
+    with Needs("meshes", "a mesh of this format"):
+        import trimesh
 
     loader: Any = trimesh
     try:

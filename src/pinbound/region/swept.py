@@ -21,6 +21,7 @@ import shapely
 import shapely.affinity
 
 from pinbound.exceptions import DimensionError, UnsupportedError
+from pinbound.extras import Needs
 from pinbound.geometry.rotations import rotation_matrix
 from pinbound.region.folds import triangulate
 from pinbound.region.workspace import Measure, Section
@@ -126,7 +127,8 @@ class SweptBody:
             >>> pb.swept_body(robot, section).mesh(chord=0.002).is_watertight
             True
         """
-        import trimesh
+        with Needs("meshes", "a swept body as a mesh"):
+            import trimesh
 
         if not REDUCTION < chord < math.inf:
             raise DimensionError(f"the chord is {chord}; give metres above 0")

@@ -7,6 +7,7 @@ from typing import Any, cast
 import numpy as np
 import shapely
 
+from pinbound.extras import Needs
 from pinbound.figures.plots import PALETTE
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array
@@ -41,7 +42,8 @@ PLACE_STYLE: dict[int, tuple[str, str, str]] = {
 
 def frames(width: float, height: float, columns: int = 1, **options: Any) -> tuple[Any, list[Any]]:
     """Return a figure and its axes, side by side, with a light grid."""
-    from matplotlib.figure import Figure
+    with Needs("plots", "a figure"):
+        from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
     grid = np.atleast_1d(cast(Any, figure).subplots(1, columns, **options))
@@ -54,7 +56,8 @@ def frames(width: float, height: float, columns: int = 1, **options: Any) -> tup
 
 def spatial(width: float, height: float) -> tuple[Any, Any]:
     """Return a figure and its one 3D frame, labelled x, y, z in millimetres."""
-    from matplotlib.figure import Figure
+    with Needs("plots", "a figure"):
+        from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, _spatial_frame(figure, 111)
@@ -72,7 +75,8 @@ def _spatial_frame(figure: Any, place: int) -> Any:
 
 def mixed(width: float, height: float, spatial_first: bool) -> tuple[Any, Any, Any]:
     """Return a figure, its 3D frame and its plane one, side by side."""
-    from matplotlib.figure import Figure
+    with Needs("plots", "a figure"):
+        from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
     cast(Any, figure.get_layout_engine()).set(wspace=0.12)
@@ -129,7 +133,8 @@ def name_along(axes: Any, name: str, line: Array, inside: Array, colour: str) ->
 
 def solids(robot: Robot, q: Array) -> list[tuple[Any, str]]:
     """Return the boxes and cylinders of a robot's visuals at q, as meshes in the root's frame [m], with a colour."""
-    import trimesh
+    with Needs("meshes", "drawing solids"):
+        import trimesh
 
     root: Any = robot.document.root
     shades = {

@@ -8,11 +8,13 @@ import re
 from collections.abc import Sequence
 from typing import Any, cast
 
-import sympy
-
 from pinbound.boundaries.boundary import Boundary
+from pinbound.extras import Needs
 
 __all__ = ["limit_formula", "membership_formulas", "typeset"]
+
+with Needs("report", "the paper's page"):
+    import sympy
 
 sp = cast(Any, sympy)
 

@@ -26,7 +26,7 @@ def load_arrow(module: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        message = "Parquet and batches need PyArrow, which is not installed; install pinbound[batch]"
+        message = "Parquet and batches need PyArrow, which is not installed; type: pip install 'pinbound[batch]'"
         raise UnsupportedError(message) from error
 
 
