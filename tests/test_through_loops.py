@@ -2,15 +2,18 @@
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import cast
 
 import numpy as np
 import pytest
 import shapely
+from typer.testing import CliRunner
 
 import pinbound as pb
 from linkages import KINDS, Mechanism, Part, flooded, scene
 from pinbound.boundaries.looped import over_z
+from pinbound.cli import app
 from pinbound.loops.through_loops import (
     LoopBounds,
     LoopContact,
@@ -363,6 +366,39 @@ def test_a_loop_that_another_loop_moves_is_bounded_away_from_the_cut(load_text: 
     assert np.all(np.isfinite(lower) & np.isfinite(upper))
     values = curves[0].value(middle + rng.uniform(-0.02, 0.02, (500, 2)))
     assert np.all((lower <= values) & (values <= upper))
+
+
+def test_a_wall_that_ends_inside_a_region_is_said(load_text: Load, tmp_path: Path) -> None:
+    """The cranks' ends may meet: round that hole the arms go round, and a cut leads from it to the limit of A."""
+    parts = [
+        Part("A", "base", "left", 0j, lower=-0.6, upper=2.9),
+        Part("B", "left", "near", 0.3 + 0j, lower=-9.0, upper=9.0),
+        Part("D", "base", "right", 0.4 + 0j, lower=0.2, upper=3.2),
+        Part("E", "right", "far", 0.3 + 0j, lower=-9.0, upper=9.0),
+    ]
+    home = {"A": 1.6, "B": -1.0, "D": 1.5, "E": 1.0}
+    pin = ("five", "near", 0.4 + 0j, "far", 0.3 + 0j)
+    robot = load_text(Mechanism(parts, [pin], {"five": ("B", "E")}, home).urdf())
+    region = pb.feasible_region(robot, width=0.05)
+    (slit,) = region.slits
+    assert slit.name == "five turn"
+    assert slit.name not in {edge.name for edge in region.edges}
+    assert slit.points[0][0] == pytest.approx(-0.6, abs=1e-9)
+    hole = shapely.LineString(np.concatenate([e.points for e in region.edges if e.name == "five toggle lower"]))
+    assert hole.distance(shapely.Point(slit.points[-1])) < 1e-3
+    middle = len(slit.points) // 2
+    along = slit.points[middle + 1] - slit.points[middle]
+    across = 0.02 * np.array([-along[1], along[0]]) / np.hypot(*along)
+    ends = slit.points[middle] + np.array([across, -across])
+    assert region.contains(ends).all()
+    theta = robot.coupling.expand(ends)
+    assert abs(theta[0] - theta[1]).max() == pytest.approx(2.0 * math.pi, abs=0.3)
+    found = pb.certify(robot, ends)
+    assert [one.name.removesuffix(" upper").removesuffix(" lower") for one in found.violations] == [slit.name]
+    file = tmp_path / "robot.urdf"
+    done = CliRunner().invoke(app, ["region", str(file), "--width", "0.05"], env={"COLUMNS": "200"})
+    assert done.exit_code == 0
+    assert "a wall inside it: five turn from (-34.377468, 58.3" in done.output
 
 
 def test_a_cell_across_a_cut_has_the_values_of_both_sides(load_text: Load) -> None:

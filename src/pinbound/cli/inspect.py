@@ -394,6 +394,12 @@ def region(
     print_table(f"Feasible region of ({x}, {y}) around home", columns, rows, note)
     if found.unresolved:
         console().print(f"{found.unresolved_text}.", markup=False, soft_wrap=True)
+    for slit in found.slits:
+        ends = " to ".join(
+            f"({', '.join(f'{v:.6f}' for v in shown(end, found.units))})" for end in slit.points[[0, -1]]
+        )
+        said = f"a wall inside it: {slit.name} from {ends} [{a}, {b}]; no motion crosses it, both sides are free"
+        console().print(said, markup=False, soft_wrap=True)
     alike = a == b  # a distance in a plane of angles and lengths has no unit
     implied = [
         (name, ", ".join(s.by), f"{factors(found.units)[0] * s.slack:.6f}" if alike else "-")
@@ -429,6 +435,7 @@ def _region_record(region: Region) -> dict[str, Any]:
         "area_unit": region.area_unit,
         "unresolved": [vars(place) for place in region.unresolved],
         "joined_area": region.joined_area,
+        "slits": [{"name": slit.name, "points": slit.points} for slit in region.slits],
         "centroid": region.centroid,
         "implied": {name: {"by": s.by, "slack": s.slack} for name, s in region.supports().items() if s.by},
     }

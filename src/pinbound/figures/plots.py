@@ -104,6 +104,12 @@ def draw_region(region: Region, home: Array, contacts: Sequence[tuple[str, Array
     axes.plot(*corners.T, "o", color="#333333", markersize=4, zorder=4)
     shown = axes.plot(*(scale * home), "s", color="#333333", markersize=7, label="home", zorder=5)
     shown += axes.plot(*(scale * region.centroid), "+", color="#333333", markersize=11, label="centroid", zorder=5)
+    for slit in region.slits:
+        axes.plot(*(scale * slit.points).T, color="#333333", linewidth=1.6, linestyle=(0, (2, 1.5)), zorder=4)
+    if region.slits:
+        names = ", ".join(dict.fromkeys(slit.name for slit in region.slits))
+        label = f"{names}: to be gone round"
+        shown += axes.plot([], [], color="#333333", linewidth=1.6, linestyle=(0, (2, 1.5)), label=label)
     if contacts:
         shown += axes.plot([], [], color=_GREY, linestyle=(0, (4, 3)), label="contact, implied by an edge")
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))

@@ -29,6 +29,7 @@ from pinbound.typing import Array, Flags, Indices, Ints
 from pinbound.values import Value
 
 __all__ = [
+    "Contact",
     "LiftedPlane",
     "LoopBounds",
     "LoopContact",
@@ -90,20 +91,18 @@ class LiftedPlane(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class LoopContact:
-    """Contact `|r(F(x))| <= threshold` of a boundary through loops.
+class Contact:
+    """Contact `|r| <= threshold` of a boundary in a plane.
 
     Attributes:
         name: The boundary.
-        path: Over z.
+        path: Its path.
         threshold: T [m].
-        plane: What takes points of the plane to z.
     """
 
     name: str
     path: RelativePath
     threshold: float
-    plane: LiftedPlane
 
     is_contact = True
 
@@ -111,6 +110,17 @@ class LoopContact:
     def source(self) -> str:
         """The boundary."""
         return self.name
+
+
+@dataclass(frozen=True, eq=False)
+class LoopContact(Contact):
+    """Contact `|r(F(x))| <= threshold` of a boundary through loops; its path is over z.
+
+    Attributes:
+        plane: What takes points of the plane to z.
+    """
+
+    plane: LiftedPlane
 
     @property
     def fastest(self) -> Array:

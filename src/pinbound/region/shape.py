@@ -21,6 +21,7 @@ from pinbound.region.arrangement import Corner, Edge, Unresolved
 from pinbound.region.halfplanes import Support
 from pinbound.region.slice import Slice
 from pinbound.region.touching import Touch, touches
+from pinbound.region.turn_cuts import Slit, slits_in
 from pinbound.typing import Array, Flags
 from pinbound.values import read_only
 
@@ -72,6 +73,19 @@ class PlanarShape(ABC):
     def joined_area(self) -> float:
         """Area [`area_unit`] if all parts that meet at `unresolved` places are joined there; else `area`."""
         return self.area
+
+    @cached_property
+    def slits(self) -> tuple[Slit, ...]:
+        """Walls that end inside it, of loops whose passive joints jump by a turn there: a motion has to go round them.
+
+        Both sides belong to the region; empty for all robots but those with loops that are no parallelograms.
+        """
+        if self.slice.lifted is None or self.polygon.is_empty:
+            return ()
+        slice_, edges = self.slice, dict[str, Any]()
+        for name in {edge.name for edge in self.edges}:
+            edges[name] = gis.multilinestrings([gis.linestrings(e.points) for e in self.edges if e.name == name])
+        return slits_in(self.slice.lifted, slice_.scales, slice_.window, self.polygon, edges, self.accuracy)
 
     @property
     def units(self) -> tuple[str, str]:

@@ -28,9 +28,8 @@ from pinbound.boundaries.looped import over_z
 from pinbound.evaluate import separation
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.limits.univariate import gap_around, one_angle_strips
-from pinbound.loops.through_loops import LiftedPlane, LoopContact, LoopLimit
+from pinbound.loops.through_loops import Contact, LiftedPlane, LoopContact, LoopLimit
 from pinbound.model.coupling import Intervals
-from pinbound.path.relative import RelativePath
 from pinbound.path.restriction import restrict_path
 from pinbound.region.halfplanes import HalfPlane
 from pinbound.region.loop_slice import curves_through, lifted_plane, moved_columns, over
@@ -84,25 +83,8 @@ class Strips(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
-    """Contact `|r(x)| <= threshold` of a boundary of several effective angles in the plane.
-
-    Attributes:
-        name: The boundary.
-        path: Over the plane's two coordinates.
-        threshold: T [m].
-    """
-
-    name: str
-    path: RelativePath
-    threshold: float
-
-    is_contact = True
-
-    @property
-    def source(self) -> str:
-        """The boundary."""
-        return self.name
+class Curve(Contact):
+    """Contact `|r(x)| <= threshold` of a boundary of several effective angles; its path is over the plane's two."""
 
     def free(self, X: Array) -> Flags:
         """Return whether points (N, 2) are out of contact."""

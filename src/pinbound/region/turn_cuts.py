@@ -9,10 +9,12 @@ curves (`contours`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
+import shapely
 
 from pinbound.bounds.derivative_bounds import LeverArms
 from pinbound.exceptions import UnsupportedError
@@ -20,9 +22,13 @@ from pinbound.loops.linkages import Linkage
 from pinbound.loops.through_loops import LiftedPlane
 from pinbound.region.contours import trace
 from pinbound.region.deadline import Deadline
+from pinbound.tolerances import REGION_ACCURACY
 from pinbound.typing import Array
+from pinbound.values import Value, read_only
 
-__all__ = ["Cut", "TurnFunction", "cuts_of"]
+__all__ = ["Cut", "Slit", "TurnFunction", "cuts_of", "slits_in"]
+
+gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +148,44 @@ def cuts_of(
         for line in contour.lines:
             name = plane.lift.names[columns[3]]
             found += [Cut(name, part, function, contour.chord_error) for part in _behind(function, line)]
+    return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Slit(Value):
+    """A wall that ends inside a region: on its two sides passive joints differ by a turn, and no motion crosses it.
+
+    Attributes:
+        name: ``"LOOP turn"``, the limit that a motion across it would pass.
+        points: (k, 2) [rad or m].
+    """
+
+    name: str
+    points: Array
+
+
+def slits_in(
+    plane: LiftedPlane, scales: Array, window: Array, polygon: Any, edges: Mapping[str, Any], accuracy: float
+) -> tuple[Slit, ...]:
+    """Return the parts of cuts inside a polygon that are not its edges, all in radians and metres.
+
+    Args:
+        plane: The plane.
+        scales: (2,), as of `Slice.scales`.
+        window: (2, 2), as of `Slice.window`.
+        polygon: The region.
+        edges: The edges of the polygon that are cuts, by name.
+        accuracy: How far the polygon's edges may be from where they are.
+    """
+    found: list[Slit] = []
+    for cut in cuts_of(plane, scales, window / scales, REGION_ACCURACY):
+        inner = gis.intersection(gis.linestrings(cut.points * scales), polygon)
+        for part in gis.get_parts(gis.line_merge(inner) if inner.geom_type == "MultiLineString" else inner):
+            points = gis.get_coordinates(part)
+            edge = edges.get(cut.name)
+            away = part.length if edge is None else float(gis.distance(gis.points(points), edge).max())
+            if away > accuracy:
+                found.append(Slit(cut.name, read_only(points)))
     return tuple(found)
 
 
