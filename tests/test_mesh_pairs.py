@@ -129,3 +129,35 @@ def test_a_mesh_that_cannot_be_read_is_named(load_text: Load, tmp_path: Path, ho
     found = pb.cross_check(robot, samples=10, levels=("bodies",))
     assert "bodies" in found.not_checked
     assert not found.holds
+
+
+@pytest.mark.parametrize("plates", [True, False])
+def test_a_hollow_between_marks_is_named(load_text: Load, tmp_path: Path, plates: bool) -> None:
+    """Six plates hold the surface of a crate; a pebble inside touches none of them, which coverage says."""
+    save_obj(tmp_path / "crate.obj", [((0.0, 0.0, 0.0), (0.4, 0.4, 0.4))])
+    save_obj(tmp_path / "pebble.obj", [((0.0, 0.0, 0.0), (0.02, 0.02, 0.02))])
+    links = {"base": MESH.format("0 0 0.35", "crate", "1 1 1"), "a": "", "b": MESH.format("0 0 0", "pebble", "1 1 1")}
+    sides = [(axis, sign) for axis in range(3) for sign in (-1.0, 1.0)]
+    hulls = [
+        f"- {{name: plate{index}, link: base, vertices: {plate(axis, sign)}}}"
+        for index, (axis, sign) in enumerate(sides)
+    ]
+    if not plates:
+        hulls = [f"- {{name: plate0, link: base, vertices: {corners(0.21, (0.0, 0.0, 0.35))}}}"]
+    pairs = [f"{{name: b{index}, a: plate{index}, b: pebble}}" for index in range(len(hulls))]
+    text = "home: {q1: 0.0, q2: 0.5}\nhulls:\n" + "\n".join(hulls)
+    text += (
+        f"\n- {{name: pebble, link: b, vertices: {corners(0.02, (0.0, 0.0, 0.0))}}}\nboundaries: [{', '.join(pairs)}]\n"
+    )
+    robot = load_text(urdf(links, JOINTS), text)
+    assert [pair.status.value for pair in robot.coverage.pairs if set(pair.links) == {"base", "b"}] == ["watched"]
+    assert bool(robot.boundaries.free(np.zeros((1, 2)))[0]) is plates  # inside: no surface is touched
+    assert any("base" in note and "wholly inside" in note for note in robot.coverage.notes) is plates
+
+
+def plate(axis: int, sign: float) -> list[list[float]]:
+    """Return a plate of 20 mm about one side of the crate."""
+    size, middle = np.full(3, 0.21), np.array([0.0, 0.0, 0.35])
+    size[axis] = 0.01
+    middle[axis] += 0.2 * sign
+    return (np.array(CUBE) / 0.1 * size + middle).tolist()

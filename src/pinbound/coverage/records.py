@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
-__all__ = ["Basis", "BodyCoverage", "CoverageRecord", "LinkCoverage", "PairCoverage", "Status", "record_of"]
+__all__ = [
+    "Basis",
+    "BodyCoverage",
+    "CoverageRecord",
+    "LinkCoverage",
+    "PairCoverage",
+    "Status",
+    "hollow_note",
+    "record_of",
+]
 
 
 class Status(Enum):
     """How a pair of links is looked after.
 
     `WATCHED`: as long as every boundary is clear, no body of the one link touches a body of the other; proven.
+    A mesh is a surface: that a body is wholly inside it is not seen where several marks hold it (`Coverage.notes`).
     `IN_PART`: there are boundaries between the links, but they do not hold all bodies, or not all pairs of them.
     `LEFT_OUT`: no boundary is needed, or somebody said why there is none. `UNWATCHED`: neither.
     """
@@ -170,6 +180,18 @@ def record_of(links: Sequence[LinkCoverage], pairs: Sequence[PairCoverage], boun
         summary="",
     )
     return replace(record, summary=_line(record, only_points))
+
+
+def hollow_note(links: Iterable[str]) -> str:
+    """Return what marks that hold a mesh together do not say of these links; empty if there are none."""
+    named = ", ".join(dict.fromkeys(links))
+    if not named:
+        return ""
+    return (
+        f"a mesh is a surface, and several marks hold that of: {named}. A body that is wholly inside it, in a hollow "
+        "between its marks, touches no triangle, and no boundary says so. No motion leads there from outside without "
+        "contact, which boundaries see"
+    )
 
 
 def _line(record: CoverageRecord, only_points: bool) -> str:

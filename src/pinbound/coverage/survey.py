@@ -22,6 +22,7 @@ from pinbound.coverage.records import (
     LinkCoverage,
     PairCoverage,
     Status,
+    hollow_note,
     record_of,
 )
 from pinbound.exceptions import UnknownNameError
@@ -143,7 +144,7 @@ class Coverage:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What files say about links that the robot does not have."""
+        """What files say about links that the robot does not have, and what marks over meshes do not say."""
         return self._survey.notes
 
     @cached_property
@@ -222,7 +223,14 @@ class _Survey:
             for name in (mark.a, mark.b)
             if name not in self.tree.links
         }
-        return tuple(f"{source} leaves out pairs of {name!r}, which is no link" for source, name in sorted(absent))
+        said = [f"{source} leaves out pairs of {name!r}, which is no link" for source, name in sorted(absent)]
+        hollow = [
+            body.link
+            for link in self.links.values()
+            for body in link.bodies
+            if body.shape == "mesh" and body.held_by and min(map(len, body.held_by)) > 1
+        ]
+        return (*said, *filter(None, [hollow_note(hollow)]))
 
     def pair(self, a: str, b: str, boundaries: Sequence[Boundary]) -> PairCoverage:
         """Return how two links with bodies are looked after by the boundaries between them."""

@@ -8,7 +8,7 @@ bodies.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -206,10 +206,9 @@ class _Finder:
     def _approach(self, pairs: Sequence[Pair]) -> Array:
         """Return configurations (k, n) within all limits at which two marks touch, found by random steps; or none."""
         robot, Q = self.robot, self.judge_of.Q
-        paths: Mapping[int, RelativePath] = {index: self._path(pair) for index, pair in enumerate(pairs)}
-        radii = [pair.a.shape.radius + pair.b.shape.radius for pair in pairs]
-        gaps = np.array([separation.separations(paths[index], Q) - radii[index] for index in paths])
+        gaps = np.array([self.judge_of.gaps(pair) for pair in pairs])
         best = int(np.argmin(gaps.min(axis=1)))
+        path, radii = self._path(pairs[best]), pairs[best].a.shape.radius + pairs[best].b.shape.radius
         width = np.ptp(Q, axis=0)
         starts = np.argsort(gaps[best])[:_STARTS]
         places, values = Q[starts].copy(), gaps[best, starts].copy()
@@ -221,7 +220,7 @@ class _Finder:
             tries, owner = tries[kept], owner[kept]
             if not len(tries):
                 continue
-            found = separation.separations(paths[best], tries) - radii[best]
+            found = separation.separations(path, tries) - radii
             if found.min() <= 0.0:
                 return tries[found <= 0.0]
             for row in np.argsort(-found).tolist():  # the nearest of each start comes last

@@ -111,6 +111,11 @@ class Judge:
             self._pairs.update(links.judged(new, marks_b))
         return [[self._pairs[a, b] for b in marks_b] for a in marks_a]
 
+    def gaps(self, pair: Pair) -> Array:
+        """Return the gaps (N,) of two marks that have ends [m], everywhere; not above 0 where they overlap."""
+        radii = pair.a.shape.radius + pair.b.shape.radius
+        return self._poses.distances(pair.a, pair.b, np.arange(len(self.Q))) - radii
+
     def at_home(self, pair: Pair) -> float:
         """Return the signed distance of two marks in contact at home [m]: negative is how deep they overlap."""
         robot = self.robot

@@ -15,6 +15,7 @@ import numpy as np
 from pinbound.annotations import Annotations, BoundaryMark, LeftOutMark
 from pinbound.coverage.bodies import SHAPES, Body, LinkBodies, read_bodies
 from pinbound.coverage.covers import BY, MOST_PARTS, By, Cover, Progress, covers
+from pinbound.coverage.records import hollow_note
 from pinbound.exceptions import Problems, UnknownNameError
 from pinbound.marking.candidates import home_entries
 from pinbound.marking.evidence import evidence_of
@@ -166,8 +167,9 @@ def propose_marks(
         again = covers([body for body in chosen if body.link in touching], finest)
         rest = covers([body for body in chosen if body.link not in touching], accuracy)
         proposal, _ = _proposal(judge, together(*rest, *again), read)
-    said = _not_reached(proposal.covers, accuracy, most)
-    return replace(proposal, notes=(*proposal.notes, said) if said else proposal.notes, judge=judge)
+    hollow = hollow_note(one.link for one in proposal.covers if one.proof is not None and len(one.marks) > 1)
+    more = filter(None, [_not_reached(proposal.covers, accuracy, most), hollow])
+    return replace(proposal, notes=(*proposal.notes, *more), judge=judge)
 
 
 def _not_reached(found: Sequence[Cover], accuracy: float, most: int) -> str:
