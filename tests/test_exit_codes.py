@@ -70,6 +70,7 @@ CASES: list[tuple[str, int, str]] = [
     ("explore", 0, "explore ARM --out HERE/page.html"),
     ("explore", 1, "explore ARM --out HERE/page.html --require-coverage"),
     ("explore", 2, "explore ARM --out HERE/page.html --plane a,c"),
+    ("view", 2, "view ARM --at a=far"),
     ("robots", 0, "robots"),
     ("new", 0, "new palletizer --out HERE/start"),
     ("new", 2, "new crane --out HERE/start"),
@@ -78,13 +79,17 @@ CASES: list[tuple[str, int, str]] = [
     ("report", 2, "report HERE/none.urdf --out HERE/page"),
     ("reproduce", 2, "reproduce --robot HERE/none.urdf --out HERE/page"),
 ]
-ELSEWHERE = {("reproduce", 0): "tests/test_reproduce.py draws the paper"}
+ELSEWHERE = {
+    ("reproduce", 0): "tests/test_reproduce.py draws the paper",
+    ("view", 0): "tests/test_live.py ends it by Ctrl-C",
+}
 NEVER = {
     ("info", 1),
     ("derive", 1),
     ("limits", 1),
     ("export", 1),
     ("reproduce", 1),
+    ("view", 1),
     ("robots", 1),
     ("robots", 2),
     ("new", 1),

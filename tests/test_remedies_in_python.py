@@ -33,6 +33,7 @@ from pinbound.coverage.bodies import Body
 from pinbound.coverage.covers import cover
 from pinbound.crosscheck.regions_level import check_region
 from pinbound.evaluate.touching import nearest_features
+from pinbound.explorer.live import live_view
 from pinbound.export import drake_text
 from pinbound.extras import require
 from pinbound.figures.report import tool_link
@@ -40,6 +41,7 @@ from pinbound.meshes import read_mesh
 from pinbound.model.coupling import LinearLimit
 from pinbound.model.xml_text import parse_file
 from robots import ZOO, joint, robot_xml
+from viewers import Server
 
 SOURCE = Path(pb.__file__).parent
 CLASSES = ("DimensionError", "UnsupportedError", "MachineError", "PinboundError")
@@ -1257,6 +1259,15 @@ def others() -> Iterator[Entry]:
     how_far = lambda **more: lambda _: linkage().boundaries.limits(turned, linkage().home, **more)
     short = lambda **more: patched("pinbound.boundaries.looped_limits._FARTHEST", 1e-3, how_far(**more))
     yield one("give window=(lower, upper), or the joint limits", short(), short(window=tiny))
+    watch = lambda _: live_view(planar())
+    gone = without("viser", where="pinbound.explorer.live.import_module", then=watch)
+    fake = SimpleNamespace(ViserServer=Server)
+    there = patched(
+        "pinbound.explorer.live.import_module",
+        lambda name: fake if name == "viser" else pytest.importorskip(name),
+        watch,
+    )
+    yield one("this needs viser, which is not installed: pip install 'pinbound[view]'", gone, there)
     explored = lambda robot: lambda _: pb.explorer_page(robot())
     yield one("ask boundaries.limits(coordinate, q), which can", explored(linkage), how_far())
     still = lambda: made(robot_xml([joint("f", "fixed", "base", "a")], {}, []))

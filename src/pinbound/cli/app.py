@@ -8,7 +8,7 @@ from typing import Annotated, TextIO, cast
 
 import typer
 
-from pinbound.cli import batch, check, crosscheck, explore, export, inspect, mark, report, reproduce, robots
+from pinbound.cli import batch, check, crosscheck, explore, export, inspect, mark, report, reproduce, robots, view
 from pinbound.cli.pipes import Unread
 from pinbound.cli.shared import guarded
 
@@ -54,6 +54,7 @@ _register(mark.mark)
 _register(crosscheck.crosscheck)
 _register(export.export)
 _register(explore.explore)
+_register(view.view)
 _register(report.report)
 _register(reproduce.reproduce)
 _register(robots.robots)
