@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pinbound.boundaries.boundary import Boundary, checked_window, one_configuration
 from pinbound.boundaries.named_boundaries import NamedBoundaries
+from pinbound.boundaries.rates import rates_of, spans_of, tighten_all
 from pinbound.boundaries.spans import (
     CoordinateLimits,
     Smallest,
@@ -386,18 +387,23 @@ class BoundarySet(NamedBoundaries):
         if window is None:
             held = [span for _, span in spans if span]
             window = max((s[0] for s in held), default=-math.inf), min((s[1] for s in held), default=math.inf)
-        low, high = window
-        outside = any(span is None for _, span in spans)
-        for boundary, clear in zip(self, (self.signed_clearances(point) > 0.0).tolist(), strict=True):
-            if outside:  # no way is asked for: only whether this boundary forbids the value, too
-                spans.append((boundary.name, (-math.inf, math.inf) if clear else None))
-                continue
-            ends = (low, high) if low <= value <= high else (-math.inf, math.inf)
-            span = boundary.span(coordinate, point, ends, clear)
-            if span is not None:  # what lies beyond a stop that is known stops nothing
-                low, high = max(low, span[0]), min(high, span[1])
-            spans.append((boundary.name, span))
+        clearances = self.signed_clearances(point)
+        if any(span is None for _, span in spans):  # no way is asked for: only which boundaries forbid the value, too
+            found = [(-math.inf, math.inf) if s > 0.0 else None for s in clearances.tolist()]
+        else:
+            found = spans_of(self, self._rates(index), clearances, coordinate, point, window)
+        spans += zip(self.names, found, strict=True)
         return CoordinateLimits.of(coordinate, value, spans, self.beyond(point))
+
+    def _rates(self, index: int) -> Array:
+        """Return how fast coordinate `index` changes signed clearances at most (m,) [m per unit]."""
+        if index not in self._known_rates:
+            self._known_rates[index] = rates_of(self, index)
+        return self._known_rates[index]
+
+    @cached_property
+    def _known_rates(self) -> dict[int, Array]:
+        return {}
 
     def limits_table(self, coordinate: str, Q: ArrayLike) -> tuple[Array, NDArray[np.str_]]:
         """Return how far one coordinate can move from each of many q, and what stops it.
@@ -437,9 +443,7 @@ class BoundarySet(NamedBoundaries):
         rows, some, named = rows[inside], ends[inside], stops[inside]
         if not len(rows):
             return ends, stops.astype(np.str_)
-        held = float(some[:, 0].min()), float(some[:, 1].max())
-        clear = self.signed_clearances(rows) > 0.0
-        for k, boundary in enumerate(self):
-            tighten(some, named, boundary.name, boundary.spans(coordinate, rows, held, clear[:, k]))
+        clearances = self.signed_clearances(rows)
+        tighten_all(self, self._rates(index), clearances, coordinate, rows, some, named)
         ends[inside], stops[inside] = some, named
         return ends, stops.astype(np.str_)
