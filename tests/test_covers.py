@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import pinbound as pb
 from pinbound.cli import app
-from pinbound.coverage import Status
+from pinbound.coverage import Status, planes
 from pinbound.coverage.covers import covers
 from pinbound.coverage.cuts import cut_by_plane
 from pinbound.coverage.excess import excess_of
@@ -19,6 +19,7 @@ from pinbound.coverage.mesh_covers import cover_meshes
 from pinbound.coverage.mesh_proof import JOINTLY, away_from, prove
 from pinbound.coverage.near import Near
 from pinbound.coverage.parts import FITS, outline
+from pinbound.coverage.planes import best_cut
 from pinbound.coverage.polytopes import Polytope, split_polygon
 from pinbound.coverage.surfaces import surface_of
 from pinbound.meshes import Mesh, read_mesh
@@ -331,3 +332,22 @@ def test_a_section_is_closed_over_the_body_alone() -> None:
 def flat_area(group: Any, at: float) -> float:
     flat = group[np.all(np.abs(group[..., 2] - at) <= 1e-12, axis=1)]
     return float(0.5 * np.linalg.norm(np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]), axis=1).sum())
+
+
+def test_a_plane_along_a_flat_part_is_no_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plate that is flat but for rounding: a plane between its corners leaves all of it on one side."""
+    ticks = np.linspace(0.0, 0.2, 5)
+    vertices = np.array(
+        [(x, y, 1e-10 * ((7 * i + 3 * j) % 5)) for i, x in enumerate(ticks) for j, y in enumerate(ticks)]
+    )
+    cells = [5 * i + j for i in range(4) for j in range(4) if i < 2 or j < 2]
+    rows = np.array([one for a in cells for one in ((a, a + 5, a + 1), (a + 5, a + 6, a + 1))])
+    mesh = Mesh(vertices, rows, np.arange(len(rows)))
+    group, place, near = vertices[rows], np.array([0.15, 0.15, 0.0]), Near(mesh)
+    found = best_cut(group, place, 1e-3, near)
+    assert found is not None
+    assert min(map(len, found)) > 0
+    along = np.array([0.0, 0.0, 1.0]), 2e-10
+    assert sorted(map(len, cut_by_plane(group, *along)))[0] == 0
+    monkeypatch.setattr(planes, "_planes", lambda *_: [along])
+    assert best_cut(group, place, 1e-3, near) is None

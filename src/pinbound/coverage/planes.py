@@ -37,6 +37,8 @@ _DENSE = 16.0  # of a hull's extent: how far points are apart at which distances
 def best_cut(group: Array, place: Array, thick: float, near: Near) -> tuple[Array, Array] | None:
     """Return a surface (n, 3, 3) in two, by the plane that leaves the best hulls; None if no plane cuts it.
 
+    Both sides have triangles: heights that are but the digits of a file are none.
+
     Args:
         group: Triangles [m].
         place: (3,) [m], where the part sticks out.
@@ -51,8 +53,12 @@ def best_cut(group: Array, place: Array, thick: float, near: Near) -> tuple[Arra
     costs = [sum(_volume(one, thick) for one in pair) for pair in sides]
     order: list[int] = np.argsort(costs, kind="stable")[:_COMPARED].tolist()
     order += [row for row in range(len(planes) - _TURNS, len(planes)) if row >= 0 and row not in order]
-    best = min(order, key=lambda row: sum(_air(one, planes[row], near) for one in sides[row]))
-    return cut_by_plane(group, *planes[best])
+    air = {row: sum(_air(one, planes[row], near) for one in sides[row]) for row in order}
+    for row in sorted(order, key=lambda row: air[row]):
+        below, above = cut_by_plane(group, *planes[row])
+        if len(below) and len(above):  # a plane along a flat part has all of it, but for rounding, on one side
+            return below, above
+    return None
 
 
 def _planes(group: Array, points: Array, place: Array, near: Near) -> list[Plane]:
