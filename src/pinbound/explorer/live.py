@@ -59,7 +59,7 @@ class LiveView:
         self._said = server.gui.add_markdown("")
         names = ("none", *robot.boundaries.names)
         self._choice = server.gui.add_dropdown("boundary", names, initial_value="none")
-        self._choice.on_update(lambda _: self.show(self.q))
+        self._choice.on_update(self._chosen)
         self._factors = units.factors(["rad" if robot.turns(name) else "m" for name in robot.coordinates])
         for index, (name, (low, high)) in enumerate(zip(robot.coordinates, windows(robot, self.q, {}), strict=True)):
             self._add_slider(index, name, low, high)
@@ -72,6 +72,9 @@ class LiveView:
         size, middle = float(np.linalg.norm(high - low)) or 1.0, 0.5 * (low + high)
         across = np.array([0.4, -1.6, 0.5]) if high[1] - low[1] <= high[0] - low[0] else np.array([1.6, -0.4, 0.5])
         client.camera.position, client.camera.look_at = middle + size * across, middle
+
+    def _chosen(self, _: Any) -> None:
+        self.show(self.q)
 
     def _add_slider(self, index: int, name: str, low: float, high: float) -> None:
         factor = float(self._factors[index])

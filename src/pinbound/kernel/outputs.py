@@ -28,7 +28,7 @@ def separation_nodes(
     """
     program = compile_program(pairs, n, common() if len(pairs) > 1 else None)
     graph, values, rates = program.graph, list[int](), list[list[int]]()
-    raw = program.gradients() if slopes else [[] for _ in pairs]
+    raw = program.gradients() if slopes else [list[int]() for _ in pairs]
     for square, signed, threshold, row in zip(program.squares, program.signed, program.thresholds, raw, strict=True):
         separation = square if signed else graph.sqrt(square)
         values.append(graph.sub(separation, graph.constant(threshold)))
