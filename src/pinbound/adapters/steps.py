@@ -319,16 +319,17 @@ class StepBounds:
         return rows + self._rows_of(np.sort(rest), q, half, reserve, margin, gain)
 
     def _rows_of(self, near: Indices, q: Array, half: Array, reserve: float, margin: float, gain: float) -> _Rows:
-        """Return the rows of areas, by their places."""
+        """Return the rows of areas, by their places, that a step within the box may break."""
         if self._terms is None or not len(near):
             return _Rows.of(np.empty(0, dtype=object), np.zeros(0), np.zeros((0, len(q))), gain)
         found = self._terms.rows(near, q, half)
         value = found.value - (self._distances[found.places] + reserve)
-        size = value + found.loss + found.bend + np.abs(found.g).sum(axis=1)
-        bad = ~np.isfinite(size)  # nothing is known: 0 . d <= -1 [m], which no step keeps
-        value, g = np.where(bad, -1.0, value), np.where(bad[:, None], 0.0, found.g)
-        loss = np.where(bad, 0.0, found.loss), np.where(bad, 0.0, found.bend)
-        return _Rows.of(self._names[found.places], value, g, gain, margin, loss)
+        rest = value - found.loss - found.bend - np.abs(found.g) @ half
+        kept = np.flatnonzero(~((rest > 0.0) & (rest < np.inf)))
+        bad = ~np.isfinite(rest[kept])  # nothing is known: 0 . d <= -1 [m], which no step keeps
+        value, g = np.where(bad, -1.0, value[kept]), np.where(bad[:, None], 0.0, found.g[kept])
+        loss = np.where(bad, 0.0, found.loss[kept]), np.where(bad, 0.0, found.bend[kept])
+        return _Rows.of(self._names[found.places[kept]], value, g, gain, margin, loss)
 
     def _near(self, q: Array, half: Array, more: float) -> tuple[Indices, Array, Array]:
         """Return the places of the boundaries that some step may bring within `more` [m], and what proves the others.
