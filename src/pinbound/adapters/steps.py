@@ -38,6 +38,7 @@ __all__ = ["StepBounds", "StepRows"]
 
 _WORTH = 100_000  # measured boundaries from which compiling machine code (some seconds, once a machine) pays
 _FARTHEST = 1e6  # larger coordinates are measured by the reference
+_SMALLEST = 1e-6  # of a box, in which the boundaries that are looked at later are bounded
 _PROBED = 8  # boundaries that are looked at first: they shrink the box for the others
 
 
@@ -76,17 +77,19 @@ class StepRows(Value):
         return np.vstack((self.A, unit, -unit)), np.concatenate((self.b, self.step, self.step))
 
 
+_VALUE, _LINEAR, _BEND, _MARGIN, _SHARE, _G = range(6)
+"""Columns of a row's numbers; its rates are the last ones."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Each asks for `value + g . d - linear x - bend x^2 > 0`, x in [0, 1] being the scale of the box."""
+    """Each asks for `value + g . d - linear x - bend x^2 > 0`, x in [0, 1] being the scale of the box.
+
+    Some step within the whole box may break each of them, as far as is proved.
+    """
 
     names: AnyArray
-    value: Array
-    g: Array
-    linear: Array
-    bend: Array
-    margin: Array
-    share: Array
+    numbers: Array
 
     @classmethod
     def of(
@@ -96,36 +99,45 @@ class _Rows:
         g: Array,
         share: float,
         margin: float = 0.0,
-        loss: tuple[Array, Array] | None = None,
+        loss: tuple[Array | float, Array | float] = (0.0, 0.0),
     ) -> _Rows:
-        """Return rows of one margin and share; nothing is lost where `loss` is None."""
-        linear, bend = (np.zeros_like(value),) * 2 if loss is None else loss
-        return cls(names, value, g, linear, bend, np.full_like(value, margin), np.full_like(value, share))
+        """Return rows of one margin and share."""
+        numbers = np.empty((len(value), _G + g.shape[1]))
+        numbers[:, _VALUE], (numbers[:, _LINEAR], numbers[:, _BEND]) = value, loss
+        numbers[:, _MARGIN], numbers[:, _SHARE], numbers[:, _G:] = margin, share, g
+        return cls(names, numbers)
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Rows]) -> _Rows:
+        """Return all rows, one part behind the other."""
+        return cls(np.concatenate([part.names for part in parts]), np.concatenate([part.numbers for part in parts]))
 
     def take(self, which: Indices | Flags) -> _Rows:
         """Return some of the rows."""
-        return _Rows(*(part[which] for part in self._parts))
-
-    def __add__(self, other: _Rows) -> _Rows:
-        return _Rows(*(np.concatenate(pair) for pair in zip(self._parts, other._parts, strict=True)))
+        return _Rows(self.names[which], self.numbers[which])
 
     @property
-    def _parts(self) -> tuple[AnyArray, ...]:
-        return self.names, self.value, self.g, self.linear, self.bend, self.margin, self.share
+    def value(self) -> Array:
+        """(r,) clearance that is proved at q [m; rad or m of joint limits]."""
+        return self.numbers[:, _VALUE]
+
+    @property
+    def g(self) -> Array:
+        """(r, n) its rates."""
+        return self.numbers[:, _G:]
 
     def fits(self, loss: Array, more: Array | float = 0.0) -> Array:
         """Return the largest scale at which the losses, and `more` a scale, are at most `loss`."""
-        linear = self.linear + more
-        below = linear + np.sqrt(linear * linear + 4.0 * self.bend * np.maximum(loss, 0.0))
-        none = np.where(loss > 0.0, np.inf, 0.0)
-        return np.divide(2.0 * loss, below, out=none, where=(loss > 0.0) & (below > 0.0))
+        linear = self.numbers[:, _LINEAR] + more
+        below = linear + np.sqrt(linear * linear + 4.0 * self.numbers[:, _BEND] * np.maximum(loss, 0.0))
+        is_some = loss > 0.0
+        return np.divide(2.0 * loss, below, out=np.where(is_some, np.inf, 0.0), where=is_some & (below > 0.0))
 
     @property
     def nearness(self) -> Array:
         """The clearances in units of the margin, at most 1."""
-        return np.minimum(
-            1.0, np.divide(self.value, self.margin, out=np.ones_like(self.value), where=self.margin > 0.0)
-        )
+        margin = self.numbers[:, _MARGIN]
+        return np.minimum(1.0, np.divide(self.value, margin, out=np.ones(len(margin)), where=margin > 0.0))
 
     def swing(self, half: Array) -> Array:
         """Return by how much the linear part may fall within the box."""
@@ -133,17 +145,13 @@ class _Rows:
 
     def loss(self, scale: float) -> Array:
         """Return what may be lost at a scale of the box."""
-        return self.linear * scale + self.bend * scale * scale
-
-    def broken(self, half: Array) -> Flags:
-        """Return which rows a step within the box may break, as far as is proved."""
-        return ~(self.value - self.loss(1.0) - self.swing(half) > 0.0)
+        return self.numbers[:, _LINEAR] * scale + self.numbers[:, _BEND] * scale * scale
 
     def bound(self, scale: float) -> Array:
         """Return b: what is proved to be safe, and no nearer than the margin; outwards where q is in contact."""
-        safe = self.value - self.loss(scale)
-        kept = np.minimum(safe, np.maximum(self.share * (self.value - self.margin), 0.0))
-        return np.where(self.value > 0.0, kept, safe)
+        value, safe = self.value, self.value - self.loss(scale)
+        kept = np.maximum(self.numbers[:, _SHARE] * (value - self.numbers[:, _MARGIN]), 0.0)
+        return np.where(value > 0.0, np.minimum(safe, kept), safe)
 
 
 class StepBounds:
@@ -220,12 +228,12 @@ class StepBounds:
         refuse_far(low, high, self.robot.coordinates)
         self._prepare(low, high)
         areas = self._area_rows(point, half, reserve, margin, gain)
-        rows = areas + self._stop_rows(point, half, reserve, gain)
-        rows = rows + self._limit_rows(point, half) if limits else rows
-        in_contact = np.append(~(areas.value > 0.0), rows.value[len(areas.value) :] < 0.0)
-        blocked = dict.fromkeys(rows.names[in_contact].tolist())
-        found = rows.take(rows.broken(half))
-        scale = _scale(found, half, gain)
+        ends = [self._stop_rows(point, half, reserve, gain)] if self.stops else []
+        found = _Rows.joined([areas, *ends, *([self._limit_rows(point, half)] if limits else [])])
+        in_contact = found.value < 0.0
+        in_contact[: len(areas.names)] = ~(areas.value > 0.0)
+        blocked = dict.fromkeys(found.names[in_contact].tolist())
+        scale = _scale(found, gain)
         if most is not None:
             reach = found.fits(found.value, found.swing(half))
             is_blocked = np.array([name in blocked for name in found.names], dtype=np.bool_)
@@ -307,29 +315,40 @@ class StepBounds:
     def _area_rows(self, q: Array, half: Array, reserve: float, margin: float, gain: float) -> _Rows:
         """Return the rows of the boundaries that a step may bring within the margin.
 
-        Of many, those that a step reaches first come first: they shrink the box, and the smaller box reaches fewer.
+        Of many, those that a step reaches first come first: they shrink the box, and in the smaller box, which reaches
+        fewer, the others are bounded.
         """
         near, reach, fixed = self._near(q, half, reserve + margin)
         if len(near) <= 2 * _PROBED:
             return self._rows_of(near, q, half, reserve, margin, gain)
         near = near[np.argsort((self._known[near] - fixed[near]) / reach[near])]
         rows = self._rows_of(near[:_PROBED], q, half, reserve, margin, gain)
-        scale, rest = _scale(rows, half, gain), near[_PROBED:]
+        scale, rest = max(_scale(rows, gain), _SMALLEST), near[_PROBED:]
         rest = rest[~(self._known[rest] - scale * reach[rest] - fixed[rest] > 0.0)]
-        return rows + self._rows_of(np.sort(rest), q, half, reserve, margin, gain)
+        return _Rows.joined([rows, self._rows_of(np.sort(rest), q, half, reserve, margin, gain, scale)])
 
-    def _rows_of(self, near: Indices, q: Array, half: Array, reserve: float, margin: float, gain: float) -> _Rows:
-        """Return the rows of areas, by their places, that a step within the box may break."""
+    def _rows_of(
+        self, near: Indices, q: Array, half: Array, reserve: float, margin: float, gain: float, scale: float = 1.0
+    ) -> _Rows:
+        """Return the rows of areas, by their places, that a step may break; they hold up to a scale of the box.
+
+        A loss is convex in the scale x, and zero at zero, so that up to `scale` it is at most `loss(scale) x / scale`;
+        a bend goes with x^2.
+        """
         if self._terms is None or not len(near):
             return _Rows.of(np.empty(0, dtype=object), np.zeros(0), np.zeros((0, len(q))), gain)
-        found = self._terms.rows(near, q, half)
-        value = found.value - (self._distances[found.places] + reserve)
-        rest = value - found.loss - found.bend - np.abs(found.g) @ half
+        found = self._terms.rows(near, q, scale * half)
+        value, loss, bend = (
+            found.value - (self._distances[found.places] + reserve),
+            found.loss / scale,
+            found.bend / scale**2,
+        )
+        rest = value - loss - bend - np.abs(found.g) @ half
         kept = np.flatnonzero(~((rest > 0.0) & (rest < np.inf)))
         bad = ~np.isfinite(rest[kept])  # nothing is known: 0 . d <= -1 [m], which no step keeps
         value, g = np.where(bad, -1.0, value[kept]), np.where(bad[:, None], 0.0, found.g[kept])
-        loss = np.where(bad, 0.0, found.loss[kept]), np.where(bad, 0.0, found.bend[kept])
-        return _Rows.of(self._names[found.places[kept]], value, g, gain, margin, loss)
+        losses = np.where(bad, 0.0, loss[kept]), np.where(bad, 0.0, bend[kept])
+        return _Rows.of(self._names[found.places[kept]], value, g, gain, margin, losses)
 
     def _near(self, q: Array, half: Array, more: float) -> tuple[Indices, Array, Array]:
         """Return the places of the boundaries that some step may bring within `more` [m], and what proves the others.
@@ -417,11 +436,11 @@ class StepBounds:
         self._moved, self._slack = terms.moved, 8.0 * terms.error + STEP_SEARCH
 
 
-def _scale(rows: _Rows, half: Array, gain: float) -> float:
-    """Return the scale of the box at which no row that it can break loses more than the gain's share.
+def _scale(rows: _Rows, gain: float) -> float:
+    """Return the scale of the box at which no row loses more than the gain's share.
 
     Below the margin the share falls with the clearance: a step along a boundary loses by its curvature, and half of
     what is left at each step would be nothing soon.
     """
-    rows = rows.take((rows.value > 0.0) & rows.broken(half))
-    return min(1.0, float(rows.fits(gain * rows.value * rows.nearness).min(initial=1.0)))
+    fits = rows.fits(gain * rows.value * rows.nearness)
+    return float(fits[rows.value > 0.0].min(initial=1.0))
