@@ -1,7 +1,7 @@
 """Figures: the robot seen from the side, a region with named edges, its image in the workspace.
 
-Matplotlib loads when the first figure is drawn. Colours are Okabe and Ito's, which colour-blind readers tell apart;
-every edge also carries its name.
+Matplotlib loads when the first figure is drawn. Colours are Okabe and Ito's, which colour-blind readers tell apart; a
+boundary has one colour on a page (`order_of`), and every edge also carries its name.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from pinbound import units
 from pinbound.annotations import Mark
 from pinbound.boundaries.boundary import Boundary
 from pinbound.extras import Needs
+from pinbound.figures.colours import PALETTE, ink, order_of, style_of
 from pinbound.region import Edge, Region
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array
@@ -29,12 +30,12 @@ __all__ = [
     "draw_workspace",
     "save",
     "section_axes",
+    "side_axes",
     "without_math",
 ]
 
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
-PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F6000", "#000000")
 _GREY = "#8A8A8A"
 _FILL = "#DCEBF5"
 _EDGE_SAMPLES = 200
@@ -77,11 +78,6 @@ def save(figure: Any, path: Path) -> list[Path]:
     return files
 
 
-def _colours(edges: Sequence[Edge]) -> dict[str, str]:
-    names = sorted({edge.name for edge in edges}, key=lambda name: (len(name), name))
-    return {name: PALETTE[index % len(PALETTE)] for index, name in enumerate(names)}
-
-
 def draw_region(region: Region, home: Array, contacts: Sequence[tuple[str, Array, float]] = ()) -> Any:
     """Draw a region with every edge in its colour and with its name, and implied contact lines in grey.
 
@@ -97,9 +93,10 @@ def draw_region(region: Region, home: Array, contacts: Sequence[tuple[str, Array
     low, high = _frame(scale * np.concatenate([edge.points for edge in region.edges]), lines)
     for name, normal, value in lines:
         _draw_line(axes, name, normal, value, low, high)
-    colours, alike = _colours(region.edges), region.units[0] == region.units[1]
+    names, alike = order_of(region, region.slice.robot.boundaries.names), region.units[0] == region.units[1]
     for edge in region.edges:
-        _draw_edge(axes, edge.name, scale * edge.points, scale * region.centroid, colours[edge.name], turned=alike)
+        style = style_of(edge.name, names)
+        _draw_edge(axes, edge.name, scale * edge.points, scale * region.centroid, style, turned=alike)
     corners = scale * np.array([corner.point for corner in region.corners]).reshape(-1, 2)
     axes.plot(*corners.T, "o", color="#333333", markersize=4, zorder=4)
     shown = axes.plot(*(scale * home), "s", color="#333333", markersize=7, label="home", zorder=5)
@@ -139,16 +136,22 @@ def _label_plane(axes: Any, region: Region) -> None:
 
 
 def _draw_edge(
-    axes: Any, name: str, points: Array, inside: Array, colour: str, linewidth: float = 3.0, turned: bool = True
+    axes: Any,
+    name: str,
+    points: Array,
+    inside: Array,
+    style: Mapping[str, Any],
+    linewidth: float = 3.0,
+    turned: bool = True,
 ) -> None:
     """Draw an edge (k, 2), and its name at its middle, on the side on which the point `inside` lies.
 
     The name runs along the edge if `turned`: where both axes are scaled alike.
     """
-    axes.plot(*points.T, color=colour, linewidth=linewidth, solid_capstyle="butt", zorder=3)
+    axes.plot(*points.T, **style, linewidth=linewidth, solid_capstyle="butt", zorder=3)
     start, end = _resample(points, np.array([0.48, 0.52]))
     if np.any(start != end):  # an edge may be mapped to one place
-        _name_edge(axes, name, start, end, inside, colour, turned)
+        _name_edge(axes, name, start, end, inside, style["color"], turned)
 
 
 def _resample(points: Array, share: Array) -> Array:
@@ -179,7 +182,7 @@ def draw_verdicts(region: Region, home: Array, groups: Mapping[str, Array]) -> A
         axes.plot(*drawn.T, markers[index % len(markers)], markersize=size, markeredgewidth=0, **style)
         shown.append(drawn)
     for edge in region.edges:
-        _draw_edge(axes, edge.name, scale * edge.points, scale * region.centroid, "#333333", 1.2, alike)
+        _draw_edge(axes, edge.name, scale * edge.points, scale * region.centroid, {"color": "#333333"}, 1.2, alike)
     axes.plot(*(scale * home), "P", color="#333333", markersize=8, label="home", zorder=9)
     everything = np.concatenate(shown)
     spread = np.ptp(everything, axis=0)
@@ -224,7 +227,7 @@ def _name_edge(axes: Any, name: str, start: Array, end: Array, inside: Array, co
         rotation_mode="anchor",
         ha=("left" if inwards[0] > 0.0 else "right") if beside else "center",
         va="center",
-        color=colour,
+        color=ink(colour),
         weight="bold",
         zorder=6,
     )
@@ -242,8 +245,11 @@ def _draw_line(axes: Any, name: str, normal: Array, value: float, low: Array, hi
     points = np.array([foot + enter * along, foot + leave * along])
     axes.plot(*points.T, color=_GREY, linewidth=1.1, linestyle=(0, (4, 3)), zorder=2)
     first, last = points[np.argsort(points @ np.array([1.0, 0.5]))]
+    room = np.array([0.008 * len(name), 0.02]) * (high - low)  # a name is about that long: it stays inside the axes
+    places = last + np.linspace(0.07, 0.5, 44)[:, None] * (first - last)
+    fits = np.all((low + room <= places) & (places <= high - room), axis=1)
     axes.text(
-        *(last + 0.07 * (first - last)),
+        *places[int(np.argmax(fits))],
         name,
         ha="center",
         va="center",
@@ -252,6 +258,26 @@ def _draw_line(axes: Any, name: str, normal: Array, value: float, low: Array, hi
         zorder=6,
         bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
     )
+
+
+def side_axes(robot: Robot, q: Array) -> tuple[int, int]:
+    """Return the two world axes of the side from which a robot is seen to move: x and z, y and z, or x and y.
+
+    It is seen from the horizontal axis that its joints turn about most. From above it is seen only if all of them turn
+    about the vertical, or if nothing turns in a plane that stands.
+
+    Example:
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> side_axes(robot, robot.home)
+        (0, 2)
+    """
+    turned = np.zeros(3)
+    for joint in robot.tree.moving_joints:
+        origin, end = (robot.positions(joint.child, q, xyz) for xyz in ((0.0, 0.0, 0.0), tuple(joint.axis.tolist())))
+        if joint.type != "prismatic":
+            turned += np.abs(end - origin)
+    return (0, 1) if max(turned[:2]) < 1e-6 * max(turned[2], 1e-9) else (0, 2) if turned[1] >= turned[0] else (1, 2)
 
 
 def section_axes(points: Array) -> tuple[int, int]:
@@ -287,33 +313,36 @@ def _draw_skeleton(axes: Any, robot: Robot, q: Array, plane: tuple[int, int], co
         axes.plot(*(1e3 * line[:, list(plane)]).T, "o", color=colour, markersize=4.5, markerfacecolor="white", zorder=3)
 
 
-def draw_robot(robot: Robot, q: Array) -> Any:
-    """Draw joints, pins and marked points of a robot at one configuration, seen along its flattest axis."""
+def draw_robot(robot: Robot, q: Array, region: Region | None = None) -> Any:
+    """Draw joints, pins and marked points of a robot at one configuration, from the side in which it moves.
+
+    Args:
+        robot: The robot.
+        q: (n,) the configuration [rad or m].
+        region: A region of the same page: its edges have the colours that they have there.
+    """
     figure, axes = _figure(8.2, 6.6)
     marked = {name: _anchors(robot, mark, q) for name, mark in robot.annotations.marks.items()}
-    origins = [robot.positions(link, q) for link in robot.tree.links]
-    plane = section_axes(np.array([*origins, *(end for ends in marked.values() for end in ends)]))
+    plane = side_axes(robot, q)
     _draw_skeleton(axes, robot, q, plane, "#9AA5B1")
-    few = len(robot.boundaries) <= _MOST_NAMES
+    few, order = len(robot.boundaries) <= _MOST_NAMES, order_of(region, robot.boundaries.names)
     for mark in robot.annotations.marks.values():
         _draw_mark(axes, mark, marked[mark.name], plane)
-    for index, boundary in enumerate(robot.boundaries):
-        colour = PALETTE[index % len(PALETTE)]
+    for boundary in robot.boundaries:
+        style, size = style_of(boundary.name, order), 1.0 if few else 0.5
         ends = _nearest_ends(robot, boundary, q)[:, list(plane)]
-        style, size = "-" if index < len(PALETTE) else "--", 1.0 if few else 0.5
         axes.plot(
-            *ends.T,
-            style,
-            marker="o",
-            markersize=5 * size,
-            linewidth=1.1 * size,
-            color=colour,
-            label=boundary.name,
-            zorder=4,
+            *ends.T, **style, marker="o", markersize=5 * size, linewidth=1.1 * size, label=boundary.name, zorder=4
         )
         for point, place in zip((boundary.point_a, boundary.point_b), ends, strict=True) if few else ():
             axes.annotate(
-                point.name, place, xytext=(4, 4), textcoords="offset points", color=colour, fontsize=8, zorder=5
+                point.name,
+                place,
+                xytext=(4, 4),
+                textcoords="offset points",
+                color=ink(style["color"]),
+                fontsize=8,
+                zorder=5,
             )
     labels = "xyz"
     axes.set_xlabel(f"{labels[plane[0]]} [mm]")
@@ -368,10 +397,10 @@ def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:
     loops = [[next(curves) for _ in loop] for loop in region.loops]
     _fill(axes, loops)
     _draw_skeleton(axes, robot, region.at, plane, "#9AA5B1")
-    colours = _colours(region.edges)
+    names = order_of(region, robot.boundaries.names)
     centre = 1e3 * np.mean(outline[:, keep], axis=0)
     for edge, curve in zip(region.edges, (curve for loop in loops for curve in loop), strict=True):
-        _draw_edge(axes, edge.name, curve, centre, colours[edge.name])
+        _draw_edge(axes, edge.name, curve, centre, style_of(edge.name, names))
     axes.plot(*(1e3 * home[keep]), "s", color="#333333", markersize=7, label=f"{frame} at home", zorder=5)
     labels = "xyz"
     axes.set_xlabel(f"{labels[plane[0]]} [mm]")

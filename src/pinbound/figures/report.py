@@ -131,7 +131,7 @@ def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Pat
     tool = tool_link(robot, frame)
     region, reason = _region(robot)
     out.mkdir(parents=True, exist_ok=True)
-    figures = {"robot": plots.draw_robot(robot, robot.home)}
+    figures = {"robot": plots.draw_robot(robot, robot.home, region)}
     if region is not None:
         figures["region"] = plots.draw_region(region, _in_plane(region, robot.home), _implied_lines(robot, region))
         figures["workspace"] = plots.draw_workspace(robot, region, tool)

@@ -1,0 +1,106 @@
+"""Figures of one robot agree: a boundary has one colour on a page, and a robot is seen from where it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex, to_rgb
+from matplotlib.figure import Figure
+
+import pinbound as pb
+from pinbound.figures.colours import PALETTE, order_of, style_of
+from pinbound.figures.plots import draw_region, draw_robot, draw_workspace, side_axes
+
+
+def light(colour: object) -> float:
+    """Return the relative luminance of a colour, as contrast of text is defined by."""
+    parts = np.array(to_rgb(colour))  # type: ignore[arg-type]
+    linear = np.where(parts <= 0.03928, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def contrast(one: object, other: object) -> float:
+    low, high = sorted((light(one), light(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def lines(figure: Figure) -> dict[str, str]:
+    """Return the colours of lines by their labels, as the legend shows them."""
+    axes = figure.axes[0]
+    return {str(line.get_label()): to_hex(line.get_color()) for line in axes.lines if line.get_label()[:1] != "_"}
+
+
+def named(figure: Figure) -> dict[str, object]:
+    """Return the colours of the names beside edges."""
+    return {text.get_text(): text.get_color() for text in figure.axes[0].texts}
+
+
+def test_a_boundary_has_one_colour_in_all_figures_of_a_page() -> None:
+    """beta_3 was blue in the region, green in the robot beside it."""
+    robot = pb.load("minervabot_v3")
+    region = pb.feasible_region(robot)
+    order = order_of(region, robot.boundaries.names)
+    assert set(order) == set(robot.boundaries.names)
+    told = {name: to_hex(style_of(name, order)["color"]) for name in order}
+    assert {name: one for name, one in lines(draw_robot(robot, robot.home, region)).items() if name in told} == told
+    names = {edge.name for edge in region.edges}
+    for figure in (draw_region(region, robot.home[[1, 2]]), draw_workspace(robot, region, "link_6")):
+        drawn = {to_hex(line.get_color()) for line in figure.axes[0].lines if line.get_linewidth() == 3.0}
+        assert drawn == {told[name] for name in names}
+        assert names <= set(named(figure))
+
+
+def test_more_names_than_colours_are_told_apart_by_their_lines() -> None:
+    names = [f"b{index}" for index in range(2 * len(PALETTE))]
+    order = order_of(None, names)
+    styles = {(style_of(name, order)["color"], str(style_of(name, order)["linestyle"])) for name in names}
+    assert len(styles) == len(names)
+
+
+def test_names_can_be_read_on_white_and_on_the_fill_of_a_region() -> None:
+    region = pb.feasible_region(pb.load("minervabot_v3"))
+    found = named(draw_region(region, np.zeros(2)))
+    assert len(found) == len(region.edges)
+    for colour in found.values():
+        assert min(contrast(colour, "white"), contrast(colour, "#DCEBF5")) > 4.5
+
+
+def test_names_of_implied_contacts_stay_inside_the_axes() -> None:
+    """beta_2's line leaves through the corner; its name was cut there."""
+    robot = pb.load("minervabot_v3")
+    region = pb.feasible_region(robot)
+    figure = draw_region(region, robot.home[[1, 2]], [("beta_2", np.array([-1.0, 1.0]), np.radians(-78.0))])
+    figure.draw_without_rendering()
+    (text,) = (one for one in figure.axes[0].texts if one.get_text() == "beta_2")
+    box, frame = text.get_window_extent(), figure.axes[0].get_window_extent()
+    assert frame.x0 <= box.x0
+    assert box.x1 <= frame.x1
+    assert frame.y0 <= box.y0
+    assert box.y1 <= frame.y1
+
+
+JOINT = """<joint name="{0}" type="{1}"><parent link="{2}"/><child link="{3}"/><origin xyz="0.3 0 0.2"/>
+<axis xyz="{4}"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint><link name="{3}"/>"""
+
+
+@pytest.mark.parametrize(
+    ("axes", "seen"),
+    [
+        (("0 0 1", "0 1 0", "0 1 0"), (0, 2)),
+        (("0 0 1", "1 0 0", "1 0 0"), (1, 2)),
+        (("0 0 1", "0 0 1", "0 0 1"), (0, 1)),
+        (("0 0 1", "0 0 1", "0 -1 0"), (0, 2)),
+    ],
+)
+def test_a_robot_is_seen_from_the_side_in_which_it_moves(
+    load_text: Callable[..., pb.Robot], axes: tuple[str, str, str], seen: tuple[int, int]
+) -> None:
+    """An arm that lies flat at home was seen from above, where its joints are points on one line."""
+    joints = "".join(JOINT.format(f"j{k}", "revolute", f"l{k}", f"l{k + 1}", axis) for k, axis in enumerate(axes))
+    robot = load_text(f'<robot name="arm"><link name="l0"/>{joints}</robot>')
+    assert side_axes(robot, robot.home) == seen
+    figure = draw_robot(robot, robot.home)
+    assert figure.axes[0].get_xlabel()[0] == "xyz"[seen[0]]
+    assert figure.axes[0].get_ylabel()[0] == "xyz"[seen[1]]
