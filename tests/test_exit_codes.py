@@ -71,6 +71,11 @@ CASES: list[tuple[str, int, str]] = [
     ("explore", 1, "explore ARM --out HERE/page.html --require-coverage"),
     ("explore", 2, "explore ARM --out HERE/page.html --plane a,c"),
     ("view", 2, "view ARM --at a=far"),
+    ("plan", 0, "plan ARM --goal b=0.3 --start a=-0.2 --out HERE/way.csv"),
+    ("plan", 1, "plan ARM --goal b=0.3 --require-coverage"),
+    ("plan", 1, "plan ARM --goal a=-0.4,b=0.0 --start a=-0.4,b=5"),
+    ("plan", 2, "plan ARM --goal b=far"),
+    ("plan", 2, "plan BARE --goal b=0.3"),
     ("robots", 0, "robots"),
     ("new", 0, "new palletizer --out HERE/start"),
     ("new", 2, "new crane --out HERE/start"),
@@ -126,6 +131,7 @@ def test_a_disk_that_fails_is_no_fault_of_the_input(
     words = {"reproduce": "reproduce --robot ARM --out HERE/page", "batch": "batch ARM --random 5 --out HERE/o"}
     words |= {"check": "check ARM HERE/clear.csv", "report": "report ARM --out HERE/page"}
     words |= {"export": "export ARM json --out HERE/arm.json", "robots": "robots", "new": "new palletizer --out HERE/n"}
+    words |= {"plan": "plan ARM --goal b=0.3"}
     run("info ARM", tmp_path)  # its imports read files, too
     presets.models.cache_clear()
     line = words.get(command, f"{command} ARM").replace("ARM", str(tmp_path / "arm.urdf"))

@@ -8,7 +8,7 @@ from typing import Annotated, TextIO, cast
 
 import typer
 
-from pinbound.cli import batch, check, crosscheck, explore, export, inspect, mark, report, reproduce, robots, view
+from pinbound.cli import batch, check, crosscheck, explore, export, inspect, mark, plan, report, reproduce, robots, view
 from pinbound.cli.pipes import Unread
 from pinbound.cli.shared import guarded
 
@@ -18,7 +18,6 @@ app = typer.Typer(
     name="pinbound",
     help="Coupled joint limits and self-collision boundaries in closed form, from a URDF.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -50,6 +49,7 @@ _register(inspect.limits)
 _register(inspect.region)
 _register(batch.batch)
 _register(check.check)
+_register(plan.plan)
 _register(mark.mark)
 _register(crosscheck.crosscheck)
 _register(export.export)

@@ -30,6 +30,7 @@ from pinbound.cli.shared import (
     load_robot,
     millimetres,
     print_table,
+    working,
 )
 from pinbound.exceptions import PinboundError
 from pinbound.extras import require
@@ -80,7 +81,8 @@ def check(
     read = read_motion(loaded, motion, deg)
     budget = Budget(max_boxes, max_seconds)
     options = {"limits": not no_limits, "limits_only": limits_only, "each": each}
-    found = certify(loaded, read.waypoints, read.times, boundary, budget, **options)
+    with working("certifying", max_seconds):
+        found = certify(loaded, read.waypoints, read.times, boundary, budget, **options)
     if plot is not None:
         _draw(loaded, read, found, plot)
     if as_json:

@@ -22,6 +22,7 @@ from pinbound.cli.shared import (
     millimetres,
     parse_window,
     print_table,
+    working,
 )
 from pinbound.crosscheck import (
     LEVELS,
@@ -73,7 +74,8 @@ def crosscheck(
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     plane = None if coordinates is None else [name.strip() for name in coordinates.split(",")]
     within = parse_window(loaded, window, deg)
-    found = cross_check(loaded, samples, seed, chosen, rays, step, plane, within, accuracy)
+    with working(f"asking coal: {', '.join(chosen)}"):
+        found = cross_check(loaded, samples, seed, chosen, rays, step, plane, within, accuracy)
     if as_json:
         emit_json(found.to_dict())
     else:

@@ -18,6 +18,7 @@ from pinbound.cli.shared import (
     load_robot,
     parse_configuration,
     parse_window,
+    working,
 )
 from pinbound.explorer import explorer_page
 from pinbound.extras import require
@@ -57,17 +58,18 @@ def explore(
     """Write one page, offline, in which one drags through the region and sees the robot move."""
     require("report", "the explorer's page")
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
-    page = explorer_page(
-        loaded,
-        [[name.strip() for name in one.split(",")] for one in plane] if plane else None,
-        parse_configuration(loaded, at, deg) if at is not None else None,
-        None if motion is None else read_motion(loaded, motion, deg),
-        window=parse_window(loaded, window, deg),
-        meshes=meshes,
-        budget=budget,
-        width=width,
-        motion_name="motion" if motion is None else motion.name,
-    )
+    with working("regions and page"):
+        page = explorer_page(
+            loaded,
+            [[name.strip() for name in one.split(",")] for one in plane] if plane else None,
+            parse_configuration(loaded, at, deg) if at is not None else None,
+            None if motion is None else read_motion(loaded, motion, deg),
+            window=parse_window(loaded, window, deg),
+            meshes=meshes,
+            budget=budget,
+            width=width,
+            motion_name="motion" if motion is None else motion.name,
+        )
     page.save(out)
     said = console()
     for note in page.notes:

@@ -36,6 +36,7 @@ from pinbound.cli.shared import (
     parse_configuration,
     parse_window,
     print_table,
+    working,
 )
 from pinbound.coverage import Coverage
 from pinbound.loops.closures import Closure
@@ -368,7 +369,9 @@ def region(
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     plane = None if coordinates is None else tuple(name.strip() for name in coordinates.split(","))
     within = parse_window(loaded, window, deg)
-    found = feasible_region(loaded, plane, parse_configuration(loaded, at, deg), within, budget=budget, width=width)
+    q = parse_configuration(loaded, at, deg)
+    with working("tracing the region", budget):
+        found = feasible_region(loaded, plane, q, within, budget=budget, width=width)
     if as_json:
         emit_json(_region_record(found) | {"coverage": coverage_record(loaded.coverage.record)})
         require_coverage(loaded.coverage, require_coverage_)

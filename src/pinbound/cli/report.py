@@ -16,6 +16,7 @@ from pinbound.cli.shared import (
     console,
     load_robot,
     print_table,
+    working,
 )
 from pinbound.extras import require
 from pinbound.figures.report import write_report
@@ -37,7 +38,8 @@ def report(
     """Write an HTML page with the tree, the boundaries, the region, its workspace image and the assumptions."""
     require("report", "a report")
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
-    page, rows = write_report(loaded, out, frame)
+    with working("region, figures, page"):
+        page, rows = write_report(loaded, out, frame)
     table = [
         (row.boundary.name, row.boundary.kind.value, row.boundary.ancestor, row.contact, row.where) for row in rows
     ]

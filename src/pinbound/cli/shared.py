@@ -7,7 +7,8 @@ import inspect
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Annotated, Any, ParamSpec, TypeVar, cast
@@ -15,7 +16,9 @@ from typing import Annotated, Any, ParamSpec, TypeVar, cast
 import numpy as np
 import typer
 from rich.console import Console
+from rich.progress import Progress, ProgressColumn, SpinnerColumn, Task, TextColumn
 from rich.table import Table
+from rich.text import Text
 
 from pinbound.exceptions import InputError, MachineError, PinboundError, Problem, blames_the_path
 from pinbound.model.document import TRUST
@@ -39,6 +42,7 @@ __all__ = [
     "parse_configuration",
     "parse_window",
     "print_table",
+    "working",
 ]
 
 P = ParamSpec("P")
@@ -74,6 +78,38 @@ def console(stderr: bool = False) -> Console:
     if made.is_terminal:
         return made
     return Console(stderr=stderr, markup=False, emoji=False, highlight=False, width=_PIPE_WIDTH)
+
+
+@contextmanager
+def working(what: str, seconds: float = math.inf) -> Generator[None, None, None]:
+    """Show on a terminal that work goes on, for how long, and how much time is left at most; nothing in a pipe.
+
+    Args:
+        what: The work, in a few words.
+        seconds: Its budget [s], after which it ends; inf if it has none.
+    """
+    shown = console(stderr=True)
+    if not shown.is_terminal:
+        yield
+        return
+    fields = (SpinnerColumn(), TextColumn("{task.description}", markup=False), _Clock(seconds))
+    with Progress(*fields, console=shown, transient=True) as progress:
+        progress.add_task(what, total=None)
+        yield
+
+
+class _Clock(ProgressColumn):
+    """How long a task has run, and how long its budget lets it run."""
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__()
+        self.seconds = seconds
+
+    def render(self, task: Task) -> Text:
+        """Return the two times."""
+        elapsed = task.elapsed or 0.0
+        left = f", at most {max(0.0, self.seconds - elapsed):.0f} s left" if math.isfinite(self.seconds) else ""
+        return Text(f"{elapsed:.0f} s{left}")
 
 
 def guarded(command: Callable[P, R]) -> Callable[..., R]:
@@ -128,7 +164,9 @@ def _bad(option: str, message: str, remedy: str) -> InputError:
     return InputError([Problem(message, remedy, option)])
 
 
-def parse_configuration(robot: Robot, text: str | None, deg: bool = False) -> np.ndarray[Any, Any]:
+def parse_configuration(
+    robot: Robot, text: str | None, deg: bool = False, option: str = "--at"
+) -> np.ndarray[Any, Any]:
     """Return home, changed by ``"q2=0.1,q3=-0.2"`` (radians, or degrees with `deg`; slides in metres always)."""
     q = np.array(robot.home)
     for part in filter(None, (text or "").split(",")):
@@ -139,10 +177,10 @@ def parse_configuration(robot: Robot, text: str | None, deg: bool = False) -> np
             value = math.nan
         if not equals or name not in robot.coordinates or not math.isfinite(value):
             remedy = f"Write NAME=NUMBER, NAME one of: {', '.join(robot.coordinates)}"
-            raise _bad("--at", f"{part.strip()!r} is no coordinate with a finite number", remedy)
+            raise _bad(option, f"{part.strip()!r} is no coordinate with a finite number", remedy)
         q[robot.coordinates.index(name)] = math.radians(value) if deg and robot.turns(name) else value
     if not deg:
-        hint_degrees(robot, q[None], "--at")
+        hint_degrees(robot, q[None], option)
     return q
 
 
@@ -170,6 +208,11 @@ def parse_window(robot: Robot, text: str | None, deg: bool = False) -> dict[str,
             raise _bad("--window", f"{part.strip()!r} is no coordinate with two ends, lower first", remedy)
         turns = deg and robot.turns(name)
         window[name] = (math.radians(lower), math.radians(upper)) if turns else (lower, upper)
+    if window and not deg:
+        ends = np.tile(np.zeros(len(robot.coordinates)), (2, 1))
+        for name, both in window.items():
+            ends[:, robot.coordinates.index(name)] = both
+        hint_degrees(robot, ends, "--window")
     return window
 
 
@@ -207,7 +250,8 @@ def print_table(
     table = Table(title=title, title_justify="left", title_style="bold", caption=note, caption_justify="left")
     for column in columns:
         is_number = column.endswith("]")
-        table.add_column(column.removesuffix(" []"), justify="right" if is_number else "left")
+        # a narrow terminal folds what is long: a name that is cut is no name
+        table.add_column(column.removesuffix(" []"), justify="right" if is_number else "left", overflow="fold")
     for row in rows:
         table.add_row(*map(str, row))
     console().print(table)
