@@ -71,7 +71,8 @@ def spans_of(
     low, high = within if within[0] <= value <= within[1] else (-math.inf, math.inf)
     seen = low, high  # a little wider than what is known, so that of several stops at one place each is told
     far = _farness(clearances, rates)
-    for k in np.argsort(far, kind="stable").tolist():
+    nearest_first: list[int] = np.argsort(far, kind="stable").tolist()
+    for k in nearest_first:
         if far[k] > max(value - low, high - value):
             break
         if spans[k] is None:
@@ -103,7 +104,8 @@ def tighten_all(
     met = ~np.all(clearances > 0.0, axis=1)
     ends[met], stops[met] = np.nan, ""
     far, rank = _farness(clearances, rates), np.full(ends.shape, -1)
-    for k in np.argsort(np.median(far, axis=0), kind="stable").tolist():
+    nearest_first: list[int] = np.argsort(np.median(far, axis=0), kind="stable").tolist()
+    for k in nearest_first:
         near = np.flatnonzero(~met & ~(far[:, k] > np.maximum(values - ends[:, 0], ends[:, 1] - values)))
         if not len(near):
             continue

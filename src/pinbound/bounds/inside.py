@@ -118,7 +118,8 @@ def _frames(pole: Array) -> Array:
     """Return rotations (N, 3, 3) whose third column is a unit vector (N, 3)."""
     side: Any = np.cross(pole, np.eye(3)[np.argmin(np.abs(pole), axis=1)])
     side /= np.linalg.norm(side, axis=1)[:, None]
-    return np.stack((side, np.cross(pole, side), pole), axis=2)
+    frames: Array = np.stack((side, cross(pole, side), pole), axis=2)
+    return frames
 
 
 def _faces(points: Array, triangles: Indices) -> tuple[Array, Array, Array]:

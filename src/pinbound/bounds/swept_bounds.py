@@ -160,6 +160,7 @@ def _bounds(
     corner = along[:, 0] + least
     # The value is a distance of two points, no proof that none are nearer, should the search have ended early.
     lower, upper = corner - moved, value + np.maximum(moved - depth, 0.0)
+    off = rows.of(terms.aside)[:, 0] * INFLATION + error * (1.0 + rows.of(terms.wide).max(axis=1))
     if terms.second is not None:
         vectors = [rows.of(rate.T) for rate in terms.rates]
         falls = [share * np.einsum("nci,ni->nc", v, n) for v in vectors]
@@ -172,8 +173,6 @@ def _bounds(
                 ends = [end + sign * share * step for end in ends for sign in (-1.0, 1.0)]
             farthest: Array = np.max([_measure(swept, which, end, n) for end in ends], axis=0)
             upper = np.minimum(upper, farthest + bent)
-    off = rows.of(terms.aside)[:, 0] * INFLATION + error * (1.0 + rows.of(terms.wide).max(axis=1))
-    if terms.second is not None:
         touching = ~swept.is_signed[which] & (value <= _TOUCHING * swept.reach[which])
         doubtful = np.flatnonzero(touching & (swept.counts[which] > _FLAT) & (depth < moved) & (bent + off < moved))
         if len(doubtful):

@@ -50,7 +50,7 @@ class Links:
         rows = [whole.joints.index(name) for name in joints]
         used = np.flatnonzero(np.any(whole.S[rows], axis=0))
         names = tuple(whole.coordinates[index] for index in used.tolist())
-        self.coupling = Coupling(names, tuple(joints), whole.S[np.ix_(rows, used)], whole.offset[rows])
+        self.coupling = Coupling(names, tuple(joints), whole.S[rows][:, used], whole.offset[rows])
         self.rows: Array = Q[:, used]
         self.is_exact = not any(closure.deviations for closure in robot.closures)
         self.reach = Reach(robot.tree, self.coupling, link_a, link_b)
