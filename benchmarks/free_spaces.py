@@ -214,8 +214,8 @@ def ends_of(robot: pb.Robot) -> tuple[np.ndarray, np.ndarray]:
 
 def pictures(options: argparse.Namespace, folder: Path) -> int:
     """Draw a slice, a projection and a volume."""
+    from pinbound.figures.canvas import save
     from pinbound.figures.free_figure import draw_free
-    from pinbound.figures.plots import save
 
     for name, robot in robots(options, folder).items():
         window = {one: (-np.pi, np.pi) for one in robot.coordinates if name == "UR5"}

@@ -25,6 +25,7 @@ from pinbound.coverage.bodies import collision_bodies
 from pinbound.crosscheck.engine import Engine
 from pinbound.crosscheck.raw import RawBodies, raw_shapes
 from pinbound.figures import plots
+from pinbound.figures.canvas import save
 
 SHARE = Path(str(distribution("example-robot-data").locate_file("cmeel.prefix/share")))
 PANDA = SHARE / "example-robot-data" / "robots" / "panda_description" / "urdf" / "panda.urdf"
@@ -120,7 +121,7 @@ def main() -> int:
         )
         drawn.set_xlim(np.degrees(axes[0][0]) - 8.0)
         drawn.legend(loc=(0.3, 0.2), framealpha=1)
-        plots.save(figure, options.figure)
+        save(figure, options.figure)
     return int((touch & inside).any())
 
 

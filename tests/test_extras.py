@@ -66,9 +66,8 @@ def said(call):
 
 
 def figure():
-    from pinbound.figures.plots import draw_robot
-
-    draw_robot(robot, robot.home)
+    assert "<svg" not in pb.feasible_region(robot, ("q2", "q3"))._repr_html_()
+    robot.plot()
 
 
 print("plots:", said(figure))

@@ -104,3 +104,32 @@ def test_a_robot_is_seen_from_the_side_in_which_it_moves(
     figure = draw_robot(robot, robot.home)
     assert figure.axes[0].get_xlabel()[0] == "xyz"[seen[0]]
     assert figure.axes[0].get_ylabel()[0] == "xyz"[seen[1]]
+
+
+def test_regions_robots_and_certificates_draw_themselves_in_axes_that_are_given() -> None:
+    robot = pb.load("minervabot_v3")
+    region = pb.feasible_region(robot, ("q2", "q3"))
+    certificate = pb.certify(robot, [robot.home, [0.0, 0.0, 1.05]])
+    figure = Figure(figsize=(15, 5))
+    panels = figure.subplots(1, 3)
+    for draw, axes in zip((region.plot, lambda ax: robot.plot(ax=ax), certificate.plot), panels, strict=True):
+        assert draw(axes) is axes
+    assert {text.get_text() for text in panels[0].texts} >= {edge.name for edge in region.edges}
+    assert panels[1].get_title(loc="left").startswith("minervabot_v3 at home")
+    assert robot.plot([0.0, 0.3, 0.2]).get_title(loc="left").startswith("minervabot_v3 at q1 = 0 deg, q2 = 17.1887 deg")
+    names = [label.get_text() for label in panels[2].get_yticklabels()]
+    assert names[0] == certificate.tightest.name  # type: ignore[union-attr]
+    assert set(names) == set(robot.boundaries.names)
+    ends = {name: float(bar.get_x() + bar.get_width()) for name, bar in zip(names, panels[2].patches, strict=True)}
+    for finding in certificate.boundaries:
+        proven = finding.lower if finding.verdict is pb.Verdict.CERTIFIED else finding.upper
+        assert ends[finding.name] == pytest.approx(1e3 * proven, abs=1e-6)
+    with pytest.raises(pb.DimensionError):
+        robot.plot([0.0, np.nan, 0.0])
+
+
+def test_a_notebook_shows_a_region_and_its_text_in_which_names_are_no_markup() -> None:
+    region = pb.feasible_region(pb.load("minervabot_v3"), ("q2", "q3"))
+    page = region._repr_html_()
+    assert page.startswith("<svg")
+    assert "<pre>&lt;Region (q2, q3): beta_7," in page

@@ -14,7 +14,7 @@ import pinbound
 PACKAGE = Path(pinbound.__file__).parent
 FLOORS = [
     ("deprecation", "exceptions", "tolerances", "typing"),
-    ("extras", "units", "values"),
+    ("drawing", "extras", "units", "values"),
     ("geometry", "machine", "tables"),
     ("model",),
     ("meshes",),

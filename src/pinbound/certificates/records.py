@@ -6,11 +6,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cache
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 
 from pinbound.coverage import CoverageRecord
+from pinbound.drawing import drawn
 from pinbound.exceptions import DimensionError
 from pinbound.typing import Array, Flags, Indices, Ints
 from pinbound.values import FrozenDict, Value, owned, read_only
@@ -311,6 +312,27 @@ class Certificate(NoTruth):
         span = f"[{1e3 * found.lower:.6g}, {1e3 * found.upper:.6g}] mm"
         smallest = f"smallest clearance in {span}, {found.name} at t = {found.time:.6g}"
         return f"<Certificate {self.verdict.value}: {smallest}; {self.coverage}>"
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw between which bounds the smallest clearance of each boundary lies, the least first.
+
+        Args:
+            ax: Matplotlib axes to draw in; None: those of a new figure, `ax.figure`.
+
+        Returns:
+            The axes.
+
+        Raises:
+            UnsupportedError: If matplotlib is not installed; it says what to type.
+
+        Example:
+            >>> import pinbound as pb
+            >>> robot = pb.load("minervabot_v3")
+            >>> ax = pb.certify(robot, [robot.home, [0.0, 0.5, 0.5]]).plot()
+            >>> ax.get_yticklabels()[0].get_text()
+            'beta_4'
+        """
+        return drawn("motion_figure.certificate_axes", self, ax)
 
     @property
     def tightest(self) -> Finding | None:

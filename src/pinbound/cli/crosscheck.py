@@ -200,7 +200,8 @@ def _print_region(robot: Robot, level: RegionLevel) -> None:
 
 
 def _draw(robot: Robot, found: CrossCheck, out: Path) -> None:
-    from pinbound.figures.plots import draw_verdicts, save
+    from pinbound.figures.canvas import save
+    from pinbound.figures.plots import draw_verdicts
 
     level = found.region
     if level is None:

@@ -17,7 +17,8 @@ import shapely
 from pinbound.annotations import Mark
 from pinbound.coverage.bodies import Body
 from pinbound.extras import Needs
-from pinbound.figures.plots import PALETTE, without_math
+from pinbound.figures.canvas import without_math
+from pinbound.figures.colours import PALETTE
 from pinbound.meshes import Mesh
 from pinbound.typing import Array
 

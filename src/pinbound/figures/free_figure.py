@@ -11,7 +11,7 @@ import numpy as np
 from pinbound import units
 from pinbound.exceptions import UnsupportedError
 from pinbound.extras import Needs
-from pinbound.figures.plots import without_math
+from pinbound.figures.canvas import without_math
 from pinbound.freespace import FreeProjection, FreeVolume
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array, Flags, Indices

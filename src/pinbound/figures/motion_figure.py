@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from textwrap import wrap
 from typing import Any, cast
 
 import numpy as np
@@ -10,17 +12,18 @@ import numpy as np
 from pinbound import units
 from pinbound.certificates import Certificate, Verdict
 from pinbound.extras import Needs
-from pinbound.figures.plots import without_math
+from pinbound.figures.canvas import new_axes, without_math
 from pinbound.motion.history import MotionHistory, tightest
 from pinbound.region import Place, Region
 
-__all__ = ["draw_motion", "draw_paths"]
+__all__ = ["certificate_axes", "draw_motion", "draw_paths"]
 
 _PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _STYLES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 1)))
 _GREY = "#B0B0B0"
 _CONTACT = "#7A1F1F"
 _MOST = len(_PALETTE)
+_MOST_BARS = 24
 
 
 def draw_motion(seen: MotionHistory, certificate: Certificate | None = None, clock: str = "time") -> Any:
@@ -56,6 +59,36 @@ def draw_motion(seen: MotionHistory, certificate: Certificate | None = None, clo
         axes.margins(x=0.0)
     panels[-1].set_xlabel(clock)
     return without_math(figure)
+
+
+def certificate_axes(certificate: Certificate, axes: Any = None) -> Any:
+    """Draw between which bounds the smallest clearance of each boundary lies over a motion, and return the axes.
+
+    Args:
+        certificate: The certificate; its boundaries of the least clearance are drawn, 24 at most.
+        axes: Matplotlib axes; None: those of a new figure.
+    """
+    found = certificate.boundaries
+    order: list[int] = np.argsort(found.upper, kind="stable")[:_MOST_BARS].tolist()
+    axes = new_axes(8.2, 1.4 + 0.3 * max(len(order), 1), axes)
+    colours = {Verdict.CERTIFIED: _PALETTE[0], Verdict.VIOLATED: _PALETTE[1], Verdict.UNDECIDED: _PALETTE[4]}
+    for place, row in enumerate(order):
+        one = found[row]
+        low, high = (1e3 * bound if math.isfinite(bound) else 0.0 for bound in (one.lower, one.upper))
+        label = one.verdict.value if one.verdict.value not in axes.get_legend_handles_labels()[1] else None
+        end = low if one.verdict is Verdict.CERTIFIED else high
+        axes.barh(place, end, color=colours[one.verdict], height=0.6, label=label, zorder=2)
+        axes.plot([low, high], [place, place], color="#333333", linewidth=1.2, marker="|", markersize=7, zorder=3)
+    axes.axvline(0.0, color="#333333", linewidth=1.0)
+    axes.set_yticks(range(len(order)), [found.names[row] for row in order])
+    axes.set_ylim(max(len(order), 1) - 0.4, -0.6)
+    axes.set_xlabel("smallest clearance over the motion [mm], and its proven bounds")
+    rest = f" ({len(found) - len(order)} more, further away)" if len(found) > len(order) else ""
+    title = f"{certificate.verdict.value.upper()}: {certificate.coverage}{rest}"
+    axes.set_title("\n".join(wrap(title, 90)), loc="left", fontsize=9)
+    if len(order):
+        axes.legend(loc="upper right", fontsize=8)
+    return without_math(axes)
 
 
 def draw_paths(region: Region, paths: Mapping[str, MotionHistory], margin: Region | None = None) -> Any:

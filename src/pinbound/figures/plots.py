@@ -7,7 +7,6 @@ boundary has one colour on a page (`order_of`), and every edge also carries its 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -16,8 +15,9 @@ import shapely
 from pinbound import units
 from pinbound.annotations import Mark
 from pinbound.boundaries.boundary import Boundary
-from pinbound.extras import Needs
+from pinbound.figures.canvas import new_axes, without_math
 from pinbound.figures.colours import PALETTE, ink, order_of, style_of
+from pinbound.marking.candidates import configuration_text
 from pinbound.region import Edge, Region
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array
@@ -28,10 +28,10 @@ __all__ = [
     "draw_robot",
     "draw_verdicts",
     "draw_workspace",
-    "save",
+    "region_axes",
+    "robot_axes",
     "section_axes",
     "side_axes",
-    "without_math",
 ]
 
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
@@ -43,41 +43,6 @@ _MOST_NAMES = 24  # boundaries that are named in a figure: more would leave no r
 _STRETCH = 0.1  # metres of a line, or of a plane's normal, that are drawn
 
 
-def _figure(width: float, height: float) -> tuple[Any, Any]:
-    with Needs("plots", "a figure"):
-        from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    axes = cast(Any, figure).add_subplot()
-    axes.grid(True, color="#E4E4E4", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-    return figure, axes
-
-
-def without_math(figure: Any) -> Any:
-    """Let every text of a figure be read letter by letter: a name may hold `$`, and is no formula."""
-    from matplotlib.text import Text
-
-    for text in figure.findobj(Text):
-        text.set_parse_math(False)
-    return figure
-
-
-def save(figure: Any, path: Path) -> list[Path]:
-    """Write a figure as SVG and as PNG, the same bytes on every run; return the two paths."""
-    import matplotlib as mpl_untyped
-
-    mpl = cast(Any, mpl_untyped)
-
-    files = [path.with_suffix(".svg"), path.with_suffix(".png")]
-    figure.draw_without_rendering()  # the first layout of an equal-aspect figure is not settled yet
-    with mpl.rc_context({"svg.hashsalt": "pinbound"}):
-        figure.savefig(files[0], metadata={"Date": None})
-        figure.savefig(files[1], dpi=160)
-    return files
-
-
 def draw_region(region: Region, home: Array, contacts: Sequence[tuple[str, Array, float]] = ()) -> Any:
     """Draw a region with every edge in its colour and with its name, and implied contact lines in grey.
 
@@ -86,7 +51,22 @@ def draw_region(region: Region, home: Array, contacts: Sequence[tuple[str, Array
         home: (2,) the start point [rad or m].
         contacts: Lines `c @ x = value` that are no edges: name, c (2,), value, in rad and m.
     """
-    figure, axes = _figure(8.2, 7.2)
+    return region_axes(region, None, home, contacts).figure
+
+
+def region_axes(
+    region: Region, axes: Any = None, home: Array | None = None, contacts: Sequence[tuple[str, Array, float]] = ()
+) -> Any:
+    """Draw a region as `draw_region` does, in axes if any are given, and return the axes.
+
+    Args:
+        region: The region; angles are drawn in degrees, lengths in millimetres.
+        axes: Matplotlib axes; None: those of a new figure.
+        home: (2,) the start point [rad or m]; None: the region's own.
+        contacts: Lines `c @ x = value` that are no edges: name, c (2,), value, in rad and m.
+    """
+    axes = new_axes(8.2, 7.2, axes)
+    home = region.slice.start if home is None else home
     scale = units.factors(region.units)
     _fill(axes, [[scale * edge.points for edge in loop] for loop in region.loops])
     lines = [(name, normal / scale, value) for name, normal, value in contacts]
@@ -114,7 +94,7 @@ def draw_region(region: Region, home: Array, contacts: Sequence[tuple[str, Array
     area = f"{region.area:.4g} {units.area_name(region.area_unit)}"
     axes.set_title(f"Feasible region of ({', '.join(region.coordinates)}): {area}", loc="left")
     axes.legend(handles=shown, loc="upper left", framealpha=1)
-    return without_math(figure)
+    return without_math(axes)
 
 
 def _fill(axes: Any, loops: Sequence[Sequence[Array]]) -> None:
@@ -170,7 +150,7 @@ def draw_verdicts(region: Region, home: Array, groups: Mapping[str, Array]) -> A
         home: (2,) the start point [rad or m].
         groups: Points by what they are; the legend counts them, empty groups too.
     """
-    figure, axes = _figure(8.2, 7.6)
+    axes = new_axes(8.2, 7.6)
     scale, alike = units.factors(region.units), region.units[0] == region.units[1]
     _fill(axes, [[scale * edge.points for edge in loop] for loop in region.loops])
     markers = ("o", "X", "s", "^", "v")
@@ -192,7 +172,7 @@ def draw_verdicts(region: Region, home: Array, groups: Mapping[str, Array]) -> A
     _label_plane(axes, region)
     axes.set_title(f"Region of ({', '.join(region.coordinates)}) against coal's flood fill from home", loc="left")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, frameon=False)
-    return without_math(figure)
+    return without_math(axes.figure)
 
 
 def _frame(vertices: Array, contacts: Sequence[tuple[str, Array, float]]) -> tuple[Array, Array]:
@@ -321,7 +301,19 @@ def draw_robot(robot: Robot, q: Array, region: Region | None = None) -> Any:
         q: (n,) the configuration [rad or m].
         region: A region of the same page: its edges have the colours that they have there.
     """
-    figure, axes = _figure(8.2, 6.6)
+    return robot_axes(robot, q, None, region).figure
+
+
+def robot_axes(robot: Robot, q: Array, axes: Any = None, region: Region | None = None) -> Any:
+    """Draw a robot as `draw_robot` does, in axes if any are given, and return the axes.
+
+    Args:
+        robot: The robot.
+        q: (n,) the configuration [rad or m].
+        axes: Matplotlib axes; None: those of a new figure.
+        region: A region of the same page: its edges have the colours that they have there.
+    """
+    axes = new_axes(8.2, 6.6, axes)
     marked = {name: _anchors(robot, mark, q) for name, mark in robot.annotations.marks.items()}
     plane = side_axes(robot, q)
     _draw_skeleton(axes, robot, q, plane, "#9AA5B1")
@@ -348,10 +340,11 @@ def draw_robot(robot: Robot, q: Array, region: Region | None = None) -> Any:
     axes.set_xlabel(f"{labels[plane[0]]} [mm]")
     axes.set_ylabel(f"{labels[plane[1]]} [mm]")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_title(f"{robot.name} at home, with its marks and their nearest points", loc="left")
+    place = "at home" if np.array_equal(q, robot.home) else f"at {configuration_text(robot, q)}"
+    axes.set_title(f"{robot.name} {place}, with its marks and their nearest points", loc="left")
     if len(robot.boundaries) and few:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    return without_math(figure)
+    return without_math(axes)
 
 
 def _anchors(robot: Robot, mark: Mark, q: Array) -> list[Array]:
@@ -387,7 +380,7 @@ def _in_root(robot: Robot, link: str, q: Array, points: Array) -> Array:
 
 def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:
     """Draw the image of a region's contour under forward kinematics of a link's origin, edges named."""
-    figure, axes = _figure(8.2, 6.6)
+    axes = new_axes(8.2, 6.6)
     contour = [_image(robot, region, edge, frame) for edge in region.edges]
     home = robot.positions(frame, region.at)
     outline = np.concatenate(contour)
@@ -408,7 +401,7 @@ def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:
     axes.set_aspect("equal")
     axes.set_title(f"Where {frame} may be: image of the region's contour", loc="left")
     axes.legend(loc="upper right", framealpha=1)
-    return without_math(figure)
+    return without_math(axes.figure)
 
 
 def _image(robot: Robot, region: Region, edge: Edge, frame: str) -> Array:

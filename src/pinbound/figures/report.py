@@ -18,6 +18,7 @@ from pinbound.coverage.bodies import Body, collision_bodies
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.extras import require
 from pinbound.figures import plots
+from pinbound.figures.canvas import save
 from pinbound.figures.cover_figure import draw_cover
 from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
@@ -136,7 +137,7 @@ def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Pat
         figures["region"] = plots.draw_region(region, _in_plane(region, robot.home), _implied_lines(robot, region))
         figures["workspace"] = plots.draw_workspace(robot, region, tool)
     for name, figure in figures.items():
-        plots.save(figure, out / name)
+        save(figure, out / name)
     covers = list(write_covers(robot, out))
     rows = boundary_rows(robot, region)
     environment = jinja2.Environment(

@@ -22,6 +22,7 @@ from pinbound.region.arrangement import Arrangement, Corner, Edge, Line, arrange
 from pinbound.region.deadline import Deadline
 from pinbound.region.halfplanes import HalfPlane, Support, intersect, support
 from pinbound.region.shape import PlanarShape
+from pinbound.region.shown import Shown
 from pinbound.region.slice import Slice, slice_of
 from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET
 from pinbound.typing import Array, Flags
@@ -34,7 +35,7 @@ _PLANE = 2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Region(PlanarShape):
+class Region(Shown, PlanarShape):
     """A connected part of the free set in the plane of two coordinates: a `ConvexRegion` or a `TracedRegion`.
 
     Attributes:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pinbound.figures import plots
+from pinbound.figures.canvas import save
 from pinbound.region.membership import Place
 from pinbound.reproduce import path_figures, region_figures, tables
 from pinbound.reproduce.equations import check_equations
@@ -131,7 +131,7 @@ def reproduce_paper(robot: Robot, out: Path, progress: Callable[[str], None] | N
         say(f"figure {number}")
         figure = draw(study)
         figure.draw_without_rendering()  # the layout of a frame of equal scales settles in the second pass
-        files += plots.save(figure, out / f"figure_{number:02d}")
+        files += save(figure, out / f"figure_{number:02d}")
     say("meshes and polygons")
     files += [study.body.export(out / f"swept_body{suffix}") for suffix in (".ply", ".stl")]
     files += [

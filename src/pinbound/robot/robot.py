@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinbound.annotations import Annotations
+from pinbound.boundaries.boundary import one_configuration
 from pinbound.boundaries.boundary_set import BoundarySet
 from pinbound.coverage import Coverage
 from pinbound.coverage.bodies import collision_bodies
 from pinbound.coverage.body_meshes import MeshSource
+from pinbound.drawing import drawn
 from pinbound.evaluate import numeric
 from pinbound.exceptions import (
     DimensionError,
@@ -306,6 +308,29 @@ class Robot(Value):
         file.write_text(source, encoding="ascii")
         file.with_suffix(".h").write_text(header, encoding="ascii")
         return file, file.with_suffix(".h")
+
+    def plot(self, q: ArrayLike | None = None, ax: Any = None) -> Any:
+        """Draw joints, marks and their nearest points at one q, from the side in which the robot moves, in millimetres.
+
+        Args:
+            q: (n,) the configuration [rad or m]; home by default.
+            ax: Matplotlib axes to draw in; None: those of a new figure, `ax.figure`.
+
+        Returns:
+            The axes.
+
+        Raises:
+            UnsupportedError: If matplotlib is not installed; it says what to type.
+            DimensionError: If q is not one configuration of finite numbers.
+
+        Example:
+            >>> import pinbound as pb
+            >>> ax = pb.load("minervabot_v3").plot([0.0, 0.3, 0.2])
+            >>> ax.get_xlabel(), ax.get_ylabel()
+            ('x [mm]', 'z [mm]')
+        """
+        point = self.home if q is None else one_configuration(q, self.coordinates)
+        return drawn("plots.robot_axes", self, point, ax)
 
     def on(self, model: Any) -> ModelView:
         """Return the boundaries as a user's own `pinocchio.Model` asks for them: by its q, with gradients over its v.

@@ -1,0 +1,57 @@
+"""What all figures stand on: axes with a light grid, text that is no formula, files that are the same on every run.
+
+Matplotlib loads when the first figure is drawn.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any, cast
+
+from pinbound.extras import Needs
+
+__all__ = ["new_axes", "save", "svg_text", "without_math"]
+
+
+def new_axes(width: float, height: float, axes: Any = None) -> Any:
+    """Return axes with a light grid: those that are given, or those of a new figure of a size [inches]."""
+    with Needs("plots", "a figure"):
+        from matplotlib.figure import Figure
+
+    if axes is None:
+        axes = cast(Any, Figure(figsize=(width, height), layout="constrained")).add_subplot()
+    axes.grid(True, color="#E4E4E4", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    return axes
+
+
+def svg_text(figure: Any) -> str:
+    """Return a figure as SVG, to stand in a page."""
+    text = io.StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None})
+    return text.getvalue()[text.getvalue().index("<svg") :]
+
+
+def without_math(figure: Any) -> Any:
+    """Let every text of a figure, or of axes, be read letter by letter: a name may hold `$`, and is no formula."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
+    return figure
+
+
+def save(figure: Any, path: Path) -> list[Path]:
+    """Write a figure as SVG and as PNG, the same bytes on every run; return the two paths."""
+    import matplotlib as mpl_untyped
+
+    mpl = cast(Any, mpl_untyped)
+
+    files = [path.with_suffix(".svg"), path.with_suffix(".png")]
+    figure.draw_without_rendering()  # the first layout of an equal-aspect figure is not settled yet
+    with mpl.rc_context({"svg.hashsalt": "pinbound"}):
+        figure.savefig(files[0], metadata={"Date": None})
+        figure.savefig(files[1], dpi=160)
+    return files
