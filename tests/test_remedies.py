@@ -771,6 +771,8 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     window = "Write NAME=LOWER..UPPER, e.g. q1=-1..1, NAME one of: {}"
     yield commands(window, "region CRANE --window lift=1", "region CRANE --window lift=-1..1")
     cross = "crosscheck CRANE --samples 3 --levels points"
+    way = "plan minervabot_v3 --start q2=0 --goal q2=20,q3=20 --deg --out HERE/a"
+    yield commands("Let it end in .csv", way + ".txt", way + ".csv")
     yield commands("Let it end in .png or .svg", cross + ",region --out HERE/a.txt", cross + ",region --out HERE/a.png")
     yield commands("Add it to --levels", cross + " --out HERE/a.png", cross + ",region --out HERE/a.png")
     yield commands(window, cross + ",region --window lift=1", cross + ",region --window lift=-1..1")
