@@ -330,7 +330,7 @@ class Certificate(NoTruth):
             >>> robot = pb.load("minervabot_v3")
             >>> ax = pb.certify(robot, [robot.home, [0.0, 0.5, 0.5]]).plot()
             >>> ax.get_yticklabels()[0].get_text()
-            'beta_4'
+            'beta_9'
         """
         return drawn("motion_figure.certificate_axes", self, ax)
 
