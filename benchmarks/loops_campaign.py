@@ -1,6 +1,6 @@
 """Loops that are no parallelograms, three campaigns: places against Newton at 50 digits, toggles, and proofs.
 
-python -m benchmarks.loops_campaign [linkages] [motions]
+python -m benchmarks.loops_campaign [linkages] [motions] [seed of the motions]
 """
 
 from __future__ import annotations
@@ -116,9 +116,9 @@ def _off_toggle(mechanism: zoo.Mechanism, robot: LoopRobot, row: np.ndarray, x: 
     return float(abs(mpmath.mpf(float(row[index])) * found - mpmath.mpf(x)))
 
 
-def motions(count: int) -> None:
+def motions(count: int, seed: int = 2) -> None:
     """Hold what is proven clear of short and long motions against dense samples of them, by Pinocchio's kinematics."""
-    rng, false, clear, total, violated, wrong = np.random.default_rng(2), 0, 0, 0, 0, 0
+    rng, false, clear, total, violated, wrong = np.random.default_rng(seed), 0, 0, 0, 0, 0
     began, robots = time.perf_counter(), 0
     share = np.linspace(0.0, 1.0, _SAMPLES)[:, None, None]
     while total < count:
@@ -212,6 +212,6 @@ def certificates(count: int) -> None:
 
 if __name__ == "__main__":
     linkages_, motions_ = (int(x) for x in (*sys.argv[1:], "10000", "100000")[:2])
-    motions(motions_)
+    motions(motions_, int(sys.argv[3]) if len(sys.argv) > 3 else 2)
     certificates(max(20, motions_ // 500))
     places(linkages_)
