@@ -22,18 +22,12 @@ from pinbound.machine.nearest_steps import FURTHEST, NEAREST_STEPS
 from pinbound.tolerances import INFLATION
 
 __all__ = [
-    "ANGLES",
     "EDGES",
-    "HEAD",
     "LANES",
-    "MOVES",
     "PAIR",
+    "PARTS",
     "QUESTION",
-    "ROOM",
-    "SLOPES",
-    "SWINGS",
     "TABLES",
-    "VECTORS",
     "room_of",
     "separation_source",
 ]
@@ -65,7 +59,8 @@ _FEW: Final = 4
 def separation_source() -> KernelSource:
     """Return the source; it has the prototype of all kernels, its tables in place of scratch."""
     text = _ROWS
-    for name, part in _PARTS:
+    own = (("SLOPED", _SLOPED), ("TURNED", _TURNED), ("LEAST", _LEAST))
+    for name, part in (*own, *PARTS):
         text = put_part(text, name, part)
     for name, value in (("INFLATION", INFLATION), ("QUESTION", QUESTION), ("PAIR", PAIR), ("FEW", _FEW)):
         text = text.replace(f"${name}", repr(value))
@@ -77,13 +72,13 @@ def room_of(rotations: int, blocks: int, n: int) -> int:
     return 9 * (rotations + 1) + 12 * rotations + 3 * blocks + 50 + 9 * max(n, 1) + 40 + 2 * LANES
 
 
-HEAD: Final = """
+_HEAD: Final = """
 n, pairs, most, most_blocks = np.int64(w[0]), np.int64(w[1]), np.int64(w[2]), np.int64(w[3])
 agree, rounds, known, nothing, flat, sharp = w[5], np.int64(w[6]), w[7], w[8], w[9], w[10]
 """
 """What the head of the tables says."""
 
-ROOM: Final = """
+_ROOM: Final = """
 axes = mats + 9 * (most + 1)
 mosts, totals, rates_phi, asides = axes + 3 * most, axes + 4 * most, axes + 5 * most, axes + 6 * most
 squares, slopes, swings, turned = axes + 7 * most, axes + 8 * most, axes + 9 * most, axes + 12 * most
@@ -99,7 +94,7 @@ out[mats], out[mats + 4], out[mats + 8] = 1.0, 1.0, 1.0
 """
 """Places of room behind `mats`, as many numbers as `room_of` says; the first of the matrices turns nothing."""
 
-ANGLES: Final = """
+_ANGLES: Final = """
 wide, total = 0.0, 0.0
 for i in range(k):
     c, phi, rate, fast, bend, aside, spread = turns + (n + 3) * i, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -146,7 +141,7 @@ for i in range(k):
 """
 """Of each rotation how far it turns to either side, how fast, and the bound of its second derivatives; M and U."""
 
-VECTORS: Final = """
+_VECTORS: Final = """
 place = turned
 for v in range(7):
     x, y, z, block = 0.0, 0.0, 0.0, np.int64(w[p + 2 + 2 * v])
@@ -181,7 +176,7 @@ if w[p + 25] == 1.0:
 """
 """The chain and the edge vectors in the middle, each block as it is turned; across a line what counts of them."""
 
-SWINGS: Final = """
+_SWINGS: Final = """
 if w[p + 25] == 1.0:
     x, y, z, at = n0, n1, n2, p + 29
     n0 = w[at] * x + w[at + 1] * y + w[at + 2] * z
@@ -195,7 +190,7 @@ for i in range(k):
 """
 """n, across a line once more, and its cross products with all axes."""
 
-SLOPES: Final = """
+_SLOPES: Final = """
 place = turned
 for v in range(7):
     x, y, z = out[vectors + 3 * v], out[vectors + 3 * v + 1], out[vectors + 3 * v + 2]
@@ -243,7 +238,7 @@ for v in range(7):
 """
 """n times the chain and the edge vectors, and their rates: along the piece, or each coordinate's times its factor."""
 
-MOVES: Final = """
+_MOVES: Final = """
 moved, off, slid = 0.0, 0.0, 0.0
 slide = np.int64(w[p + 17])
 for b in range(np.int64(w[p + 16])):
@@ -328,14 +323,7 @@ for side in range(2):
     ax, ay, az = out[alongs + first], out[alongs + first + 1], out[alongs + first + 2]
     bx, by, bz = w[at + c], w[at + many + c], w[at + 2 * many + c]
     low = ax * bx + ay * by + az * bz
-    if not is_height:
-        bx, by, bz = 0.0, 0.0, 0.0
-        for i in range(4):
-            if used & (1 << i):
-                c = np.int64(out[corners + 2 * i + side])
-                bx += out[shares + i] * w[at + c]
-                by += out[shares + i] * w[at + many + c]
-                bz += out[shares + i] * w[at + 2 * many + c]
+    @PLACE
     slack8 = every(0.0)
     for i in range(many // 8):
         x8, y8, z8 = wide(w, at + 8 * i), wide(w, at + many + 8 * i), wide(w, at + 2 * many + 8 * i)
@@ -405,17 +393,28 @@ return 0
 """
 """The rows, one by one. The least of vertices that are not a number is infinite: such a bound proves nothing."""
 
-_PARTS: Final = (
-    ("HEAD", HEAD),
-    ("ROOM", ROOM),
-    ("ANGLES", ANGLES),
-    ("VECTORS", VECTORS),
+_PLACE: Final = """
+if not is_height:
+    bx, by, bz = 0.0, 0.0, 0.0
+    for i in range(4):
+        if used & (1 << i):
+            c = np.int64(out[corners + 2 * i + side])
+            bx += out[shares + i] * w[at + c]
+            by += out[shares + i] * w[at + many + c]
+            bz += out[shares + i] * w[at + 2 * many + c]
+"""
+"""The nearest place on a body, of coefficients (bx, by, bz): shares of the vertices with which the search ended."""
+
+PARTS: Final = (
+    ("HEAD", _HEAD),
+    ("ROOM", _ROOM),
+    ("ANGLES", _ANGLES),
+    ("VECTORS", _VECTORS),
     *NEAREST_STEPS,
-    ("SWINGS", SWINGS),
-    ("SLOPES", SLOPES),
-    ("MOVES", MOVES),
-    ("SLOPED", _SLOPED),
-    ("TURNED", _TURNED),
-    ("LEAST", _LEAST),
+    ("SWINGS", _SWINGS),
+    ("SLOPES", _SLOPES),
+    ("MOVES", _MOVES),
+    ("PLACE", _PLACE),
     ("FURTHEST", FURTHEST),
 )
+"""What a text that reads these tables is made of, by name, beside parts of its own, which come before."""

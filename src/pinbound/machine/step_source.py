@@ -13,8 +13,7 @@ from typing import Final
 
 from pinbound.machine.compiled import KernelSource
 from pinbound.machine.motion_source import put_part
-from pinbound.machine.nearest_steps import FURTHEST, NEAREST_STEPS
-from pinbound.machine.separation_source import ANGLES, HEAD, LANES, MOVES, PAIR, ROOM, SLOPES, SWINGS, VECTORS
+from pinbound.machine.separation_source import LANES, PAIR, PARTS
 from pinbound.tolerances import INFLATION
 
 __all__ = ["FEW", "ROW", "step_source"]
@@ -34,7 +33,7 @@ def step_source() -> KernelSource:
     beginning of the answer; returned is how many there are.
     """
     text = _STEPS
-    for name, part in _PARTS:
+    for name, part in (("LOSS", _LOSS), ("VERTICES", _VERTICES), ("WRITE", _WRITE), *PARTS):
         text = put_part(text, name, part)
     for name, value in (("INFLATION", INFLATION), ("PAIR", PAIR), ("FEW", FEW), ("ROW", ROW)):
         text = text.replace(f"${name}", repr(value))
@@ -70,14 +69,7 @@ for side in range(2):
     @FURTHEST
     height += low
     bx, by, bz = w[at + c], w[at + many + c], w[at + 2 * many + c]
-    if not is_height:
-        bx, by, bz = 0.0, 0.0, 0.0
-        for i in range(4):
-            if used & (1 << i):
-                c = np.int64(out[corners + 2 * i + side])
-                bx += out[shares + i] * w[at + c]
-                by += out[shares + i] * w[at + many + c]
-                bz += out[shares + i] * w[at + 2 * many + c]
+    @PLACE
     if side == 0:
         a0, a1, a2 = bx, by, bz
     b0, b1, b2 = bx, by, bz
@@ -133,18 +125,3 @@ for number in range(count):
 return row // ($ROW + n)
 """
 """The rows, pair by pair. Bodies that overlap have no direction: n is zero, and with it all but the rounding bound."""
-
-_PARTS: Final = (
-    ("HEAD", HEAD),
-    ("ROOM", ROOM),
-    ("ANGLES", ANGLES),
-    ("VECTORS", VECTORS),
-    *NEAREST_STEPS,
-    ("SWINGS", SWINGS),
-    ("SLOPES", SLOPES),
-    ("MOVES", MOVES),
-    ("LOSS", _LOSS),
-    ("VERTICES", _VERTICES),
-    ("WRITE", _WRITE),
-    ("FURTHEST", FURTHEST),
-)
