@@ -8,8 +8,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import linkages as zoo
 import pinbound as pb
 from linkages import Mechanism, Part
+from pinbound.certificates.lifted import LiftedTrajectory, closed_only
+from pinbound.certificates.trajectory import as_trajectory
 from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.model_view import ModelJoints, ModelView
 
@@ -211,3 +214,40 @@ def test_annotations_can_be_added_to_a_robot_with_loops(robot: LoopRobot) -> Non
     some = more.boundaries.select(["t_ball", "p_w"])
     Q = closing(robot, np.random.default_rng(3), 5)
     np.testing.assert_allclose(some.norms(Q)[:, 1], robot.boundaries.norms(Q)[:, 0], rtol=1e-14)
+
+
+@pytest.mark.parametrize("kind", sorted(zoo.KINDS))
+def test_where_no_loop_is_said_to_open_or_to_go_round_every_z_of_a_motion_is_held(kind: str) -> None:
+    """The angle that arms are counted from jumps at half a turn: a part that passes it must not be said to keep it."""
+    rng, held, jumps, count = np.random.default_rng(14), 0, 0, 1500
+    for _ in range(20):
+        mechanism = zoo.KINDS[kind](rng)
+        mechanism.home = {part.name: float(rng.uniform(-1.5, 1.5)) for part in mechanism.parts}
+        try:
+            robot = pb.load(mechanism.urdf('<pinbound:point name="p" link="base" xyz="0 0 0" radius="0.1"/>'))
+        except pb.InputError:
+            continue
+        if not isinstance(robot, LoopRobot):
+            continue
+        lift, n = robot.lift, len(robot.coordinates)
+        start = robot.home + rng.uniform(-3.0, 3.0, (count, n))
+        end = start + 10.0 ** rng.uniform(-2.0, 0.5, (count, 1)) * rng.uniform(-1.0, 1.0, (count, n))
+        way = np.stack((start, end), axis=1).reshape(-1, n)
+        motion = LiftedTrajectory.of(robot, as_trajectory(way, robot.coordinates))
+        part = motion.expand(2 * np.arange(count), np.zeros(count), np.ones(count))
+        low, high = part.values.min(axis=1) - part.value_radius, part.values.max(axis=1) + part.value_radius
+        kept = np.ones(count, dtype=bool)
+        for limit in closed_only(robot).linear_limits:  # each is of one entry of z
+            ends = np.stack((low, high)) @ limit.coefficients + limit.offset
+            kept &= (ends.min(axis=0) > limit.lower) & (ends.max(axis=0) < limit.upper)
+        Z = lift((start + np.linspace(0.0, 1.0, 41)[:, None, None] * (end - start)).reshape(-1, n)).reshape(
+            41, count, -1
+        )
+        turns = [columns[3] for columns in lift.columns if len(columns) > 3]
+        jumped = np.any(np.abs(np.diff(Z[..., turns], axis=0)) > np.pi, axis=(0, 2))
+        assert not np.any(kept & jumped)
+        assert np.all(Z[:, kept] >= low[kept] - 1e-9)
+        assert np.all(Z[:, kept] <= high[kept] + 1e-9)
+        held, jumps = held + int(kept.sum()), jumps + int(jumped.sum())
+    assert held > 100
+    assert jumps > 100 or kind != "five-bar"

@@ -100,9 +100,10 @@ class LiftedTrajectory:
             radius[row, :, :n] = given
         wide = np.zeros((5, count, size))
         wide[0, :, :n], wide[1, :, :n] = q.middle, q.slope
+        beside = self.lift.beside([one.value for one in over], [one.value for one in at])
         for k in range(n, size):
             middle, rate, moved = at[k].value, at[k].first, over[k].first
-            held = over[k].value.meet(middle + 0.5 * hull(moved, -moved))
+            held = beside[k].meet(middle + 0.5 * hull(moved, -moved))
             wide[:, :, k] = middle.middle, rate.middle, held.middle, moved.middle, over[k].second.middle
             # what the slope in the middle is off by counts as bending: r moves by half of it at an end, by an eighth
             bent = over[k].second.radius + 4.0 * rate.radius

@@ -6,6 +6,7 @@ Everything that is linear in joints stays linear in z (`theta = S z + o`). What 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -144,6 +145,36 @@ class Lift(Value):
                     z[index] = part
         return z
 
+    def beside(self, values: Sequence[Interval], at: Sequence[Interval]) -> list[Interval]:
+        """Return what holds z over boxes of q on the branch on which z is at a place in them.
+
+        An angle of X by intervals is next to that of the middle of X's own box, which may be a whole turn off `at`.
+        Where X's box holds zero the angle may be any, and a turn to either side is added: z goes on from `at` within
+        that, or passes the limit of the turn.
+
+        Args:
+            values: Of the boxes, one interval a coordinate of z.
+            at: Of the places.
+        """
+        found, unknown = list(values), np.zeros(len(values[0].lower), dtype=np.bool_)
+        for one, columns in zip(self.linkages, self.columns, strict=True):
+            if any(index >= len(self.coordinates) for index in one.inputs):  # another loop moves it, on which branch?
+                for index in columns:
+                    low, high = found[index].lower, found[index].upper
+                    found[index] = Interval(np.where(unknown, -_FAR, low), np.where(unknown, _FAR, high))
+            if one.ahead >= 0:
+                continue
+            turn = values[columns[-1]]
+            turns = np.rint((at[columns[-1]].middle - turn.middle) / (2.0 * math.pi))
+            wide = np.where(turn.radius < math.pi, 0.0, 2.0 * math.pi)
+            unknown = unknown | (turns != 0.0) | (wide > 0.0)
+            for index, each in zip(columns, (*one.turns_with_x, 0.0, 1.0), strict=True):
+                if each:
+                    found[index] = (
+                        found[index] + 2.0 * math.pi * each * turns + Interval(-abs(each) * wide, abs(each) * wide)
+                    )
+        return found
+
     def jacobians(self, Q: Array) -> Array:
         """Return `dz/dq` (N, n + k, n) of many q (N, n)."""
         return self.with_jacobians(Q)[1]
@@ -210,12 +241,25 @@ class Lift(Value):
             middle = 0.5 * (lower + upper)
             point = self.jets([Jet(Interval.at(middle[:, k]), zero, zero) for k in range(n)], errors)
             half = np.maximum(upper - middle, middle - lower)
-            for index in range(n, size):
+            given = [Interval(low[:, index], high[:, index]) for index in range(size)]
+            at = [*given[:n], *(jet.value for jet in point[n:])]
+            for index, value in enumerate(self.beside(given, at)[n:], n):
                 moved = np.einsum("na,na->n", rate[:, index], half) * (1.0 + 4.0 * n * UNIT_ROUNDOFF)
-                near = point[index].value + Interval(-moved, moved)
-                low[:, index] = np.fmax(low[:, index], near.lower)
-                high[:, index] = np.fmin(high[:, index], near.upper)
+                near = at[index] + Interval(-moved, moved)
+                low[:, index] = np.fmax(value.lower, near.lower)
+                high[:, index] = np.fmin(value.upper, near.upper)
+        self._spread(low, high)
         return Interval(low, high)
+
+    def _spread(self, low: Array, high: Array) -> None:
+        """Widen what holds z (N, n + k), in place, where an angle of X passes its cut and z jumps by whole turns."""
+        for one, columns in zip(self.linkages, self.columns, strict=True):
+            if one.ahead >= 0:
+                continue
+            crosses = ~((low[:, columns[-1]] > -math.pi) & (high[:, columns[-1]] < math.pi))
+            for index, turns in zip(columns, (*one.turns_with_x, 0.0, 1.0), strict=True):
+                low[crosses, index] -= 2.0 * math.pi * abs(turns)
+                high[crosses, index] += 2.0 * math.pi * abs(turns)
 
     def linear(
         self, centre: Array, half: Array, along: Sequence[int], errors: Sequence[float] | None = None

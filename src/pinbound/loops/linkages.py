@@ -108,6 +108,14 @@ class Linkage(Value):
         return -most, most
 
     @property
+    def _least_ahead(self) -> float:
+        """How far X leads at least along the term that is longer than all others together [m], halved; else zero."""
+        if self.ahead < 0:
+            return 0.0
+        lengths = np.linalg.norm(self.vectors, axis=1)
+        return 0.5 * max(float(2.0 * lengths[self.ahead] - lengths.sum()), 0.0)
+
+    @property
     def _size(self) -> float:
         """The largest length of X [m], slides left out."""
         return float(np.linalg.norm(self.vectors, axis=1).sum())
@@ -367,7 +375,7 @@ class Linkage(Value):
         else:
             start, lead = self.reference, None
         first, second = _angle_rates(x, y, held)
-        value = _turned_back(x.value, y.value, start, None if lead is None else lead.value)
+        value = _turned_back(x.value, y.value, start, None if lead is None else lead.value, self._least_ahead)
         value = value + start
         return Jet(value if lead is None else value + lead.value, first, second)
 
@@ -423,14 +431,17 @@ def _aside(square: Jet, area: Jet, Y: float, Z: float, sign: float) -> Jet:
     return Jet(value, first, (slope * square.first + g * square.second) * (-sign))
 
 
-def _turned_back(x: Any, y: Any, start: float, lead: Any) -> Any:
-    """Return the angle of (x, y) from `start + lead`."""
+def _turned_back(x: Any, y: Any, start: float, lead: Any, least: float = 0.0) -> Any:
+    """Return the angle of (x, y) from `start + lead`, along which (x, y) leads by `least` or more."""
     if lead is None and not isinstance(x, Interval):
         c, s = math.cos(start), math.sin(start)
         return np.arctan2(y * c - x * s, x * c + y * s)
     angle = (lead if lead is not None else x * 0.0) + start
     c, s = cos(angle), sin(angle)
-    return arctan2(y * c - x * s, x * c + y * s)
+    ahead = x * c + y * s
+    if least > 0.0 and isinstance(ahead, Interval):  # as an interval it may lead anywhere
+        ahead = Interval(np.maximum(ahead.lower, least), np.maximum(ahead.upper, least))
+    return arctan2(y * c - x * s, ahead)
 
 
 def _like(value: float, other: Any) -> Any:
