@@ -100,6 +100,17 @@ def test_capsules_and_random_ends(tmp_path: Path) -> None:
             assert found.notes
 
 
+def test_a_joint_without_limits_is_planned_and_where_it_was_looked_is_said(tmp_path: Path) -> None:
+    robot = load(POST.replace('name="q1" type="revolute"', 'name="q1" type="continuous"'), tmp_path)
+    assert robot.upper[0] == np.inf
+    found = pb.plan(robot, [-0.2, 1.3], [1.6, 1.3])
+    assert found.verdict is pb.Verdict.CERTIFIED
+    assert pb.certify(robot, found.waypoints).verdict is pb.Verdict.CERTIFIED
+    short = pb.plan(robot, [-0.2, 1.3], [1.6, 1.3], budget=pb.Budget(boxes=3, seconds=5.0))
+    assert short.verdict is pb.Verdict.UNDECIDED
+    assert short.notes[0] == "'q1' has no limits; motions were looked for between -6.48319 and 7.88319 alone"
+
+
 def test_no_budget_is_undecided(tmp_path: Path) -> None:
     robot = load(POST, tmp_path)
     found = pb.plan(robot, [-0.2, 1.3], [1.6, 1.3], budget=pb.Budget(boxes=0, seconds=0.0))
@@ -123,7 +134,7 @@ def shapely_length(polygons: list[shapely.Polygon], start: np.ndarray, goal: np.
 def test_the_shortest_way_around_a_rule_with_a_condition() -> None:
     """The plane of J2 and J3 is not convex; J1 and J4 go evenly along."""
     robot = pb.load("palletizers/dobot_mg400")
-    union = free_union(robot, [], np.zeros(4))
+    union = free_union(robot, [], np.zeros(4), {})
     assert union is not None
     polygons = []
     for A, b in union:

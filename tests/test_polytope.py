@@ -249,6 +249,25 @@ def test_a_budget_that_is_spent_is_said(tmp_path: Path) -> None:
     assert some.contains(robot.home)
 
 
+def test_deep_in_contact_where_a_pair_has_no_gradient(tmp_path: Path) -> None:
+    """Two boxes that overlap deeply are "-radius" apart in every direction: there a face cannot follow the slope."""
+    text = robot_xml(
+        [joint("q1", "revolute", "base", "a", xyz="0 0 0.1"), joint("q2", "revolute", "a", "b", xyz="0 0 0.4")],
+        {},
+        [],
+        '<pinbound:segment name="fore" link="b" xyz_a="0 0 0" xyz_b="0 0 0.3" radius="0.02"/>'
+        '<pinbound:box name="block" link="base" xyz="0.45 0 0.3" rpy="0 0 0" size="0.3 0.3 0.7"/>'
+        '<pinbound:boundary name="hit" a="fore" b="block"/>',
+    )
+    robot = load(text, tmp_path)
+    found = pb.certified_polytope(robot, [-0.6, -0.5])
+    assert found.verdict is pb.Verdict.CERTIFIED
+    Q = np.random.default_rng(2).uniform(robot.lower, robot.upper, (40_000, 2))
+    inside = Q[np.all(Q @ found.A.T <= found.b, axis=1)]
+    assert robot.boundaries.free(inside).all()
+    assert len(inside) > 0.3 * robot.boundaries.free(Q).sum()
+
+
 def test_a_coordinate_without_limits_needs_a_window(tmp_path: Path) -> None:
     robot = load(
         robot_xml(

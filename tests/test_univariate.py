@@ -472,3 +472,9 @@ def test_windows_that_cannot_be_meant_are_refused(arm: pb.Robot) -> None:
     with pytest.raises(pb.DimensionError, match="outside the window"):
         arm.boundaries.limits(name, q, window=(value + 1.0, value + 2.0))
     assert not arm.boundaries.limits(name, q, window=(value, value + 1.0)).blocked_by
+
+
+def test_limits_with_its_arguments_exchanged_says_what_a_coordinate_is() -> None:
+    robot = pb.load("minervabot_v3")
+    with pytest.raises(pb.UnknownNameError, match="q1, q2, q3"):
+        robot.boundaries.limits(robot.home, "q2")  # type: ignore[arg-type]

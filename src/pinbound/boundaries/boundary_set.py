@@ -371,7 +371,7 @@ class BoundarySet(NamedBoundaries):
             >>> found.lower_stop, round(float(np.degrees(found.lower)), 6)
             ('beta_10', -10.145751)
         """
-        if coordinate not in self._coordinates:
+        if str(coordinate) not in self._coordinates:
             raise UnknownNameError("coordinate", coordinate, self._coordinates)
         point = one_configuration(q, self._coordinates)
         index = self._coordinates.index(coordinate)
@@ -427,7 +427,7 @@ class BoundarySet(NamedBoundaries):
             >>> stops[0].tolist(), np.degrees(ends[0]).round(6).tolist()
             (['beta_10', 'beta_8'], [-10.145751, 68.504624])
         """
-        if coordinate not in self._coordinates:
+        if str(coordinate) not in self._coordinates:
             raise UnknownNameError("coordinate", coordinate, self._coordinates)
         rows = as_configurations(Q, self._coordinates).reshape(-1, len(self._coordinates))
         if not np.all(np.isfinite(rows)):

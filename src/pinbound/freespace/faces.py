@@ -24,7 +24,7 @@ from pinbound.tolerances import LIMIT, UNIT_ROUNDOFF, WIDEST_WINDOW
 from pinbound.typing import Array, Flags
 from pinbound.values import Value
 
-__all__ = ["Face", "Gap", "OneAngleGaps", "guarded_choices", "limit_faces", "outer_box"]
+__all__ = ["Face", "Gap", "OneAngleGaps", "guarded_choices", "limit_faces", "outer_box", "without_limits"]
 
 
 _SMALLEST = 4.0
@@ -131,7 +131,25 @@ def outer_box(faces: Sequence[Face], names: Sequence[str]) -> tuple[Array, Array
     Raises:
         DimensionError: If a coordinate is not bounded, with what to give.
     """
-    n = len(names)
+    low, high = _extent(faces, len(names))
+    open_ends = _open_ends(low, high)
+    if open_ends:
+        name = names[open_ends[0]]
+        raise DimensionError(f"{name!r} has no limits; give window={{{name!r}: (lower, upper)}}")
+    spare = 8.0 * UNIT_ROUNDOFF * (1.0 + np.maximum(np.abs(low), np.abs(high)))  # of the quotients of _extent
+    return low - spare, high + spare
+
+
+def without_limits(robot: Robot) -> tuple[str, ...]:
+    """Return the coordinates that no limit and no rule bounds."""
+    return tuple(robot.coordinates[j] for j in _open_ends(*_extent(limit_faces(robot, {}), len(robot.coordinates))))
+
+
+def _open_ends(low: Array, high: Array) -> list[int]:
+    return [j for j in range(len(low)) if not (low[j] >= -WIDEST_WINDOW and high[j] <= WIDEST_WINDOW)]
+
+
+def _extent(faces: Sequence[Face], n: int) -> tuple[Array, Array]:
     low, high = np.full(n, -np.inf), np.full(n, np.inf)
     for _ in range(n + 1):
         for face in faces:
@@ -149,12 +167,7 @@ def outer_box(faces: Sequence[Face], names: Sequence[str]) -> tuple[Array, Array
                     high[j] = min(high[j], end + wide)
                 else:
                     low[j] = max(low[j], end - wide)
-    open_ends = [j for j in range(n) if not (low[j] >= -WIDEST_WINDOW and high[j] <= WIDEST_WINDOW)]
-    if open_ends:
-        name = names[open_ends[0]]
-        raise DimensionError(f"{name!r} has no limits; give window={{{name!r}: (lower, upper)}}")
-    spare = 8.0 * UNIT_ROUNDOFF * (1.0 + np.maximum(np.abs(low), np.abs(high)))  # of the quotients above
-    return low - spare, high + spare
+    return low, high
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ of the corners that see each other has it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations, product
 from typing import Any
 
@@ -32,16 +32,18 @@ _SAME = 1e-12
 Union = Sequence[tuple[Array, Array]]
 
 
-def free_union(robot: Robot, chosen: Sequence[Boundary], q: Array) -> list[tuple[Array, Array]] | None:
-    """Return polytopes (A, b), proven free, the union of which is all that is free between the contacts around q.
+def free_union(
+    robot: Robot, chosen: Sequence[Boundary], q: Array, window: Mapping[str, tuple[float, float]]
+) -> list[tuple[Array, Array]] | None:
+    """Return polytopes (A, b), proven free, whose union is all that is free between the contacts around q, in a window.
 
     None if a boundary has more than one effective angle, or rules with conditions leave too many choices.
     """
     if any(boundary.rule.strips() is None for boundary in chosen):
         return None
-    low, high = outer_box(limit_faces(robot, {}), robot.coordinates)
+    low, high = outer_box(limit_faces(robot, window), robot.coordinates)
     farthest = np.maximum(np.abs(low), np.abs(high))
-    faces = limit_faces(robot, {}, farthest)
+    faces = limit_faces(robot, window, farthest)
     gaps = OneAngleGaps(robot, chosen, low, high)
     for name in gaps.strips:
         gap = gaps.around(name, q)

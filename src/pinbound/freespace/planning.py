@@ -25,7 +25,7 @@ from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import UnsupportedError
 from pinbound.freespace.cover_records import APART, FreeCover
 from pinbound.freespace.digest import robot_digest
-from pinbound.freespace.faces import OneAngleGaps, limit_faces, outer_box
+from pinbound.freespace.faces import OneAngleGaps, limit_faces, outer_box, without_limits
 from pinbound.freespace.pieces import free_union, lifted, path_in_union
 from pinbound.freespace.smoothing import smooth_motion, straight_times
 from pinbound.freespace.trees import Trees
@@ -39,6 +39,8 @@ __all__ = ["Plan", "plan"]
 _BUDGET = Budget(boxes=20_000_000, seconds=30.0)
 _ANGLES = 257
 """Angles between start and goal at which contact is looked for, beside the middles of its strips."""
+_SLIDES = 1.0
+"""Metres: how far beyond start and goal a motion may take a joint that slides and has no limits."""
 _PACES = (1.0, 0.5, 0.2, 0.0)
 """How fast a smooth motion passes its waypoints: the first that is certified is taken. The last one stops at each."""
 
@@ -110,6 +112,7 @@ def plan(
     The straight motion is tried first. Where all boundaries have one effective angle, what is free is a union of
     polytopes, one for each choice that rules with conditions leave: the shortest path through it is next. Then a chain
     of the sets of a cover, then two trees that grow from both ends through free samples. Every path is certified anew.
+    A joint without limits may go one turn, or where it slides one metre, beyond start and goal.
 
     Args:
         robot: The robot.
@@ -127,8 +130,7 @@ def plan(
         The motion with its certificate; or a proof that there is none; or UNDECIDED.
 
     Raises:
-        DimensionError: If start or goal is not one finite configuration, a coordinate has no limits, or a velocity is
-            not positive.
+        DimensionError: If start or goal is not one finite configuration, or a velocity is not positive.
         UnknownNameError: If the robot has no boundary, or no coordinate of the velocity, of that name.
         UnsupportedError: If the cover is of another robot, or of other boundaries.
 
@@ -160,14 +162,15 @@ def plan(
         if found.verdict is Verdict.UNDECIDED:
             notes = (f"the {where} is nearer to contact than rounding can tell",)
             return _said(nothing, meter, notes=notes)
-    between = _separation(robot, chosen, first, last)
+    window = _window(robot, first, last)
+    between = _separation(robot, chosen, first, last, window)
     if between is not None:
         notes = (f"every motion touches {between!r}: its angle takes all values between those of start and goal",)
         return _said(nothing, meter, verdict=Verdict.VIOLATED, separated_by=between, notes=notes)
     if cover is not None and _is_apart(cover, first, last):
         notes = ("no boxes that may be free connect start and goal, whatever the other coordinates do",)
         return _said(nothing, meter, verdict=Verdict.VIOLATED, separated_by="cover", notes=notes)
-    search = _Search(robot, chosen, (first, last), cover, np.random.default_rng(seed), meter)
+    search = _Search(robot, chosen, (first, last), window, cover, np.random.default_rng(seed), meter)
     for how, waypoints in search.ways():
         proof = _proof(robot, waypoints, names, meter, limits_only)
         if proof.verdict in (Verdict.CERTIFIED, Verdict.NOTHING_TO_CHECK):
@@ -214,22 +217,26 @@ class _Search:
         robot: Robot,
         chosen: Sequence[Boundary],
         ends: tuple[Array, Array],
+        window: Mapping[str, tuple[float, float]],
         cover: FreeCover | None,
         rng: np.random.Generator,
         meter: Meter,
     ) -> None:
-        self.robot, self.chosen, self.ends = robot, chosen, ends
+        self.robot, self.chosen, self.ends, self.window = robot, chosen, ends, window
         self.cover, self.rng, self.meter = cover, rng, meter
         self.names = [boundary.name for boundary in chosen]
         self.bad: list[Array] = []
         """Where a proof has found contact."""
-        self.notes: list[str] = []
+        self.notes = [
+            f"{name!r} has no limits; motions were looked for between {low:.6g} and {high:.6g} alone"
+            for name, (low, high) in window.items()
+        ]
 
     def ways(self) -> Iterator[tuple[str, Array]]:
         """Yield how, and waypoints, until the budget is spent."""
         first, last = self.ends
         yield "straight", np.stack([first, last])
-        union = free_union(self.robot, self.chosen, first)
+        union = free_union(self.robot, self.chosen, first, self.window)
         way = None if union is None else path_in_union(union, first, last)
         if way is not None:
             yield "shortest", way
@@ -241,7 +248,7 @@ class _Search:
             yield "trees", found
 
     def _trees(self) -> Trees:
-        return Trees(self.robot, self.names, self.ends, self.bad, self.rng, self.meter)
+        return Trees(self.robot, self.names, self.ends, self.bad, self.window, self.rng, self.meter)
 
     def _through(self, cover: FreeCover) -> Iterator[Array]:
         """Yield the shortest way through the sets of a cover, straight to the nearest set where an end is in none."""
@@ -285,13 +292,28 @@ def _is_apart(cover: FreeCover, first: Array, last: Array) -> bool:
     return bool(len(first_label) and len(last_label)) and not np.intersect1d(first_label, last_label).size
 
 
-def _separation(robot: Robot, chosen: Sequence[Boundary], first: Array, last: Array) -> str | None:
+def _window(robot: Robot, first: Array, last: Array) -> dict[str, tuple[float, float]]:
+    """Return where motions are looked for of coordinates without limits, by name: both ends, and room around them.
+
+    One turn of a joint that turns; the way between the ends, or `_SLIDES`, of one that slides.
+    """
+    found: dict[str, tuple[float, float]] = {}
+    for name in without_limits(robot):
+        low, high = sorted(float(q[robot.coordinates.index(name)]) for q in (first, last))
+        room = 2.0 * math.pi if robot.turns(name) else max(high - low, _SLIDES)
+        found[name] = low - room, high + room
+    return found
+
+
+def _separation(
+    robot: Robot, chosen: Sequence[Boundary], first: Array, last: Array, window: Mapping[str, tuple[float, float]]
+) -> str | None:
     """Return a boundary of one effective angle whose contact lies between both, proven; None if none was found.
 
     The angle is continuous along any motion, so that it takes all values in between, and the clearance depends on it
-    alone: one value that is proven in contact suffices.
+    alone: one value that is proven in contact suffices, wherever the other coordinates are.
     """
-    gaps = OneAngleGaps(robot, chosen, *outer_box(limit_faces(robot, {}), robot.coordinates))
+    gaps = OneAngleGaps(robot, chosen, *outer_box(limit_faces(robot, window), robot.coordinates))
     for name, (c, strips) in gaps.strips.items():
         low, high = sorted((float(c @ first), float(c @ last)))
         first_turn, last_turn = math.floor(low / (2.0 * math.pi)) - 1, math.ceil(high / (2.0 * math.pi)) + 1

@@ -257,7 +257,8 @@ class Prover:
         far = np.linalg.norm(way, axis=1)
         size = np.linalg.norm(np.where(own, half, 0.0), axis=1)
         small = ((found.value <= found.rest) & (size <= _NARROW * far)) | (size <= 0.1 * _NARROW * far)
-        radial = ~ripe & small & (away <= _NARROW * far * steep)
+        ripe &= steep > 0.0  # deep in contact there is no gradient: the box is halved until a radial face cuts it off
+        radial = ~ripe & small & (away <= _NARROW * far * steep) & (far > 0.0)
         hopeless = np.max(np.where(own, half, 0.0), axis=1) < _SMALLEST
         is_flat = np.zeros(len(boxes), dtype=np.bool_)
         is_flat[flat] = True

@@ -5,7 +5,7 @@ Nothing here is a proof: `certify` has that, between the samples too.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,13 +33,14 @@ class Trees:
         names: Sequence[str],
         ends: tuple[Array, Array],
         bad: Sequence[Array],
+        window: Mapping[str, tuple[float, float]],
         rng: np.random.Generator,
         meter: Meter,
     ) -> None:
-        """Hold both ends, and where proofs have found contact."""
+        """Hold both ends, where proofs have found contact, and where to look for coordinates without limits."""
         self.robot, self.rng, self.meter = robot, rng, meter
         self.chosen = robot.boundaries.select(names) if names else None
-        self.low, self.high = outer_box(limit_faces(robot, {}), robot.coordinates)
+        self.low, self.high = outer_box(limit_faces(robot, window), robot.coordinates)
         self.ends, self.bad = ends, list(bad)
 
     def path(self) -> Array | None:
