@@ -222,7 +222,7 @@ def test_the_command_writes_grid_rows_and_a_summary(tmp_path: Path) -> None:
     table = rows_of(tmp_path / "o")
     assert np.isclose(table["q2"].to_numpy()[0], -np.pi / 2)
     again = command("--grid", "q2=-90:90:19,q3=-90:90:19", "--deg", "--out", str(tmp_path / "o"), "--summary")
-    assert "1 (1 were there)" in again.output
+    assert "1 (1 existed already)" in again.output
 
 
 def test_kill_at_random_moments_changes_nothing(robot: Robot, tmp_path: Path) -> None:

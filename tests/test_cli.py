@@ -2,9 +2,11 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import pytest
+import typer.main
 from typer.testing import CliRunner
 
 import pinbound as pb
@@ -40,13 +42,24 @@ def test_derive_shows_both_forms_where_they_differ() -> None:
     assert r"\sin" in run("derive", "minervabot_v3", "--latex")
 
 
+@pytest.mark.parametrize("name", sorted(typer.main.get_command(app).commands))  # type: ignore[attr-defined]
+def test_help_prints_what_it_says(name: str) -> None:
+    """A unit in brackets was read as markup, and left out; every word of a help text is printed."""
+    command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
+    printed = "".join(re.sub(r"[^\x21-\x7e]", "", run(name, "--help")))
+    texts = [command.help, *(one.help for one in command.params)]
+    assert [text for text in texts if not text.rstrip().endswith((".", ".)"))] == []
+    words = [word for text in texts for word in text.split() if len(word) < 12]
+    assert [word for word in words if word not in printed] == []
+
+
 def test_limits_at_home_and_in_contact() -> None:
     found = {entry["coordinate"]: entry for entry in json.loads(run("limits", "minervabot_v3", "--json"))}
     assert (found["q2"]["lower_stop"], found["q2"]["upper_stop"]) == ("beta_10", "beta_8")
     assert (found["q1"]["lower_stop"], found["q3"]["upper_stop"]) == ("q1", "beta_4")
     turned = json.loads(run("limits", "minervabot_v3", "--at", "q2=30,q3=20", "--deg", "--json"))
     assert turned[1]["value"] == pytest.approx(0.5235987755982988)
-    assert "a contact of beta_10 lies between" in run("limits", "minervabot_v3", "--at", "q2=-0.3", code=1)
+    assert "a contact of beta_10 is in between" in run("limits", "minervabot_v3", "--at", "q2=-0.3", code=1)
     assert json.loads(run("limits", "minervabot_v3", "--at", "q2=-0.3", "--json", code=1))[1]["beyond"] == ["beta_10"]
     assert "not allowed here" in run("limits", "minervabot_v3", "--at", "q1=3", code=1)
 
@@ -144,14 +157,14 @@ def test_mark_says_last_what_it_left_out_and_exits_with_1(tmp_path: Path) -> Non
         tmp_path, base='<sphere radius="0.05"/>', d='<box size="0.1 0.1 0.1"/>', b='<mesh filename="x.stl"/>'
     )
     lines = run("mark", str(urdf), "--out", str(out), "--skip-missing", code=1).splitlines()
-    assert lines[-2] == "Not covered: 1 body of b (1 mesh); no boundary speaks of it."
-    assert lines[-1].startswith("1 of 3 bodies carries no mark")
+    assert lines[-2] == "Not covered: 1 body of b (1 mesh); no boundary watches it."
+    assert lines[-1].startswith("1 of 3 bodies has no mark")
     assert len(pb.load(urdf, annotations=out).boundaries) == 1
     record = json.loads(run("mark", str(urdf), "--json", "--skip-missing", code=1))
     assert [(one["link"], one["shape"]) for one in record["uncovered"]] == [("b", "mesh")]
     assert ["base", "b"] in [one["links"] for one in record["left_out"]]
     meshes = marked_arm(tmp_path, base='<mesh filename="x.stl"/>', d='<mesh filename="y.stl"/>')
-    assert "2 of 2 bodies carry no mark" in run("mark", str(meshes), "--skip-missing", code=1).splitlines()[-1]
+    assert "2 of 2 bodies have no mark" in run("mark", str(meshes), "--skip-missing", code=1).splitlines()[-1]
     run("mark", str(urdf), "--shapes", "box", code=1)
     assert "--skip-missing" in run("mark", str(urdf), code=2)
 

@@ -398,7 +398,7 @@ def test_a_wall_that_ends_inside_a_region_is_said(load_text: Load, tmp_path: Pat
     file = tmp_path / "robot.urdf"
     done = CliRunner().invoke(app, ["region", str(file), "--width", "0.05"], env={"COLUMNS": "200"})
     assert done.exit_code == 0
-    assert "a wall inside it: five turn from (-34.377468, 58.3" in done.output
+    assert "a cut inside it: five turn from (-34.377468, 58.3" in done.output
 
 
 def test_a_cell_across_a_cut_has_the_values_of_both_sides(load_text: Load) -> None:

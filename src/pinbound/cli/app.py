@@ -16,7 +16,7 @@ __all__ = ["app", "main"]
 
 app = typer.Typer(
     name="pinbound",
-    help="Coupled joint limits and self-collision boundaries in closed form, from a URDF.",
+    help="Compute coupled joint limits and self-collision boundaries in closed form, from a URDF.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},

@@ -56,26 +56,36 @@ _LOOK = 1000  # rows of a file that are looked at for degrees
 
 def batch(
     robot: RobotName,
-    out: Annotated[Path, typer.Option(help="Folder for the Parquet files; that of an unfinished job is resumed.")],
+    out: Annotated[Path, typer.Option(help="Folder for the Parquet files. An unfinished job there is resumed.")],
     file: Annotated[
-        Path | None, typer.Option("--in", help="CSV, NPY, NPZ or Parquet file, a column a coordinate.")
+        Path | None,
+        typer.Option("--in", help="CSV, NPY, NPZ or Parquet file with one column for each coordinate."),
     ] = None,
     grid: Annotated[
-        str | None, typer.Option(help="q2=-1.5:1.5:301,q3=...: from, to, count; home where left out.")
+        str | None,
+        typer.Option(help="Grid as NAME=FROM:TO:COUNT, e.g. q2=-1.5:1.5:301,q3=... Other coordinates stay at home."),
     ] = None,
     random: Annotated[
-        int | None, typer.Option(help="So many uniform points of the box of joint limits.", min=0)
+        int | None, typer.Option(help="Number of random configurations, uniform within the joint limits.", min=0)
     ] = None,
-    sobol: Annotated[int | None, typer.Option(help="So many scrambled Sobol points of that box.", min=0)] = None,
+    sobol: Annotated[
+        int | None, typer.Option(help="Number of scrambled Sobol points within the joint limits.", min=0)
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of --random and --sobol.", min=0)] = 0,
-    within: Annotated[str | None, typer.Option(help="q2=-3:3,...: another box for --random and --sobol.")] = None,
+    within: Annotated[
+        str | None, typer.Option(help="Other ranges for --random and --sobol, e.g. q2=-3:3,q3=-1:1.")
+    ] = None,
     deg: Annotated[bool, typer.Option("--deg", help="Angles of --in, --grid and --within are in degrees.")] = False,
-    columns: Annotated[str, typer.Option(help=f"Some of: {', '.join(COLUMNS)}.")] = "coordinates,smallest,verdict",
-    chunk_rows: Annotated[int, typer.Option(help="Rows a file; memory is a small multiple of one.", min=1)] = 1_000_000,
-    threads: Annotated[int, typer.Option(help="Threads of the kernel.", min=1)] = 1,
+    columns: Annotated[
+        str, typer.Option(help=f"Columns to write, some of: {', '.join(COLUMNS)}.")
+    ] = "coordinates,smallest,verdict",
+    chunk_rows: Annotated[
+        int, typer.Option(help="Rows in each file. Memory use is a small multiple of one file.", min=1)
+    ] = 1_000_000,
+    threads: Annotated[int, typer.Option(help="Number of threads.", min=1)] = 1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler that runs the chunks.")] = None,
     summary: Annotated[
-        bool, typer.Option("--summary", help="Print each boundary's minimum, quantiles, contacts.")
+        bool, typer.Option("--summary", help="Print minimum, quantiles and number of contacts of each boundary.")
     ] = False,
     limits_only: LimitsOnly = False,
     require_coverage_: RequireCoverage = False,
@@ -84,10 +94,9 @@ def batch(
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Evaluate clearances, region and verdict of many configurations into Parquet files; resumes after a stop.
+    """Evaluate many configurations and write Parquet files. The same command resumes a job that was stopped.
 
-    Exit code 0: the files are written, whatever the verdicts. 1: coverage is required and partial. 2: bad input, or no
-    boundary to check.
+    Exit codes: 0 files written, whatever the verdicts; 1 required coverage is partial; 2 bad input, nothing to check.
     """
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     if not len(loaded.boundaries) and not limits_only:
@@ -230,7 +239,7 @@ def _print(evaluation: Evaluation, outcome: Outcome) -> None:
     if statistics.verdicts:
         rows += [(name, f"{n:,}") for name, n in zip(VERDICTS, statistics.verdicts, strict=True) if name != "invalid"]
     rows += [
-        ("files", f"{outcome.chunks:,} ({outcome.resumed:,} were there)"),
+        ("files", f"{outcome.chunks:,} ({outcome.resumed:,} existed already)"),
         ("size", f"{outcome.bytes / 1e6:,.1f} MB"),
     ]
     print_table(f"{evaluation.robot} in {outcome.folder}", ("what", "count"), rows, evaluation.region_note)

@@ -43,14 +43,21 @@ __all__ = ["check"]
 _DEFAULT = Budget()
 _MOST_ROWS = 12
 
-MotionFile = Annotated[Path, typer.Argument(help="Columns by joint name, optional time: .csv, .npz or .parquet.")]
-Degrees = Annotated[bool, typer.Option("--deg", help="Angles in the file are in degrees (else radians).")]
-NoLimits = Annotated[bool, typer.Option("--no-limits", help="Leave joint limits out.")]
-Each = Annotated[bool, typer.Option("--each", help="Tight bounds for every boundary, not only the tightest.")]
-Only = Annotated[list[str] | None, typer.Option("--boundary", help="Check this boundary only; may be repeated.")]
-Plot = Annotated[Path | None, typer.Option(help="Draw clearances over time into this file (.png, .svg, .pdf).")]
-Boxes = Annotated[int, typer.Option(min=1, help="Budget: parts of the motion times boundaries.")]
-Seconds = Annotated[float, typer.Option(min=0.0, help="Budget: wall time [s].")]
+MotionFile = Annotated[
+    Path,
+    typer.Argument(help="Waypoints: .csv, .npz or .parquet with one column for each joint, and optionally 'time'."),
+]
+Degrees = Annotated[bool, typer.Option("--deg", help="Angles in the file are in degrees; otherwise in radians.")]
+NoLimits = Annotated[bool, typer.Option("--no-limits", help="Do not check the joint limits.")]
+Each = Annotated[
+    bool, typer.Option("--each", help="Compute tight bounds for every boundary, not only for the tightest one.")
+]
+Only = Annotated[
+    list[str] | None, typer.Option("--boundary", help="Check this boundary only. May be given more than once.")
+]
+Plot = Annotated[Path | None, typer.Option(help="Draw the clearances over time into this .png, .svg or .pdf file.")]
+Boxes = Annotated[int, typer.Option(min=1, help="Budget: number of parts of the motion, summed over the boundaries.")]
+Seconds = Annotated[float, typer.Option(min=0.0, help="Budget: wall time in seconds.")]
 
 
 def check(
@@ -70,10 +77,9 @@ def check(
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Prove a motion clear at every moment, straight in q between its rows, or show where it is not.
+    """Prove that a motion is clear at every moment, or show where it is not. Between rows the motion is straight in q.
 
-    Exit code 0: certified. 1: violated, undecided within the budget, or coverage is required and partial. 2: bad input,
-    or no boundary to check.
+    Exit codes: 0 certified; 1 violated, undecided, or required coverage is partial; 2 bad input or nothing to check.
     """
     if plot is not None:
         require("plots", "--plot")
@@ -136,7 +142,7 @@ def _report(robot: Robot, motion: Motion, found: Certificate) -> None:
         ordered = sorted(found.boundaries, key=lambda finding: finding.upper)
         print_table(title, columns, [_row(robot, finding) for finding in ordered], most=_MOST_ROWS)
     if found.violations:
-        columns = ("violated", f"not before {unit}", f"but at {unit}", "q there")
+        columns = ("violated", f"clear until {unit}", f"violated at {unit}", "q there")
         rows = [
             (f.name, f"{f.contact.before:.12g}", f"{f.contact.after:.12g}", _place(robot, f.contact.q))
             for f in found.violations
@@ -153,7 +159,7 @@ def _report(robot: Robot, motion: Motion, found: Certificate) -> None:
 
 
 def _row(robot: Robot, finding: Finding) -> tuple[str, ...]:
-    proven = f"{floor(1e9 * finding.lower) / 1e6:.6f}" if isfinite(finding.lower) else "nothing"  # never rounded up
+    proven = f"{floor(1e9 * finding.lower) / 1e6:.6f}" if isfinite(finding.lower) else "no bound"  # never rounded up
     clearances = (millimetres(finding.upper, 6), proven)
     return finding.name, finding.verdict.value, *clearances, f"{finding.time:.9g}", _place(robot, finding.q)
 

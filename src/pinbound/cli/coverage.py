@@ -1,4 +1,4 @@
-"""What commands say of coverage: one line with every verdict, and the list of what nobody looks at."""
+"""What commands print about coverage: one line with every verdict, and the list of pairs that are not watched."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ __all__ = [
 RequireCoverage = Annotated[
     bool, typer.Option("--require-coverage", help="Exit with 1 if a pair of links is neither watched nor left out.")
 ]
-LimitsOnly = Annotated[bool, typer.Option("--limits-only", help="Check joint limits and nothing else.")]
+LimitsOnly = Annotated[bool, typer.Option("--limits-only", help="Check the joint limits only, no boundaries.")]
 
 _MOST_LINES = 40
 
 
 def say_assumptions(robot: Robot) -> None:
-    """Print what is not published of a preset, and so not modelled, which every answer of it rests on."""
+    """Print the robot's assumptions, for instance which numbers of a preset are not published and so not modelled."""
     for one in robot.annotations.assumptions:
         console().print(f"assumption: {one}", markup=False, soft_wrap=True)
 
@@ -58,7 +58,7 @@ def require_coverage(coverage: Coverage, required: bool) -> None:
     said = console(stderr=True)
     lines = [f"{' - '.join(pair.links)}: {pair.status.value}; {pair.reason}" for pair in coverage.open]
     said.print(f"coverage is required, and {len(lines)} pairs of links are open:", markup=False)
-    for line in lines[:_MOST_LINES] or ["no link has a body, so that nothing can be watched"]:
+    for line in lines[:_MOST_LINES] or ["no link has a body, so no pair of links can be watched"]:
         said.print(f"- {line}", markup=False, soft_wrap=True)
     if len(lines) > _MOST_LINES:
         said.print(f"... and {len(lines) - _MOST_LINES} more: pinbound info ROBOT --pairs", markup=False)

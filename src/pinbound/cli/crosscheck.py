@@ -45,26 +45,27 @@ _MOST_ROWS = 20
 
 def crosscheck(
     robot: RobotName,
-    samples: Annotated[int, typer.Option(help="Random configurations of the point and the body level.")] = 10_000,
-    rays: Annotated[int, typer.Option(help="Rays of the boundary level.")] = 1_000,
-    seed: Annotated[int, typer.Option(help="Of the random numbers.")] = 0,
-    levels: Annotated[str, typer.Option(help="Levels, separated by commas.")] = ",".join(LEVELS),
-    coordinates: Annotated[str | None, typer.Option(help="The two of the region level, e.g. q2,q3.")] = None,
+    samples: Annotated[int, typer.Option(help="Number of random configurations for points and bodies.")] = 10_000,
+    rays: Annotated[int, typer.Option(help="Number of rays for boundaries.")] = 1_000,
+    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 0,
+    levels: Annotated[str, typer.Option(help="Levels to compare, separated by commas.")] = ",".join(LEVELS),
+    coordinates: Annotated[str | None, typer.Option(help="Two coordinates of the region, e.g. q2,q3.")] = None,
     window: Window = None,
     deg: Annotated[bool, typer.Option("--deg", help="Angles of --window are in degrees.")] = False,
-    step: Annotated[float | None, typer.Option(help="Grid of the region level [rad or m].")] = None,
-    accuracy: Annotated[float, typer.Option(help="Of the region level's curved edges [rad or m].")] = REGION_ACCURACY,
-    out: Annotated[Path | None, typer.Option(help="Figure of the region level, .png and .svg.")] = None,
+    step: Annotated[float | None, typer.Option(help="Step of the grid for the region, in rad or m.")] = None,
+    accuracy: Annotated[
+        float, typer.Option(help="Accuracy of curved edges of the region, in rad or m.")
+    ] = REGION_ACCURACY,
+    out: Annotated[Path | None, typer.Option(help="Draw the region level into this .png and .svg file.")] = None,
     require_coverage_: RequireCoverage = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare points, contacts, bodies and the region with coal.
+    """Compare points, contacts, bodies and the region with coal, an independent collision engine.
 
-    Exit code 0: every level that was checked holds. 1: a level disagrees, or coverage is required and partial. 2: bad
-    input, or nothing to check.
+    Exit codes: 0 all levels agree; 1 one disagrees, or required coverage is partial; 2 bad input, nothing to check.
     """
     chosen = cast("tuple[Level, ...]", tuple(word.strip() for word in levels.split(",") if word.strip()))
     if out is not None and out.suffix not in (".png", ".svg"):

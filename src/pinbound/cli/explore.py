@@ -1,4 +1,4 @@
-"""`pinbound explore`: one page in which one drags through a region and sees the robot move."""
+"""`pinbound explore`: one page in which the user moves a point through a region, and the robot follows."""
 
 from __future__ import annotations
 
@@ -29,33 +29,37 @@ __all__ = ["explore"]
 
 Planes = Annotated[
     list[str] | None,
-    typer.Option("--plane", help="Two coordinates whose region is computed, e.g. q2,q3; may be repeated."),
+    typer.Option("--plane", help="Two coordinates whose region is computed, e.g. q2,q3. May be given more than once."),
 ]
 
 
 def explore(
     robot: RobotName,
-    out: Annotated[Path, typer.Option(help="The page.")] = Path("explorer.html"),
+    out: Annotated[Path, typer.Option(help="File to write.")] = Path("explorer.html"),
     plane: Planes = None,
-    at: Annotated[str | None, typer.Option(help="q1=0.1,q2=-0.2: where the others are held; home by default.")] = None,
-    motion: Annotated[Path | None, typer.Option(help="A motion to play with its certificate, as for check.")] = None,
+    at: Annotated[
+        str | None, typer.Option(help="Values of the other coordinates, e.g. q1=0.1,q4=-0.2. Default: home.")
+    ] = None,
+    motion: Annotated[
+        Path | None, typer.Option(help="Motion to play with its certificate; a file that 'pinbound check' reads.")
+    ] = None,
     deg: Annotated[bool, typer.Option("--deg", help="Angles of --at, --window and --motion are in degrees.")] = False,
     meshes: Annotated[
-        bool, typer.Option("--meshes", help="Draw bodies that are meshes; the page grows by them.")
+        bool, typer.Option("--meshes", help="Also draw bodies that are meshes. The page becomes larger.")
     ] = False,
     window: Window = None,
     budget: Annotated[
-        float, typer.Option(min=0.0, help="Seconds for each region, and for --motion.")
+        float, typer.Option(min=0.0, help="Time limit in seconds for each region, and for --motion.")
     ] = EXPLORER_BUDGET,
     width: Annotated[
-        float, typer.Option(help="Side of the cells about contacts that are searched for.")
+        float, typer.Option(help="Width in rad or m of the cells that enclose contact curves without a formula.")
     ] = REGION_WIDTH,
     require_coverage_: RequireCoverage = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
 ) -> None:
-    """Write one page, offline, in which one drags through the region and sees the robot move."""
+    """Write a page that works offline: drag a point through the region, and the robot moves with it."""
     require("report", "the explorer's page")
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     with working("regions and page"):

@@ -20,23 +20,28 @@ _KINDS = ("c", "json", "ros2", "table")
 
 def export(
     robot: RobotName,
-    kind: Annotated[str, typer.Argument(help="'c', 'json' (the reduced chains), 'ros2' (joint_limits) or 'table'.")],
-    out: Annotated[Path, typer.Option(help="File to write; of 'c' it ends in .c, and a header .h comes beside it.")],
-    boundary: Annotated[list[str] | None, typer.Option(help="Only this boundary; may be given more than once.")] = None,
-    form: Annotated[str, typer.Option("--format", help=f"Of a table: {', '.join(FORMATS)}.")] = "csv",
-    target: Annotated[str | None, typer.Option(help="Of a table: the joint that the limits depend on.")] = None,
-    dependent: Annotated[str | None, typer.Option(help="Of a table: the joint that is limited.")] = None,
-    spacing: Annotated[float, typer.Option(help="Of a table: degrees between entries.")] = 1.0,
-    grid: Annotated[
-        str | None, typer.Option(help=f"Of a table: {', '.join(ENTRIES)}; by default what loses least in the format.")
+    kind: Annotated[
+        str, typer.Argument(help="'c' (C99), 'json' (reduced chains), 'ros2' (joint_limits) or 'table' (limits).")
+    ],
+    out: Annotated[Path, typer.Option(help="File to write. For 'c' it ends in .c; a header .h is written beside it.")],
+    boundary: Annotated[
+        list[str] | None, typer.Option(help="Export this boundary only. May be given more than once.")
     ] = None,
-    whole: Annotated[bool, typer.Option("--whole", help="Of a table: limits in whole degrees, for jskeus.")] = False,
+    form: Annotated[str, typer.Option("--format", help=f"Format of a table: {', '.join(FORMATS)}.")] = "csv",
+    target: Annotated[str | None, typer.Option(help="For a table: joint on which the limits depend.")] = None,
+    dependent: Annotated[str | None, typer.Option(help="For a table: joint that is limited.")] = None,
+    spacing: Annotated[float, typer.Option(help="For a table: degrees between entries.")] = 1.0,
+    grid: Annotated[
+        str | None,
+        typer.Option(help=f"For a table: {', '.join(ENTRIES)}. Default: the grid that loses least in this format."),
+    ] = None,
+    whole: Annotated[bool, typer.Option("--whole", help="For a table: whole degrees, as jskeus needs them.")] = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write boundaries as C99, the reduced chains as JSON, or limits as ROS 2 YAML or a table of coupled limits."""
+    """Write boundaries as C99, reduced chains as JSON, limits as ROS 2 YAML, or a table of coupled limits."""
     if kind not in _KINDS:
         raise UnknownNameError("kind of export", kind, _KINDS)
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)

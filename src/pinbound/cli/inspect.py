@@ -48,21 +48,27 @@ from pinbound.units import amount, factors, names, shown
 
 __all__ = ["derive", "info", "limits", "region"]
 
-At = Annotated[str | None, typer.Option(help="q2=0.1,q3=-0.2: the configuration; home where left out.")]
+At = Annotated[
+    str | None, typer.Option(help="Configuration, e.g. q2=0.1,q3=-0.2. Coordinates not given have home's value.")
+]
+DegreesAt = Annotated[bool, typer.Option("--deg", help="Angles of --at are in degrees.")]
 Degrees = Annotated[bool, typer.Option("--deg", help="Angles of --at and --window are in degrees.")]
-InPlane = Annotated[str | None, typer.Option("--coordinates", help="The two coordinates, e.g. q2,q3.")]
-Budget = Annotated[float, typer.Option(help="Seconds after which it ends with what is left; inf: never.")]
+InPlane = Annotated[
+    str | None, typer.Option("--coordinates", help="Two coordinates, e.g. q2,q3. Default: those of the boundaries.")
+]
+Budget = Annotated[
+    float, typer.Option(help="Time limit in seconds. After it the answer lists what is unresolved. inf: no limit.")
+]
 Width = Annotated[
     float | None,
     typer.Option(
-        help="Side of the cells that enclose contacts of boxes and prisms that turn by several angles: 0.002 [rad], "
-        "or twice, four times that where curves are long.",
+        help="Width in rad of the cells that enclose the contact curves of boxes and prisms that turn by several "
+        "angles. Default: 0.002; two or four times that for long curves.",
         show_default=False,
     ),
 ]
-
 Pairs = Annotated[
-    bool, typer.Option("--pairs", help="List every pair of links with bodies: watched, left out, or not.")
+    bool, typer.Option("--pairs", help="List every pair of links with bodies: watched, left out, or not watched.")
 ]
 
 
@@ -74,7 +80,7 @@ def info(
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show the tree, the coupling, the closures with their residuals, coverage, notes and assumptions."""
+    """Print joints, limits, couplings, closures with their residuals, marks, coverage, notes and assumptions."""
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     if as_json:
         emit_json(_info_record(loaded))
@@ -88,7 +94,7 @@ def info(
         print_table("Rules", ("rule", "binds", "where"), rule_rows(loaded, for_people=True))
     if loaded.closures:
         rows = [(c.name, f"{c.mark.link_a} - {c.mark.link_b}", f"{c.bound:.1e}", _off(c)) for c in loaded.closures]
-        headings = ("closure", "links", "residual at most, for every q [m]", "joints off by, at most [rad]")
+        headings = ("closure", "links", "largest residual, for every q [m]", "largest error of joints [rad]")
         print_table("Closures", headings, rows)
     rows = [
         (p.name, p.link, *(millimetres(x, 3) for x in p.xyz), millimetres(p.radius, 3))
@@ -100,14 +106,14 @@ def info(
     others = [mark for name, mark in loaded.annotations.marks.items() if name not in points]
     if others:
         rows = [(m.name, kind_of(m), m.link, *_vectors(m), millimetres(m.radius, 3)) for m in others]
-        headings = ("mark", "kind", "link", "from [mm]", "to, or ways [mm]; or direction []", "radius [mm]")
-        print_table("Segments, sweeps, lines and planes", headings, rows)
+        headings = ("mark", "kind", "link", "from [mm]", "to, or edge vectors [mm]; or direction []", "radius [mm]")
+        print_table("Segments, boxes, hulls, lines and planes", headings, rows)
     out.print(f"{len(loaded.boundaries)} boundaries: {', '.join(loaded.boundaries.names) or 'none'}")
     print_coverage(loaded.coverage, pairs)
     stops = [f"{b.name} ({millimetres(b.contact_distance, 3)})" for b in loaded.boundaries if b.is_stop]
     if stops:
         out.print(
-            f"{len(stops)} stops, with the mm by which their arms miss each other: {', '.join(stops)}", markup=False
+            f"{len(stops)} stops, with the difference of their arm lengths in mm: {', '.join(stops)}", markup=False
         )
     for heading, lines in (("Notes", loaded.notes), ("Assumptions", loaded.annotations.assumptions)):
         if lines:
@@ -128,7 +134,7 @@ def _vectors(mark: Mark) -> tuple[str, str]:
     if shape.is_point or shape.is_segment:
         return first, " ".join(millimetres(x, 3) for x in shape.vertices[-1])
     if not shape.is_zonotope:
-        return first, f"around it {len(shape.vertices)} vertices"
+        return first, f"{len(shape.vertices)} vertices around it"
     return first, "; ".join(" ".join(millimetres(x, 3) for x in edge) for edge in shape.directions)
 
 
@@ -213,13 +219,13 @@ def derive(
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
-    latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX of both forms instead.")] = False,
+    latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX of both forms, and nothing else.")] = False,
     operations: Annotated[
-        bool, typer.Option("--operations", help="Count operations beside Eq. (5) unreduced.")
+        bool, typer.Option("--operations", help="Also count operations, of this form and of the paper's Eq. (5).")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show each boundary's kind, ancestor, vector (paper's form, minimal form), and contact angle."""
+    """Print kind, ancestor, vector (in the paper's form and reduced) and contact angle of each boundary."""
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     if as_json:
         emit_json([_boundary_record(boundary) for boundary in loaded.boundaries])
@@ -250,17 +256,17 @@ def derive(
                     markup=False,
                 )
         if boundary.path.difference.directions:
-            said = "each t in [0, 1], along the ways of the first mark, then of the second"
+            said = "each t is in [0, 1], along the edge vectors of the first mark, then of the second"
             if not boundary.path.difference.is_zonotope:
-                said = "of a hull or cylinder all t in the hull of its vertices [m, from its middle], else in [0, 1]"
+                said = "t of a hull or cylinder is in the hull of its vertices [m, from its middle]; others in [0, 1]"
             out.print(f"  {said}", markup=False)
         out.print(f"  {_contact_text(boundary)}", markup=False)
         if boundary.place_error:
             off = millimetres(boundary.place_error, 6)
-            out.print(f"  the sides of a loop differ: up to {off} mm off, kept as more distance", markup=False)
+            out.print(f"  the sides of a loop differ: error up to {off} mm, added to the distance kept", markup=False)
         if operations and boundary.path.is_plain:
             minimal_count, unreduced = loaded.operation_counts(boundary.name)
-            out.print(f"  {minimal_count} operations; Eq. (5) unreduced has {unreduced}")
+            out.print(f"  {minimal_count} operations; Eq. (5) without reduction has {unreduced}")
 
 
 def _contact_text(boundary: Boundary) -> str:
@@ -271,11 +277,11 @@ def _contact_text(boundary: Boundary) -> str:
     if contact is None:
         return "contact: a curve (more than one effective angle)"
     if contact.half_width is None:
-        return f"never in contact: the norm stays above {millimetres(contact.smallest)} mm"
+        return f"never in contact: the norm is at least {millimetres(contact.smallest)} mm"
     if contact.is_stop:
-        said = "declared" if boundary.stop else "by its equal arms"
+        said = "declared" if boundary.stop else "found by its equal arms"
         text = f"contact at {contact.text} = {degrees(contact.angle, 9)} deg, every turn; a stop, {said}"
-        return f"{text}: its arms miss each other by {millimetres(contact.smallest, 6)} mm"
+        return f"{text}: its arm lengths differ by {millimetres(contact.smallest, 6)} mm"
     width = f" +- {degrees(contact.half_width)}" if contact.half_width else ""
     text = f"contact at {contact.text} = {degrees(contact.angle, 9)}{width} deg, every turn"
     return (
@@ -318,13 +324,13 @@ def _contact_record(contact: ContactAngle) -> dict[str, Any]:
 def limits(
     robot: RobotName,
     at: At = None,
-    deg: Degrees = False,
+    deg: DegreesAt = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show how far each coordinate can move from a configuration, the others standing still, and what stops it."""
+    """Print how far each coordinate can move from a configuration, and what stops it. The others are held fixed."""
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     q = parse_configuration(loaded, at, deg)
     found = [loaded.boundaries.limits(name, q) for name in loaded.coordinates]
@@ -333,12 +339,12 @@ def limits(
     else:
         columns = ("coordinate", "here", "from", "stopped by", "to", "stopped by")
         print_table(
-            "Articular limits, the other coordinates standing still",
+            "Limits of each coordinate, with the others held fixed",
             columns,
             [_row(loaded, x) for x in found],
         )
     if found and found[0].beyond and not as_json:
-        console().print(f"Not reachable from home: a contact of {', '.join(found[0].beyond)} lies between.")
+        console().print(f"Not reachable from home: a contact of {', '.join(found[0].beyond)} is in between.")
     if any(one.blocked_by or one.beyond for one in found):
         raise typer.Exit(1)
 
@@ -365,7 +371,7 @@ def region(
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show the feasible region of two coordinates around home: vertices, named edges, area, what is implied."""
+    """Print the feasible region of two coordinates around home: named edges, vertices, area, implied boundaries."""
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     plane = None if coordinates is None else tuple(name.strip() for name in coordinates.split(","))
     within = parse_window(loaded, window, deg)
@@ -401,7 +407,7 @@ def region(
         ends = " to ".join(
             f"({', '.join(f'{v:.6f}' for v in shown(end, found.units))})" for end in slit.points[[0, -1]]
         )
-        said = f"a wall inside it: {slit.name} from {ends} [{a}, {b}]; no motion crosses it, both sides are free"
+        said = f"a cut inside it: {slit.name} from {ends} [{a}, {b}]; both sides are free, but no motion crosses it"
         console().print(said, markup=False, soft_wrap=True)
     alike = a == b  # a distance in a plane of angles and lengths has no unit
     implied = [
@@ -412,7 +418,7 @@ def region(
     if implied:
         print_table("Implied", ("boundary or limit", "implied by", f"slack [{a}]" if alike else "slack"), implied)
     if not len(loaded.boundaries):
-        console().print("no boundary: the region is what the joint limits alone allow", markup=False)
+        console().print("The robot has no boundary: the region is what the joint limits alone allow.", markup=False)
     say_coverage(loaded.coverage.record)
     say_assumptions(loaded)
     require_coverage(loaded.coverage, require_coverage_)

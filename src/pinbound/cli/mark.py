@@ -1,4 +1,4 @@
-"""`pinbound mark`: propose a sidecar of marks and pairs for a robot with simple collision bodies."""
+"""`pinbound mark`: propose a sidecar with marks that hold the bodies, and with boundaries between them."""
 
 from __future__ import annotations
 
@@ -45,26 +45,27 @@ _BASES = {"proof": "proof", "witness": "witness", "samples": "samples", "granted
 
 def mark(
     robot: RobotName,
-    out: Annotated[Path | None, typer.Option(help="Sidecar to write; it must not exist.")] = None,
-    accuracy: Annotated[float, typer.Option(help="How far a mark may stick out of its body [mm].")] = 20.0,
-    shapes: Annotated[str, typer.Option(help="Shapes to cover, separated by commas.")] = ",".join(ALL_SHAPES),
+    out: Annotated[Path | None, typer.Option(help="Sidecar to write. The file must not exist yet.")] = None,
+    accuracy: Annotated[float, typer.Option(help="How far a mark may stick out of its body, in mm.")] = 20.0,
+    shapes: Annotated[str, typer.Option(help="Shapes of bodies to cover, separated by commas.")] = ",".join(ALL_SHAPES),
     by: Annotated[str, typer.Option(help="Cover meshes by hulls, capsules, spheres or boxes.")] = "hulls",
-    most: Annotated[int, typer.Option(help="Most marks a link over its meshes.")] = MOST_PARTS,
+    most: Annotated[int, typer.Option(help="Largest number of marks for the meshes of one link.")] = MOST_PARTS,
     skip_missing: Annotated[
-        bool, typer.Option("--skip-missing", help="Name meshes that cannot be read as not covered.")
+        bool, typer.Option("--skip-missing", help="List a mesh that cannot be read as not covered, and go on.")
     ] = False,
-    neighbours: Annotated[bool, typer.Option("--neighbours", help="Watch neighbours, too.")] = False,
+    neighbours: Annotated[bool, typer.Option("--neighbours", help="Also watch pairs of neighbours.")] = False,
     srdf: Annotated[
-        Path | None, typer.Option(help="SRDF whose disable_collisions are judged; else the one beside the robot.")
+        Path | None,
+        typer.Option(help="SRDF whose disable_collisions are examined. Default: the one beside the robot."),
     ] = None,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Propose marks over the bodies of all links and all pairs worth checking, with reasons for what is left out.
+    """Propose marks that hold the bodies, and boundaries for pairs that can collide. List what is left out, and why.
 
-    Exits with 1 if a body is not covered: no boundary then speaks of it.
+    Exit codes: 0 all bodies are covered; 1 a body is not covered, so no boundary watches it; 2 bad input.
     """
     if out is not None and out.exists():
         raise InputError([Problem("exists already", "Remove it, or give another name", str(out))])
@@ -124,7 +125,7 @@ def _print_disabled(robot: Robot, disabled: Sequence[DisabledPair], files: Seque
     if files:
         named = ", ".join(file.name for file in files)
         said.print(
-            f"{len(files)} SRDFs name this robot, and none is read: give one with --srdf ({named}).", markup=False
+            f"{len(files)} SRDFs name this robot, so none was read. Choose one with --srdf: {named}.", markup=False
         )
     if not disabled:
         return
@@ -142,9 +143,7 @@ def _print_disabled(robot: Robot, disabled: Sequence[DisabledPair], files: Seque
         said.print(f"{' - '.join(one.links)}: at {at}", markup=False, soft_wrap=True)
     if len(seen) > _MOST_LINES:
         said.print(f"... and {len(seen) - _MOST_LINES} more: --json lists all.", markup=False)
-    said.print(
-        "A pair that a file disables is watched all the same, unless a reason above leaves it out.", markup=False
-    )
+    said.print("A pair that a file disables is still watched, unless a reason above leaves it out.", markup=False)
 
 
 def _floats(q: Array | None) -> list[float]:
@@ -188,9 +187,9 @@ def _print(robot: Robot, proposal: Proposal, out: Path | None, seconds: float) -
     overlaps = [(*marks, millimetres(-gap) if gap < 0.0 else "touch") for marks, gap in deepest]
     if overlaps:
         home = (
-            "the home that is given"
+            "the given home"
             if robot.annotations.home
-            else "the URDF's zero within its limits, as no home is given"
+            else "the URDF's zero within its limits, because no home is given"
         )
         print_table(f"In contact at {home}", ("mark", "mark", "overlap [mm]"), overlaps)
     said = console()
@@ -219,12 +218,12 @@ def _print(robot: Robot, proposal: Proposal, out: Path | None, seconds: float) -
     for link, shapes in missing.items():
         listed = ", ".join(f"{count} {shape}" for shape, count in shapes.items())
         count, it = (f"{sum(shapes.values())} bodies", "them") if sum(shapes.values()) > 1 else ("1 body", "it")
-        say(f"Not covered: {count} of {link} ({listed}); no boundary speaks of {it}.")
+        say(f"Not covered: {count} of {link} ({listed}); no boundary watches {it}.")
     if missing:
         few, all_of = len(proposal.uncovered), sum(len(one.bodies) for one in proposal.covers)
         say(
-            f"{few} of {few + all_of} bodies {'carry' if few > 1 else 'carries'} no mark: what is certified says "
-            "nothing of contact with them. Mark them by hand (meshes, other shapes), or ask for their shapes."
+            f"{few} of {few + all_of} bodies {'have' if few > 1 else 'has'} no mark: certificates say nothing about "
+            "contact with them. Mark them by hand, or add their shapes to --shapes."
         )
 
 

@@ -48,16 +48,22 @@ _MOST_ROWS = 40
 
 def plan(
     robot: RobotName,
-    goal: Annotated[str, typer.Option(help="q2=0.1,q3=-0.2: where to go; home where left out.")],
-    start: Annotated[str | None, typer.Option(help="q2=0.1,...: where from; home where left out.")] = None,
-    out: Annotated[Path | None, typer.Option(help="CSV of the waypoints to write, as check reads it.")] = None,
+    goal: Annotated[
+        str, typer.Option(help="Goal, e.g. q2=0.1,q3=-0.2. Coordinates that are not given have home's value.")
+    ],
+    start: Annotated[str | None, typer.Option(help="Start, in the same form. Default: home.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write the waypoints to this .csv file. 'pinbound check' reads it.")
+    ] = None,
     deg: Annotated[
         bool, typer.Option("--deg", help="Angles of --start, --goal, --out and the table are in degrees.")
     ] = False,
     velocity: Annotated[
-        float | None, typer.Option(help="Largest speed of each coordinate [rad/s or m/s]; gives times.")
+        float | None, typer.Option(help="Largest speed of each coordinate, in rad/s or m/s. Gives the plan times.")
     ] = None,
-    budget: Annotated[float, typer.Option(help="Seconds after which it ends UNDECIDED.", min=0.0)] = _SECONDS,
+    budget: Annotated[
+        float, typer.Option(help="Time limit in seconds. After it the answer is UNDECIDED.", min=0.0)
+    ] = _SECONDS,
     limits_only: LimitsOnly = False,
     require_coverage_: RequireCoverage = False,
     annotations: Annotations = None,
@@ -65,10 +71,9 @@ def plan(
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find a motion, straight between waypoints, that is proven clear; or prove that there is none.
+    """Find a motion that is proven clear, or prove that there is none. Between waypoints the motion is straight in q.
 
-    Exit code 0: found and certified. 1: proven that there is none, or undecided within the budget, or coverage is
-    required and partial. 2: bad input, or no boundary to check.
+    Exit codes: 0 found; 1 no motion exists, undecided, or required coverage is partial; 2 bad input, nothing to check.
     """
     if out is not None and out.suffix != ".csv":
         raise InputError([Problem("is no name of a table", "Let it end in .csv", str(out))])
@@ -116,9 +121,9 @@ def _print(robot: Robot, found: Plan, out: Path | None, deg: bool) -> None:
         least = f"at least {millimetres(proof.lower, 3)} mm clear" if math.isfinite(proof.lower) else "within limits"
         tells = f"{len(found.waypoints)} waypoints ({found.found_by}), {least}"
     elif found.separated_by is not None:
-        tells = f"there is no motion: {found.separated_by} is between the two, or broken by one of them"
+        tells = f"there is no motion: {found.separated_by} separates start and goal, or one of them violates it"
     else:
-        tells = "no motion was found, which proves nothing; give it more time with --budget"
+        tells = "no motion was found, but one may exist; give more time with --budget"
     said.print(Text(found.verdict.value.upper(), f"bold {colour}"), f": {tells}; {found.seconds:.1f} s", sep="")
     say_coverage(robot.coverage.record)
     if proof is not None:

@@ -28,14 +28,14 @@ def report(
     robot: RobotName,
     out: Annotated[Path, typer.Option(help="Folder for the page and its figures.")] = Path("report"),
     frame: Annotated[
-        str | None, typer.Option(help="Link whose origin is the tool point; the deepest by default.")
+        str | None, typer.Option(help="Link whose origin is the tool point. Default: the deepest link of the tree.")
     ] = None,
     require_coverage_: RequireCoverage = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
 ) -> None:
-    """Write an HTML page with the tree, the boundaries, the region, its workspace image and the assumptions."""
+    """Write an HTML page with the kinematic tree, boundaries, region, workspace image and assumptions."""
     require("report", "a report")
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     with working("region, figures, page"):

@@ -14,13 +14,13 @@ __all__ = ["reproduce"]
 
 
 def reproduce(
-    out: Annotated[Path, typer.Option(help="Folder for the page, its figures, numbers and meshes.")],
-    robot: Annotated[str, typer.Option(help="The paper's robot, or a copy of it.")] = "minervabot_v3",
+    out: Annotated[Path, typer.Option(help="Folder for the page, its figures, tables and meshes.")],
+    robot: Annotated[str, typer.Option(help="The paper's robot, or a changed copy of it.")] = "minervabot_v3",
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
 ) -> None:
-    """Draw every table and figure of the paper anew from the URDF, with its errata as computations."""
+    """Compute tables, figures and errata of the paper from the URDF, and write them as a page."""
     require("report", "the paper's page")
     require("meshes", "the paper's page")
     from pinbound.reproduce import reproduce_paper

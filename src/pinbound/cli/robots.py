@@ -1,4 +1,4 @@
-"""`pinbound robots`: what ships with pinbound; `pinbound new`: a start for a robot of one's own."""
+"""`pinbound robots`: the robots that ship with pinbound; `pinbound new`: a file to start from for a new robot."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["new", "robots"]
 
 
 def robots(as_json: AsJson = False) -> None:
-    """List the robots that ship with pinbound, and the presets with confidence and sources of their numbers."""
+    """List the robots that ship with pinbound, and the presets with the confidence and sources of their numbers."""
     presets = [model for model in models() if model.name is not None]
     if as_json:
         emit_json(
@@ -57,23 +57,25 @@ def robots(as_json: AsJson = False) -> None:
 
 _START = """<?xml version="1.0"?>
 <!--
-  A palletizer from its datasheet: put its numbers in place of these, which are an example's. Lengths in metres, angles
-  in radians: ${math.radians(85)} is 85 degrees. On the drawing of the working range, from the side, all joints at zero:
+  A palletizer from its datasheet. Replace the numbers below, which are an example, by those of your datasheet. Lengths
+  are in metres, angles in radians: ${math.radians(85)} is 85 degrees. These lengths are on the drawing of the working
+  range, seen from the side, with all joints at zero:
 
     shoulder_x, shoulder_z     from the foot of the robot to the axis of the arm (J2)
     arm, forearm               axis of the arm to elbow; elbow to the pin of the wrist
     flange_x, flange_drop      pin of the wrist to the flange: forward, down
-    third_axis                 absolute: the datasheet counts J3 to the ground; relative: to the arm
-    forearm_sign               1: a growing J3 lowers the forearm; -1: it lifts it
-    arm_zero, forearm_zero     if the drawing is made at other angles: lean of the arm, rise of the forearm at zero
+    third_axis                 absolute: the datasheet measures J3 from the ground; relative: from the arm
+    forearm_sign               1: a growing J3 lowers the forearm; -1: a growing J3 lifts it
+    arm_zero, forearm_zero     only if the drawing is not at zero: tilt of the arm and elevation of the forearm at zero
     j1_lower ... j4_upper      ranges of the joints
     drive, level_*, forward_*  the rods: length of the crank behind the shoulder; pivot of the rod that keeps the wrist
-                               level; its pin on the elbow. Not on your datasheet? Leave them out, nothing else changes
-    ..._width                  thickness of the bodies. Without it there is no body, and nothing to check but ranges and
-                               rules: measure it on a drawing, rather too large, and say so in an assumption
+                               level; its pin on the elbow. If they are not on your datasheet, leave them out. Nothing
+                               else changes
+    ..._width                  thickness of the bodies. Without a width there is no body, and only ranges and rules are
+                               checked. Measure it on a drawing, rather too large, and say so in an assumption
 
-  Load it with pinbound.load("my_palletizer.urdf.xacro"), or give it to any command of pinbound; no ROS is needed. All
-  arguments: the head of palletizer.xacro, in the folder that `pinbound robots` names.
+  Load this file with pinbound.load("my_palletizer.urdf.xacro"), or give it to any command of pinbound. ROS is not
+  needed. The head of palletizer.xacro lists all arguments; `pinbound robots` prints its folder.
 -->
 <robot name="my_palletizer" xmlns:xacro="http://www.ros.org/wiki/xacro" xmlns:pinbound="urn:pinbound:1">
   <xacro:include filename="$(find pinbound)/palletizer.xacro"/>
@@ -98,10 +100,10 @@ _START = """<?xml version="1.0"?>
 
 
 def new(
-    what: Annotated[str, typer.Argument(help="What to start: palletizer.")],
+    what: Annotated[str, typer.Argument(help="Kind of robot: palletizer.")],
     out: Annotated[Path, typer.Option(help="Folder for the file.")],
 ) -> None:
-    """Write a commented start for a robot of your own."""
+    """Write a commented file to start from, for a robot of your own."""
     if what != FAMILY:
         raise UnknownNameError("kind of robot to start", what, (FAMILY,))
     file = out / "my_palletizer.urdf.xacro"

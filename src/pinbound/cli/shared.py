@@ -51,19 +51,25 @@ R = TypeVar("R")
 _PIPE_WIDTH = 140
 _trusted = ContextVar("trust", default=TRUST[0])
 
-RobotName = Annotated[str, typer.Argument(help="A packaged robot's name, or a path to a .urdf or .xacro.")]
+RobotName = Annotated[
+    str, typer.Argument(help="Path to a .urdf or .xacro file, or the name of a robot that ships with pinbound.")
+]
 Annotations = Annotated[
     list[Path] | None,
-    typer.Option(help="YAML sidecar (or SRDF, robot.yaml, MJCF) with annotations; may be given more than once."),
+    typer.Option(help="File with annotations: YAML sidecar, SRDF, robot.yaml or MJCF. May be given more than once."),
 ]
 PackageDirs = Annotated[
-    list[Path] | None, typer.Option("--package-dir", help="Folder of ROS packages, for package:// and $(find).")
+    list[Path] | None,
+    typer.Option("--package-dir", help="Folder in which package:// and $(find) look for ROS packages."),
 ]
-XacroArgs = Annotated[list[str] | None, typer.Option("--xacro-arg", help="NAME=VALUE for a xacro file.")]
-Trust = Annotated[str, typer.Option(help="'urdf-only' refuses xacro files, which can run code.")]
+XacroArgs = Annotated[
+    list[str] | None,
+    typer.Option("--xacro-arg", help="Argument of a xacro file, as NAME=VALUE. May be given more than once."),
+]
+Trust = Annotated[str, typer.Option(help="'urdf-only' refuses xacro files, because they can run code.")]
 Window = Annotated[
     str | None,
-    typer.Option(help="q1=-1..1,q2=0..0.5: within which ends to look; needed for coordinates without limits."),
+    typer.Option(help="Range in which to search, e.g. q1=-1..1,q2=0..0.5. A coordinate without limits needs a range."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON (metres, radians) instead of tables.")]
 

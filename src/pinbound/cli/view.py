@@ -1,4 +1,4 @@
-"""`pinbound view`: the robot live in a browser, meshes included."""
+"""`pinbound view`: the robot in a browser, with its meshes, moved by sliders."""
 
 from __future__ import annotations
 
@@ -24,15 +24,19 @@ __all__ = ["view"]
 
 def view(
     robot: RobotName,
-    port: Annotated[int, typer.Option(min=1, max=65535, help="The first port that is tried.")] = 8080,
-    host: Annotated[str, typer.Option(help="Who may look: this machine only, or 0.0.0.0 for all.")] = "127.0.0.1",
-    at: Annotated[str | None, typer.Option(help="q1=0.1,q2=-0.2: what is shown first; home by default.")] = None,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="First port to try.")] = 8080,
+    host: Annotated[
+        str, typer.Option(help="Address to listen on. 0.0.0.0 also lets other machines connect.")
+    ] = "127.0.0.1",
+    at: Annotated[
+        str | None, typer.Option(help="Configuration to show first, e.g. q1=0.1,q2=-0.2. Default: home.")
+    ] = None,
     deg: Annotated[bool, typer.Option("--deg", help="Angles of --at are in degrees.")] = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
     xacro_arg: XacroArgs = None,
 ) -> None:
-    """Serve the robot live with its meshes, sliders, clearances and limits, until Ctrl-C (needs pinbound[view])."""
+    """Show the robot in a browser with meshes, sliders, clearances and limits, until Ctrl-C. Needs the extra 'view'."""
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     shown = live_view(loaded, port, host, parse_configuration(loaded, at, deg))
     said = console()
