@@ -24,7 +24,8 @@ ALONE = {"line", "home_line"}  # where in a file it was written: no entry of its
 
 def members(cls: type) -> Iterator[tuple[str, Any, str]]:
     """Yield name, function and kind of the public methods and properties that pinbound wrote."""
-    for name, value in inspect.getmembers_static(cls):
+    for name in dir(cls):  # inspect.getmembers_static is younger than Python 3.10
+        value = inspect.getattr_static(cls, name)
         owner = next((base for base in cls.__mro__ if name in vars(base)), None)
         if name.startswith("_") or owner is None or not owner.__module__.startswith("pinbound"):
             continue

@@ -7,7 +7,9 @@ import json
 import math
 import re
 import shutil
+import time
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from robots import joint, robot_xml
 FLAGS = [
     "--no-sandbox",
     "--disable-gpu",
+    "--enable-unsafe-swiftshader",  # WebGL by the processor, to compare with
     "--disable-quic",
     "--no-first-run",
     "--disable-background-networking",
@@ -99,14 +102,24 @@ def pages(robots: dict[str, pb.Robot], tmp_path_factory: pytest.TempPathFactory)
     return {name: page.save(folder / f"{name}.html") for name, page in made.items()}
 
 
-def opened(browser: Any, path: Path, **options: Any) -> Any:
+def until(page: Any, condition: str, seconds: float = 30.0) -> None:
+    """Ask until it holds: Playwright's own waiting makes code from text, which the page's security policy forbids."""
+    end = time.monotonic() + seconds
+    while not page.evaluate(condition):
+        assert time.monotonic() < end, condition
+        page.wait_for_timeout(20)
+
+
+def opened(browser: Any, path: Path, scripts: str = "", **options: Any) -> Any:
     page = browser.new_page(**{"viewport": {"width": 1280, "height": 900}} | options)
     page.faults = []
     page.on("pageerror", lambda error: page.faults.append(str(error)))
     page.on("console", lambda said: page.faults.append(said.text) if said.type == "error" else None)
     page.on("request", lambda asked: asked.url.startswith(("file:", "data:")) or page.faults.append(asked.url))
+    if scripts:
+        page.add_init_script(scripts)
     page.goto(path.as_uri())
-    page.wait_for_function("() => window.pinbound?.panels && pinbound.frames > 0")
+    until(page, "() => window.pinbound?.panels && pinbound.frames > 0")
     return page
 
 
@@ -238,7 +251,7 @@ def test_dragging_in_the_region_moves_the_robot(page: Any) -> None:
     page.mouse.move(*pixels(page, (10.0, 5.0)))
     page.mouse.move(*pixels(page, (40.0, 30.0)), steps=4)
     page.mouse.up()
-    page.wait_for_function("() => document.getElementById('verdict').textContent.includes('Free')")
+    until(page, "() => document.getElementById('verdict').textContent.includes('Free')")
     q = np.degrees(state(page, "q"))
     assert np.allclose(q, [0.0, 40.0, 30.0], atol=0.6)  # a pixel is a third of a degree
     after = page.evaluate("() => pinbound.robot.places(pinbound.q).map((m) => m.slice(12, 15))")
@@ -246,7 +259,7 @@ def test_dragging_in_the_region_moves_the_robot(page: Any) -> None:
     values = [float(one.input_value()) for one in page.locator("#joints input[type=number]").all()]
     assert np.allclose(values, q, atol=1e-3)
     page.mouse.click(*pixels(page, (-20.0, 50.0)))
-    page.wait_for_function("() => document.getElementById('verdict').textContent.includes('Not free')")
+    until(page, "() => document.getElementById('verdict').textContent.includes('Not free')")
     assert {"beta_4", "beta_10"} <= {one["name"] for one in state(page, "touching.map(({ name }) => ({ name }))")}
 
 
@@ -256,22 +269,22 @@ def test_a_slider_and_the_keys_move_the_point(page: Any) -> None:
 
     start = cursor()
     page.locator("#joint-1").fill("20")
-    page.wait_for_function("() => Math.abs(pinbound.q[1] - Math.PI / 9) < 1e-9")
-    page.wait_for_function("(x) => document.querySelector('#cursor .point').getAttribute('cx') - x > 20", arg=start)
-    assert "beta_8" in page.locator(".joint .ends").nth(1).text_content()
+    until(page, "() => Math.abs(pinbound.q[1] - Math.PI / 9) < 1e-9")
+    until(page, f"() => document.querySelector('#cursor .point').getAttribute('cx') - {start} > 20")
+    until(page, "() => document.querySelectorAll('.joint .ends')[1].textContent.includes('beta_8')")
     page.locator("#plane").focus()
     page.keyboard.press("ArrowUp")
     page.keyboard.press("Shift+ArrowRight")
-    page.wait_for_function("() => pinbound.drawn === pinbound.moved")
+    until(page, "() => pinbound.drawn === pinbound.moved")
     assert np.allclose(np.degrees(state(page, "q")), [0.0, 20.1, 1.0])
     page.get_by_role("button", name="Go home").click()
-    page.wait_for_function("() => pinbound.q.every((value) => value === 0) && pinbound.drawn === pinbound.moved")
+    until(page, "() => pinbound.q.every((value) => value === 0) && pinbound.drawn === pinbound.moved")
     assert cursor() == start
 
 
 def test_a_click_on_an_edge_lights_up_its_two_marks(page: Any) -> None:
     page.mouse.click(*pixels(page, (13.0, 45.43)))  # the middle of beta_4, q3 = q2 + 32.43 deg
-    page.wait_for_function("() => document.getElementById('labels').children.length === 2")
+    until(page, "() => document.getElementById('labels').children.length === 2")
     assert page.locator("#labels span").all_text_contents() == ["o14", "o15"]
     assert np.allclose(state(page, "q"), 0.0)  # it was a click, no drag
     said = page.locator("#detail").text_content()
@@ -281,7 +294,7 @@ def test_a_click_on_an_edge_lights_up_its_two_marks(page: Any) -> None:
     assert page.locator("#detail math").count() == 3
     assert f"{1e3 * pb.load('minervabot_v3').boundaries['beta_4'].signed_clearance(np.zeros(3)):.6f} mm" in said
     page.get_by_role("button", name="beta_9", exact=True).click()
-    page.wait_for_function("() => pinbound.chosen === 'beta_9'")
+    until(page, "() => pinbound.chosen === 'beta_9'")
     assert page.locator("#choice").input_value() == "beta_9"
 
 
@@ -292,24 +305,121 @@ def test_touch_and_a_narrow_window(browser: Any, pages: dict[str, Path]) -> None
     assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
     page.locator("#plane").scroll_into_view_if_needed()
     page.touchscreen.tap(*pixels(page, (30.0, 40.0)))
-    page.wait_for_function("() => pinbound.q[1] > 0.4")
+    until(page, "() => pinbound.q[1] > 0.4")
     assert np.allclose(np.degrees(state(page, "q")), [0.0, 30.0, 40.0], atol=1.0)
     assert page.faults == []
     page.close()
+
+
+def test_a_finger_turns_the_robot_and_two_zoom(browser: Any, pages: dict[str, Path]) -> None:
+    page = opened(
+        browser, pages["minervabot_v3"], viewport={"width": 390, "height": 800}, has_touch=True, is_mobile=True
+    )
+    page.locator("#scene").scroll_into_view_if_needed()
+    box, hand = page.locator("#scene").bounding_box(), page.context.new_cdp_session(page)
+    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+
+    def touch(kind: str, *places: tuple[float, float]) -> None:
+        points = [{"x": a, "y": b, "id": k} for k, (a, b) in enumerate(places)]
+        hand.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    scrolled = page.evaluate("() => scrollY")
+    before = state(page, "scene.view")
+    touch("touchStart", (x, y))
+    for k in range(1, 6):
+        touch("touchMove", (x + 10 * k, y))
+    touch("touchEnd")
+    until(page, f"() => pinbound.scene.view.turn < {before['turn'] - 0.2}")
+    after = state(page, "scene.view")
+    assert abs(after["turn"] - (before["turn"] - 0.008 * 50)) < 0.01
+    assert (after["tilt"], after["far"]) == (before["tilt"], before["far"])
+    touch("touchStart", (x - 30, y), (x + 30, y))
+    touch("touchMove", (x - 60, y), (x + 60, y))
+    touch("touchEnd")
+    until(page, f"() => Math.abs(pinbound.scene.view.far / {after['far']} - 0.5) < 0.05")
+    assert page.evaluate("() => [scrollY, pinbound.scene.fingers.size]") == [scrolled, 0]
+    assert page.faults == []
+    page.close()
+
+
+NO_WEBGL = """
+const old = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+  return kind.startsWith("webgl") ? null : old.call(this, kind, ...rest);
+};"""
+UNNAMED = """
+const old = WebGL2RenderingContext.prototype.getExtension;
+WebGL2RenderingContext.prototype.getExtension = function (name) {
+  return name === "WEBGL_debug_renderer_info" ? null : old.call(this, name);
+};"""
+
+
+def blocks(picture: np.ndarray) -> np.ndarray:
+    """Return the means over 6 x 6 pixels."""
+    high, wide = (size // 6 for size in picture.shape[:2])
+    return picture[: 6 * high, : 6 * wide].reshape(high, 6, wide, 6, 3).mean(axis=(1, 3))
+
+
+@pytest.mark.parametrize("name", ["minervabot_v3", "every mark"])
+def test_the_processor_draws_what_webgl_draws(name: str, browser: Any, pages: dict[str, Path]) -> None:
+    """Bodies, marks that shine through, the chosen pair, and corners behind the eye, pixel by pixel."""
+    from matplotlib.image import imread
+
+    views = ["{}", "{ turn: 0.4, tilt: 0.9 }", "{ far: 0.2, turn: 0.1 }"]
+    pictures: dict[str, list[np.ndarray]] = {}
+    for pen, script in (("SoftPen", NO_WEBGL), ("GlPen", UNNAMED)):
+        page = opened(browser, pages[name], script)
+        found = page.evaluate("() => pinbound.scene.pen.constructor.name")
+        if pen == "GlPen" and found != pen:
+            pytest.skip("this browser has no WebGL to compare with")
+        assert found == pen
+        page.evaluate("() => pinbound.choose(pinbound.data.boundaries[1].name)")
+        pictures[pen] = []
+        for view in views:
+            page.evaluate(f"() => {{ pinbound.scene.reset(); Object.assign(pinbound.scene.view, {view}); }}")
+            page.evaluate("() => { pinbound.scene.draw(); }")
+            page.wait_for_timeout(60)
+            pictures[pen].append(imread(BytesIO(page.locator("#scene").screenshot()))[..., :3])
+        page.close()
+    for pair in zip(pictures["SoftPen"], pictures["GlPen"], strict=True):
+        soft, full = (blocks(picture) for picture in pair)
+        assert 0.01 < np.mean(np.abs(full - full[0, 0]).max(axis=2) > 0.1)
+        assert np.abs(soft - full).max() < 0.12  # lines and rims are one pixel, smoothed in another way
+
+
+def test_frames_that_come_late_lower_the_resolution_until_it_stands_still(page: Any) -> None:
+    found = page.evaluate("""() => {
+      const { scene } = pinbound, seen = [], told = (gap, spent, count) => {
+        for (let k = 0; k < count; k++) scene.pace(gap, spent);
+        seen.push(scene.step);
+      };
+      scene.moving();
+      const full = scene.ratio;
+      told(16, 5, 100); told(40, 5, 2); told(40, 5, 1); told(40, 5, 30); told(16, 14, 500); told(16, 5, 320);
+      const [low, step] = [scene.ratio, scene.step];
+      told(40, 5, 3);
+      return { seen, full, low, step, still: scene.pen.ratios(devicePixelRatio).still };
+    }""")
+    assert found["seen"] == [0, 0, 1, 3, 3, 2, 3]  # late thrice; as coarse as can be; slow frames stay so; a finer try
+    assert 0.0 < found["low"] < found["full"] <= found["still"]
+    until(page, "() => !pinbound.scene.isMoving && !pinbound.scene.dirty")
+    assert page.evaluate("() => pinbound.scene.ratio") == found["still"]
+    width = page.evaluate("() => pinbound.scene.canvas.width / pinbound.scene.width")
+    assert abs(width - found["still"]) < 0.01
 
 
 def test_a_region_is_called_exact_only_where_python_computed_it(
     browser: Any, pages: dict[str, Path], robots: dict[str, pb.Robot], page: Any
 ) -> None:
     page.evaluate("() => pinbound.set(0, 1.0)")  # nothing depends on q1
-    page.wait_for_function("() => pinbound.drawn === pinbound.moved")
+    until(page, "() => pinbound.drawn === pinbound.moved")
     assert page.locator("#plane-said").text_content().startswith("Exact region of (q2, q3)")
     page.locator("#across").select_option("0")
-    page.wait_for_function("() => document.getElementById('plane-said').textContent.includes('144 x 144')")
+    until(page, "() => document.getElementById('plane-said').textContent.includes('144 x 144')")
     assert "Sampled" in page.locator("#plane-said").text_content()
     assert page.locator("#drawing .edge").count() == 0
     other = opened(browser, pages["every mark"])  # its budget was zero
-    other.wait_for_function("() => document.getElementById('plane-said').textContent.startsWith('Sampled on')")
+    until(other, "() => document.getElementById('plane-said').textContent.startsWith('Sampled on')")
     assert "No region was computed" in other.locator("#plane-said").text_content()
     assert other.faults == []
     other.close()
@@ -333,7 +443,7 @@ def test_a_motion_is_played_with_its_certificate(page: Any, robots: dict[str, pb
     assert f"at least {math.floor(1e6 * found.lower) / 1e3:.3f} mm" in said
     page.evaluate("() => { pinbound.player.lasts = 60; }")
     page.get_by_role("button", name="Play").click()
-    page.wait_for_function("() => pinbound.q[0] > 0.1")
+    until(page, "() => pinbound.q[0] > 0.1")
     page.get_by_role("button", name="Pause").click()
     page.evaluate("() => pinbound.player.show(0.5)")
     assert np.allclose(np.degrees(state(page, "q")), [60.0, 20.0, 10.0])

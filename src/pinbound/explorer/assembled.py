@@ -26,7 +26,10 @@ from pinbound.tolerances import EXPLORER_BUDGET, REGION_WIDTH
 
 __all__ = ["ExplorerPage", "explorer_page"]
 
-SCRIPTS = ("interpreter.js", "nearest.js", "limits.js", "plane.js", "solids.js", "scene.js", "app.js")
+SCRIPTS = (
+    *("interpreter.js", "nearest.js", "limits.js", "plane.js"),
+    *("solids.js", "pen_gl.js", "pen_soft.js", "scene.js", "app.js"),
+)
 """Files of `page/`, each needing only those before it."""
 
 

@@ -79,9 +79,10 @@ class State {
   changed() {
     if (this.waits) return;
     this.waits = true;
-    requestAnimationFrame(() => {
+    requestAnimationFrame((now) => {
       this.waits = false;
       this.frame();
+      if (this.scene.isMoving) requestAnimationFrame((next) => this.scene.pace(next - now, this.took));
     });
   }
 
@@ -100,6 +101,7 @@ class State {
         clearTimeout(this.timer);
         this.timer = setTimeout(() => this.changed(), SETTLED + 10);
       }
+      if (this.moved !== this.drawn) this.scene.moving();
       this.drawn = this.moved;
       this.scene.dirty = true;
     }
@@ -107,7 +109,8 @@ class State {
     if (this.scene.dirty) this.scene.draw();
     this.panels.said();
     this.frames++;
-    this.spent += performance.now() - start;
+    this.took = performance.now() - start;
+    this.spent += this.took;
     if (this.plane.isSampling) this.changed();
   }
 }

@@ -1,16 +1,9 @@
-// The robot in three dimensions, by WebGL: bodies, marks, the chosen pair on top of everything.
+// The robot in three dimensions: bodies, marks, the chosen pair on top of everything. A pen draws: WebGL, or the processor.
 
-const VERTEX = `#version 300 es
-in vec3 corner; in vec3 normal; uniform mat4 place; uniform mat4 view; out vec3 facing;
-void main() { facing = mat3(place) * normal; gl_Position = view * place * vec4(corner, 1.0); }`;
-const FRAGMENT = `#version 300 es
-precision mediump float; in vec3 facing; uniform vec4 colour; uniform vec3 light; uniform float flat_; out vec4 seen;
-void main() {
-  vec3 n = normalize(facing + vec3(1e-9));
-  float shade = mix(0.62 + 0.38 * abs(dot(n, light)) * (0.75 + 0.25 * n.z), 1.0, flat_);
-  seen = vec4(colour.rgb * shade * colour.a, colour.a);
-}`;
-const STILL = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+const COARSE = [1, 0.75, 0.5, 0.35]; // share of the full resolution while something moves, finest first
+const LATE = 18; // ms: a frame that takes longer lowers the resolution by one step
+const EARLY = 12; // ms of drawing, below which a finer step is tried again
+const PATIENCE = 20; // frames in time before a finer step is tried; twice as many after each step that came too early
 
 class Scene {
   constructor(state, element) {
@@ -21,10 +14,9 @@ class Scene {
     this.shows = { bodies: true, marks: state.data.marks.length <= 60 };
     this.fingers = new Map();
     this.measure();
-    this.gl = this.canvas.getContext("webgl2", { antialias: true });
-    if (!this.gl) {
-      element.insertAdjacentHTML("beforeend", "<p>This browser has no WebGL 2: the robot is not drawn. All numbers on the page hold all the same.</p>");
-    } else this.prepare();
+    this.isMoving = false;
+    [this.step, this.late, this.inTime, this.patience] = [0, 0, 0, PATIENCE];
+    this.prepare();
     new ResizeObserver(() => this.resize()).observe(element);
     element.addEventListener("pointerdown", (event) => this.press(event));
     element.addEventListener("pointermove", (event) => this.move(event));
@@ -71,27 +63,12 @@ class Scene {
   }
 
   prepare() {
-    const { gl, state } = this;
-    const program = gl.createProgram();
-    for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
-      const shader = gl.createShader(kind);
-      gl.shaderSource(shader, source);
-      gl.compileShader(shader);
-      gl.attachShader(program, shader);
-    }
-    gl.bindAttribLocation(program, 0, "corner");
-    gl.bindAttribLocation(program, 1, "normal");
-    gl.linkProgram(program);
-    gl.useProgram(program);
-    this.at = Object.fromEntries(["place", "view", "colour", "light", "flat_"].map((name) => [name, gl.getUniformLocation(program, name)]));
+    const { state } = this;
+    this.pen = GlPen.of(this.canvas) ?? new SoftPen(this.canvas);
     const link = Object.fromEntries(state.data.links.map(({ name }, k) => [name, k]));
     const dot = 0.011 * this.size;
-    this.bodies = this.upload(state.data.bodies.map((body) => [bodySolid(body), link[body.link], body]));
-    this.marks = this.upload(state.data.marks.map((mark) => [markSolid(mark, dot), link[mark.link], mark]));
-    this.lines = gl.createBuffer();
-    gl.enable(gl.DEPTH_TEST);
-    gl.enable(gl.BLEND);
-    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    this.bodies = this.pen.upload(state.data.bodies.map((body) => [bodySolid(body), link[body.link], body]));
+    this.marks = this.pen.upload(state.data.marks.map((mark) => [markSolid(mark, dot), link[mark.link], mark]));
   }
 
   settle() {
@@ -115,41 +92,44 @@ class Scene {
     this.view.far = Math.min(Math.max(this.view.far * (half / 0.86), 0.05), 6);
   }
 
-  // One buffer for many solids; each keeps its first corner and their number. Those of one link that look alike are one.
-  upload(solids) {
-    const { gl } = this;
-    const array = gl.createVertexArray();
-    gl.bindVertexArray(array);
-    const total = solids.reduce((sum, [solid]) => sum + solid.corners.length / 3, 0);
-    const data = new Float32Array(6 * total);
-    let first = 0;
-    const parts = solids.map(([solid, link, record]) => {
-      const count = solid.corners.length / 3;
-      for (let k = 0; k < count; k++) {
-        data.set(solid.corners.slice(3 * k, 3 * k + 3), 6 * (first + k));
-        data.set(solid.normals.slice(3 * k, 3 * k + 3), 6 * (first + k) + 3);
-      }
-      first += count;
-      return { first: first - count, count, link, record };
-    });
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
-    for (const [index, offset] of [[0, 0], [1, 12]]) {
-      gl.enableVertexAttribArray(index);
-      gl.vertexAttribPointer(index, 3, gl.FLOAT, false, 24, offset);
-    }
-    return { array, parts };
-  }
-
   resize() {
     const box = this.element.getBoundingClientRect();
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
     [this.width, this.height] = [box.width, box.height];
     if (this.width && (!this.isFitted || !this.isSized)) this.settle();
     this.isSized = this.width > 0;
-    [this.canvas.width, this.canvas.height] = [Math.max(1, Math.round(box.width * ratio)), Math.max(1, Math.round(box.height * ratio))];
     this.dirty = true;
     this.state.changed();
+  }
+
+  // Pixels of the canvas for one of the page: few while something moves and frames come late, all when it stands still.
+  get ratio() {
+    const { still, moving } = this.pen.ratios(window.devicePixelRatio || 1);
+    return this.isMoving ? moving * COARSE[this.step] : still;
+  }
+
+  // Told after a frame of a movement: `gap` until the next one came, `spent`, what of it the page's own work took [ms].
+  pace(gap, spent) {
+    if (gap > LATE) {
+      this.inTime = 0;
+      if (++this.late < 3 || this.step === COARSE.length - 1) return;
+      [this.step, this.late, this.patience] = [this.step + 1, 0, 2 * this.patience];
+    } else {
+      this.late = 0;
+      if (spent > EARLY || ++this.inTime < this.patience) return;
+      [this.step, this.inTime] = [Math.max(this.step - 1, 0), 0];
+    }
+  }
+
+  // Something moves: draw fast, and once more at full resolution when it has stopped.
+  moving() {
+    this.isMoving = true;
+    this.dirty = true;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => {
+      this.isMoving = false;
+      this.dirty = true;
+      this.state.changed();
+    }, SETTLED);
   }
 
   // The matrix from the root's frame to the screen.
@@ -172,80 +152,48 @@ class Scene {
   }
 
   draw() {
-    const { gl, state } = this;
+    const { pen, state } = this;
     this.dirty = false;
-    if (!gl || !this.width) return;
+    if (!this.width) return;
     const places = state.robot.places(state.q);
     const view = this.matrix();
     const dark = state.isDark();
-    gl.viewport(0, 0, this.canvas.width, this.canvas.height);
-    gl.clearColor(0, 0, 0, 0);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    gl.uniformMatrix4fv(this.at.view, false, view);
-    gl.uniform3fv(this.at.light, this.light);
+    pen.begin([this.width, this.height], this.ratio, view, this.light);
     const chosen = state.boundary;
     const touched = new Set(state.touching.flatMap((one) => one.record.links));
-    this.strokes(this.ground(), dark ? [0.24, 0.3, 0.36, 1] : [0.84, 0.87, 0.9, 1]);
+    pen.strokes(this.ground(), dark ? [0.24, 0.3, 0.36, 1] : [0.84, 0.87, 0.9, 1]);
     if (this.shows.bodies) {
-      this.solids(this.bodies, places, ({ record }) => {
+      pen.solids(this.bodies, places, ({ record }) => {
         if (touched.has(record.link)) return dark ? [0.86, 0.5, 0.33, 1] : [0.9, 0.6, 0.42, 1];
         return dark ? [0.55, 0.62, 0.69, 1] : [0.7, 0.75, 0.8, 1];
       });
     }
-    this.strokes(this.skeleton(places), dark ? [0.75, 0.8, 0.85, 1] : [0.25, 0.31, 0.37, 1]);
+    pen.strokes(this.skeleton(places), dark ? [0.75, 0.8, 0.85, 1] : [0.25, 0.31, 0.37, 1]);
     const pair = chosen ? chosen.record.marks : [];
     if (this.shows.marks) {
       const names = new Set(pair);
-      gl.enable(gl.POLYGON_OFFSET_FILL); // a mark that lies in the faces of its body stays behind them
-      gl.polygonOffset(2, 4);
       for (const isSolid of [true, false]) {
-        gl.depthMask(isSolid);
-        this.solids(this.marks, places, ({ record }) => {
+        pen.depth({ isBehind: true, isKept: isSolid }); // a mark that lies in the faces of its body stays behind them
+        pen.solids(this.marks, places, ({ record }) => {
           const shade = names.has(record.name) ? null : markColour(record, dark, this.shows.bodies);
           return shade && (shade[3] === 1) === isSolid ? shade : null;
         });
       }
-      gl.depthMask(true);
-      gl.disable(gl.POLYGON_OFFSET_FILL);
+      pen.depth({});
     }
     this.labels.textContent = "";
-    if (!chosen) return;
-    const [r, g, b] = parseColour(colour(state, chosen.name)).map((part) => part / 255);
-    for (const alpha of [1, 0.4]) {
-      if (alpha < 1) gl.disable(gl.DEPTH_TEST);
-      this.solids(this.marks, places, ({ record }) => (pair.includes(record.name) ? [r, g, b, alpha] : null));
+    if (chosen) {
+      const [r, g, b] = parseColour(colour(state, chosen.name)).map((part) => part / 255);
+      for (const alpha of [1, 0.4]) {
+        if (alpha < 1) pen.depth({ isAsked: false });
+        pen.solids(this.marks, places, ({ record }) => (pair.includes(record.name) ? [r, g, b, alpha] : null));
+      }
+      const ends = nearestMarks(state, places, pair);
+      if (ends) pen.strokes(ends.flat(), [r, g, b, 1]);
+      pen.depth({});
+      this.name(view, places, pair);
     }
-    const ends = nearestMarks(state, places, pair);
-    if (ends) this.strokes(ends.flat(), [r, g, b, 1]);
-    gl.enable(gl.DEPTH_TEST);
-    this.name(view, places, pair);
-  }
-
-  solids({ array, parts }, places, colourOf) {
-    const { gl } = this;
-    gl.bindVertexArray(array);
-    gl.uniform1f(this.at.flat_, 0);
-    for (const part of parts) {
-      const shade = colourOf(part);
-      if (!shade) continue;
-      gl.uniform4fv(this.at.colour, shade);
-      gl.uniformMatrix4fv(this.at.place, false, places[part.link]);
-      gl.drawArrays(gl.TRIANGLES, part.first, part.count);
-    }
-  }
-
-  strokes(points, shade) {
-    const { gl } = this;
-    gl.bindVertexArray(null);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.lines);
-    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(points), gl.DYNAMIC_DRAW);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
-    gl.vertexAttrib3f(1, 0, 0, 1);
-    gl.uniform1f(this.at.flat_, 1);
-    gl.uniform4fv(this.at.colour, shade);
-    gl.uniformMatrix4fv(this.at.place, false, STILL);
-    gl.drawArrays(gl.LINES, 0, points.length / 3);
+    pen.end();
   }
 
   ground() {
@@ -284,7 +232,8 @@ class Scene {
     for (const { name, x, y } of seen) {
       const label = document.createElement("span");
       label.textContent = name;
-      label.style.left = `${Math.min(Math.max(x, 0), this.width - 60)}px`;
+      label.style.left = `${Math.min(Math.max(x, 0), this.width)}px`;
+      label.className = x > 0.6 * this.width ? "left" : "";
       label.style.top = `${Math.min(Math.max(y, 10), this.height - 10)}px`;
       this.labels.append(label);
     }
@@ -312,13 +261,13 @@ class Scene {
       this.view.tilt = Math.min(Math.max(this.view.tilt + 0.008 * dy, -1.55), 1.55);
     }
     this.fingers.set(event.pointerId, [event.clientX, event.clientY]);
-    this.dirty = true;
+    this.moving();
     this.state.changed();
   }
 
   zoom(factor) {
     this.view.far = Math.min(Math.max(this.view.far * factor, 0.05), 6);
-    this.dirty = true;
+    this.moving();
     this.state.changed();
   }
 
@@ -337,7 +286,7 @@ class Scene {
 // Marks inside their bodies would be hidden by them: where bodies are drawn, marks with a size are thin.
 function markColour(record, dark, overBodies) {
   const [r, g, b] = dark ? [0.93, 0.95, 0.97] : [0.11, 0.15, 0.19];
-  const isBody = record.radius > 0 || record.kind === "hull";
+  const isBody = record.radius > 0 || record.kind === "hull" || record.kind === "plane";
   const alpha = !isBody ? 1 : overBodies ? 0.22 : 0.5;
   return [r, g, b, alpha];
 }

@@ -40,33 +40,36 @@ class Solid {
   }
 }
 
-const AROUND = 20;
+const AROUND = 20; // corners of a circle
+const DOT = 8; // those of a point without radius, which is drawn a few pixels large
 
 function unit3(a) {
   const size = norm3(a) || 1;
   return [a[0] / size, a[1] / size, a[2] / size];
 }
 
-function roundSolid(radius, length, isCapsule, solid = new Solid()) {
+function roundSolid(radius, length, isCapsule, around = AROUND) {
+  const solid = new Solid();
   const half = length / 2;
-  const circle = (i) => [Math.cos((2 * Math.PI * i) / AROUND), Math.sin((2 * Math.PI * i) / AROUND)];
+  const rings = Math.ceil((3 * around) / 10);
+  const circle = (i) => [Math.cos((2 * Math.PI * i) / around), Math.sin((2 * Math.PI * i) / around)];
   if (length) {
-    solid.patch(AROUND, 1, (i, k) => {
+    solid.patch(around, 1, (i, k) => {
       const [c, s] = circle(i);
       return [[radius * c, radius * s, k ? half : -half], [c, s, 0]];
     });
   }
   for (const sign of [-1, 1]) {
     if (!isCapsule) {
-      solid.patch(AROUND, 1, (i, k) => {
+      solid.patch(around, 1, (i, k) => {
         const [c, s] = circle(sign * i);
         return [[radius * c * (1 - k), radius * s * (1 - k), sign * half], [0, 0, sign]];
       });
       continue;
     }
-    solid.patch(AROUND, 6, (i, k) => {
+    solid.patch(around, rings, (i, k) => {
       const [c, s] = circle(sign * i);
-      const [flat, up] = [Math.cos((k * Math.PI) / 12), sign * Math.sin((k * Math.PI) / 12)];
+      const [flat, up] = [Math.cos((k * Math.PI) / (2 * rings)), sign * Math.sin((k * Math.PI) / (2 * rings))];
       return [[radius * flat * c, radius * flat * s, radius * up + sign * half], [flat * c, flat * s, up]];
     });
   }
@@ -84,12 +87,12 @@ function boxSolid([x, y, z]) {
 }
 
 // A capsule from one point to another.
-function between(a, b, radius) {
+function between(a, b, radius, around = AROUND) {
   const z = unit3(minus(b, a));
   const x = unit3(cross3(Math.abs(z[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0], z));
   const y = cross3(z, x);
   const rows = [0, 1, 2].map((i) => [x[i], y[i], z[i]]);
-  return roundSolid(radius, norm3(minus(b, a)), true).placed(rows, [0, 1, 2].map((i) => 0.5 * (a[i] + b[i])));
+  return roundSolid(radius, norm3(minus(b, a)), true, around).placed(rows, [0, 1, 2].map((i) => 0.5 * (a[i] + b[i])));
 }
 
 function decoded(text, Kind) {
@@ -120,7 +123,7 @@ function bodySolid(body) {
 function markSolid(mark, dot) {
   const radius = mark.radius || dot;
   const [first, second] = mark.vertices;
-  if (mark.kind === "point") return roundSolid(radius, 0, true).placed([[1, 0, 0], [0, 1, 0], [0, 0, 1]], first);
+  if (mark.kind === "point") return roundSolid(radius, 0, true, mark.radius ? AROUND : DOT).placed([[1, 0, 0], [0, 1, 0], [0, 0, 1]], first);
   if (mark.kind === "segment") return between(first, second, radius);
   if (mark.kind === "line") {
     const far = (sign) => first.map((part, i) => part + sign * 20 * dot * mark.normal[i]);
@@ -132,7 +135,7 @@ function markSolid(mark, dot) {
     const rows = [0, 1, 2].map((i) => [x[i], y[i], mark.normal[i]]);
     return boxSolid([40 * dot, 40 * dot, 0.1 * dot]).placed(rows, first);
   }
-  const solid = new Solid();
+  const [solid, done] = [new Solid(), new Set()];
   for (const triangle of mark.triangles) {
     const [a, b, c] = triangle.map((k) => mark.vertices[k]);
     if (!mark.radius) {
@@ -141,8 +144,10 @@ function markSolid(mark, dot) {
     }
     const n = unit3(cross3(minus(b, a), minus(c, a)));
     solid.triangle(...[a, b, c].map((p) => p.map((part, i) => part + radius * n[i])));
-    for (const [from, to] of [[a, b], [b, c], [c, a]]) {
-      const edge = between(from, to, radius);
+    for (const [i, j] of [[0, 1], [1, 2], [2, 0]].map((ends) => ends.map((k) => triangle[k]).sort((one, two) => one - two))) {
+      if (done.has(`${i} ${j}`)) continue;
+      done.add(`${i} ${j}`);
+      const edge = between(mark.vertices[i], mark.vertices[j], radius);
       solid.corners.push(...edge.corners);
       solid.normals.push(...edge.normals);
     }
