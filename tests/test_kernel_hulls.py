@@ -214,3 +214,10 @@ def test_a_body_that_is_not_rigid_in_one_block_is_left_to_the_reference(robot: p
     np.testing.assert_allclose(edges.T @ edges, np.eye(3), atol=1e-14)
     spread = [np.ones_like(way) for way in pair.path.difference.directions[:3]]
     assert hulls._one_block(chain, spread)[0] == -1
+
+
+def test_code_that_runs_is_not_looked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Looking in the cache reads files: 18 ms, which one configuration at a time paid in each of its first calls."""
+    hulls.prepare_hulls()
+    monkeypatch.setattr(hulls, "is_kept", lambda source: pytest.fail("the cache was asked"))
+    assert hulls.is_ready()

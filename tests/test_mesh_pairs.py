@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 import pinbound as pb
 from pinbound.cli.app import app
+from pinbound.crosscheck.inside import Insides, winding_numbers
 from pinbound.crosscheck.mesh_pairs import near_contact
 from pinbound.crosscheck.raw import RawBodies
 from robots import joint
@@ -131,9 +132,8 @@ def test_a_mesh_that_cannot_be_read_is_named(load_text: Load, tmp_path: Path, ho
     assert not found.holds
 
 
-@pytest.mark.parametrize("plates", [True, False])
-def test_a_hollow_between_marks_is_named(load_text: Load, tmp_path: Path, plates: bool) -> None:
-    """Six plates hold the surface of a crate; a pebble inside touches none of them, which coverage says."""
+def crate(load_text: Load, tmp_path: Path, plates: bool) -> pb.Robot:
+    """Return a pebble that slides through a crate; the crate is held by six plates about its sides, or by one hull."""
     save_obj(tmp_path / "crate.obj", [((0.0, 0.0, 0.0), (0.4, 0.4, 0.4))])
     save_obj(tmp_path / "pebble.obj", [((0.0, 0.0, 0.0), (0.02, 0.02, 0.02))])
     links = {"base": MESH.format("0 0 0.35", "crate", "1 1 1"), "a": "", "b": MESH.format("0 0 0", "pebble", "1 1 1")}
@@ -149,7 +149,13 @@ def test_a_hollow_between_marks_is_named(load_text: Load, tmp_path: Path, plates
     text += (
         f"\n- {{name: pebble, link: b, vertices: {corners(0.02, (0.0, 0.0, 0.0))}}}\nboundaries: [{', '.join(pairs)}]\n"
     )
-    robot = load_text(urdf(links, JOINTS), text)
+    return load_text(urdf(links, JOINTS), text)
+
+
+@pytest.mark.parametrize("plates", [True, False])
+def test_a_hollow_between_marks_is_named(load_text: Load, tmp_path: Path, plates: bool) -> None:
+    """Six plates hold the surface of a crate; a pebble inside touches none of them, which coverage says."""
+    robot = crate(load_text, tmp_path, plates)
     assert [pair.status.value for pair in robot.coverage.pairs if set(pair.links) == {"base", "b"}] == ["watched"]
     assert bool(robot.boundaries.free(np.zeros((1, 2)))[0]) is plates  # inside: no surface is touched
     assert any("base" in note and "wholly inside" in note for note in robot.coverage.notes) is plates
@@ -161,3 +167,77 @@ def plate(axis: int, sign: float) -> list[list[float]]:
     size[axis] = 0.01
     middle[axis] += 0.2 * sign
     return (np.array(CUBE) / 0.1 * size + middle).tolist()
+
+
+def lies_in_the_crate(q: np.ndarray) -> bool:
+    return abs(q[1]) * max(abs(np.cos(q[0])), abs(np.sin(q[0]))) < 0.2
+
+
+@pytest.mark.parametrize("plates", [True, False])
+def test_a_body_wholly_inside_a_mesh_is_not_refused_needlessly(load_text: Load, tmp_path: Path, plates: bool) -> None:
+    """One hull refuses a pebble in the crate, 190 mm from its sides; both hulls stick out by 10 mm alone."""
+    robot = crate(load_text, tmp_path, plates)
+    found = pb.cross_check(robot, samples=600, levels=("bodies",)).bodies
+    assert found is not None
+    (pair,) = found.pairs
+    assert pair.misses == 0
+    assert pair.within == "b in base"
+    assert 0.005 < pair.refusal <= 0.02 * np.sqrt(3) + 1e-6  # from corner to corner of two hulls of 10 mm
+    if plates:  # between the plates nobody refuses, which is said
+        assert pair.hidden > 100
+        assert robot.boundaries["b0"].signed_clearance(pair.hidden_q) > 0.0
+        assert lies_in_the_crate(pair.hidden_q)
+    else:
+        assert (pair.inside > 100, pair.hidden) == (True, 0)
+        assert pair.inside_q is not None
+        assert lies_in_the_crate(pair.inside_q)
+    result = CliRunner().invoke(
+        app, ["crosscheck", str(tmp_path / "robot.urdf"), "--levels", "bodies", "--samples", "99"]
+    )
+    assert result.exit_code == 0
+    assert ("the marks call CLEAR" if plates else "do not count as needless") in " ".join(result.output.split())
+
+
+def test_who_is_inside_whom(load_text: Load, tmp_path: Path) -> None:
+    robot = crate(load_text, tmp_path, plates=False)
+    raw = RawBodies(robot, [("base", "b")])
+    Q = np.column_stack((np.full(400, 0.3), np.linspace(-0.5, 0.5, 400)))
+    in_second, in_first = Insides(raw.engine).of_pair(0, Q)
+    reach = 0.01 * (np.cos(0.3) + np.sin(0.3))  # of the pebble, turned by q1, which slides askew
+    inside = np.abs(Q[:, 1]) * np.cos(0.3) < 0.2 - reach
+    apart = ~raw.collisions(Q)[:, 0]
+    assert not in_second.any()
+    assert np.array_equal(in_first[apart], inside[apart])
+    assert 0 < apart.sum() < 400
+
+
+def box(low: float, high: float, inwards: bool = False) -> np.ndarray:
+    """Return the twelve triangles of a cube."""
+    corners = low + (high - low) * (np.array(CUBE) / 0.2 + 0.5)
+    faces = [triangle for a, b, c, d in QUADS for triangle in ((a, b, c), (a, c, d))]
+    return corners[np.array(faces)][:, :: -1 if inwards else 1]
+
+
+def test_winding_numbers() -> None:
+    rng = np.random.default_rng(8)
+    places = rng.uniform(-1.5, 1.5, (2_000, 3))
+    depth = np.max(np.abs(places), axis=1)
+    one = winding_numbers(box(-1.0, 1.0), places)
+    assert np.abs(one - (depth < 1.0)).max() < 1e-9
+    shell = np.concatenate((box(-1.0, 1.0), box(-0.5, 0.5, inwards=True)))
+    assert np.abs(winding_numbers(shell, places) - ((depth < 1.0) & (depth > 0.5))).max() < 1e-9
+    assert np.abs(winding_numbers(box(-1.0, 1.0, inwards=True), places) + (depth < 1.0)).max() < 1e-9
+    near = np.array([[0.3, 0.2, 1.0 - 1e-9], [0.3, 0.2, 1.0 + 1e-9], [0.999999, 0.999999, 0.999999]])
+    assert winding_numbers(box(-1.0, 1.0), near).round(6).tolist() == [1.0, 0.0, 1.0]
+    sixth = winding_numbers(box(-1.0, 1.0)[2:], np.zeros((1, 3)))  # a side is missing: what is left is five sixths
+    assert sixth.round(9).tolist() == [round(5 / 6, 9)]
+
+
+def test_a_pair_that_parts_is_not_remembered(load_text: Load, tmp_path: Path) -> None:
+    """Coal's tree leaves pairs out whose boxes are apart: they must not keep the answer of the row before."""
+    robot = marked(load_text, tmp_path)
+    raw = RawBodies(robot, [("base", "b")])
+    touching, apart = np.array([3.1, 0.15]), np.array([0.0, 0.0])
+    found = raw.collisions(np.array([apart, touching, apart, touching, apart]))[:, 0]
+    assert found.tolist() == [False, True, False, True, False]
+    assert [raw.engine.collides(q, 0) for q in (apart, touching)] == [False, True]

@@ -30,6 +30,7 @@ from pinbound.crosscheck import (
     BoundaryLevel,
     CrossCheck,
     Level,
+    LinkPair,
     PointLevel,
     RegionLevel,
     cross_check,
@@ -37,6 +38,7 @@ from pinbound.crosscheck import (
 from pinbound.exceptions import InputError, Problem
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import REGION_ACCURACY
+from pinbound.typing import Array
 
 __all__ = ["crosscheck"]
 
@@ -147,13 +149,14 @@ def _print_bodies(robot: Robot, level: BodyLevel) -> None:
             pair.unreachable,
             pair.ways,
             pair.near,
+            pair.inside,
             millimetres(pair.miss),
             millimetres(pair.refusal),
         )
         for pair in sorted(level.pairs, key=lambda one: (one.misses, one.refusal), reverse=True)
     ]
     columns = ("links", "boundaries []", "both clear []", "both contact []", "missed []", "refused []")
-    columns += ("unreachable []", "ways []", "near []", "worst miss [mm]", "needless refusal [mm]")
+    columns += ("unreachable []", "ways []", "near []", "inside []", "worst miss [mm]", "needless refusal [mm]")
     title = f"Bodies: verdicts against coal on the collision bodies, {level.samples} configurations, the worst first"
     allowed = f"Allowed: misses {millimetres(level.tolerance)} mm; refusals, for boundaries of zero threshold,"
     print_table(title, columns, rows, f"{allowed} {millimetres(level.stop_tolerance)} mm.", _MOST_ROWS)
@@ -163,20 +166,40 @@ def _print_bodies(robot: Robot, level: BodyLevel) -> None:
             said.print(f"{' - '.join(pair.links)} ({', '.join(pair.boundaries)}):", markup=False)
             for what, q in (("miss", pair.miss_q), ("needless refusal", pair.refusal_q)):
                 if q is not None:
-                    values = zip(robot.coordinates, q.tolist(), strict=True)
-                    at = ",".join(f"{name}={value:.9g}" for name, value in values)
-                    said.print(f"  worst {what} at {at}", markup=False)
+                    said.print(f"  worst {what} at {_place(robot, q)}", markup=False)
     meshed = [pair for pair in level.pairs if pair.meshes]
     if meshed:
         text = f"{len(meshed)} pairs have meshes: coal says yes or no on their triangles, no way is swept, refusals are"
         said.print(f"{text} measured {sum(pair.measured for pair in meshed)} times.", markup=False)
-        text = "A mesh is a surface: a body wholly inside it touches nothing, and counts as refused by its distance."
-        said.print(text, markup=False)
+        for pair in meshed:
+            _print_inside(robot, pair)
     part = [" - ".join(pair.links) for pair in level.pairs if pair.coverage not in ("watched", "")]
     if part:
         said.print(f"Not watched as a whole, so that misses are possible: {', '.join(part)}.", markup=False)
     for link, reason in level.left_out.items():
         said.print(f"Not compared: {link} {reason}.", markup=False)
+
+
+def _print_inside(robot: Robot, pair: LinkPair) -> None:
+    """Say where a body is wholly inside another's mesh: no triangles touch there, and nobody refuses needlessly."""
+    said = console()
+    text = f"Wholly inside a mesh ({pair.within}), so that no triangles touch"
+    if pair.inside_q is not None:
+        said.print(
+            f"{text}: {pair.inside} places that the marks refuse, e.g. {_place(robot, pair.inside_q)}. "
+            "They do not count as needless refusals.",
+            markup=False,
+        )
+    if pair.hidden_q is not None:
+        said.print(
+            f"{text}: {pair.hidden} samples that the marks call CLEAR, e.g. {_place(robot, pair.hidden_q)}. "
+            "A motion gets there only through a contact.",
+            markup=False,
+        )
+
+
+def _place(robot: Robot, q: Array) -> str:
+    return ",".join(f"{name}={value:.9g}" for name, value in zip(robot.coordinates, q.tolist(), strict=True))
 
 
 def _print_region(robot: Robot, level: RegionLevel) -> None:

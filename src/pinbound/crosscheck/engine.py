@@ -17,7 +17,7 @@ from pinbound.coverage.bodies import Body
 from pinbound.exceptions import UnsupportedError
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import CROSSCHECK_INFLATION, CROSSCHECK_POINT, CROSSCHECK_SOLID, REDUCTION
-from pinbound.typing import Array, Flags
+from pinbound.typing import Array, Flags, Ints
 from pinbound.values import Value
 
 __all__ = [
@@ -107,6 +107,8 @@ class Engine:
         if any(shape.kind in _ITERATED for shape in shapes):
             for request in self._geometry_data.distanceRequests:  # coal's own 1e-6 m is what it may be off by
                 request.gjk_tolerance = max(_GJK, _GJK_SHARE * size)
+        _tighten(self._geometry_data)
+        self._broad: tuple[Any, Any] | None = None
 
     def distances(self, Q: Array) -> Array:
         """Return coal's distance (N, pairs) [m] at every row of Q (N, n)."""
@@ -124,12 +126,25 @@ class Engine:
         return float(self._pin.computeDistance(self._geometry, self._geometry_data, pair).min_distance)
 
     def collisions(self, Q: Array) -> Flags:
-        """Return which pairs are in collision (N, pairs) at every row of Q (N, n), by coal's yes-or-no query."""
-        found = np.empty((len(Q), len(self.pairs)), dtype=np.bool_)
-        results = self._geometry_data.collisionResults
+        """Return which pairs are in collision (N, pairs) at every row of Q (N, n), by coal's yes-or-no query.
+
+        Coal's own tree of boxes about the shapes says which pairs are asked for at all.
+        """
+        found = np.zeros((len(Q), len(self.pairs)), dtype=np.bool_)
+        if not self.pairs:
+            return found
+        if self._broad is None:
+            data = self._pin.GeometryData(self._geometry)
+            _tighten(data)
+            manager = self._pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(self._model, self._geometry, data)
+            self._broad = data, manager
+        data, manager = self._broad
+        results = data.collisionResults
         for row, theta in enumerate(self._robot.coupling.expand(Q)):
-            self._pin.computeCollisions(self._model, self._data, self._geometry, self._geometry_data, theta, False)
-            found[row] = [result.isCollision() for result in results]
+            if self._pin.computeCollisions(self._model, self._data, manager, theta, False):
+                found[row] = [result.isCollision() for result in results]
+                for place in np.flatnonzero(found[row]).tolist():
+                    results[place].clear()  # a pair whose boxes are apart is not asked for, and keeps what it had
         return found
 
     def collides(self, q: Array, pair: int) -> bool:
@@ -159,12 +174,37 @@ class Engine:
         depths = [abs(float(result.getContact(i).penetration_depth)) for i in range(result.numContacts())]
         return max(depths, default=0.0)
 
+    def poses(self, Q: Array) -> tuple[Array, Array]:
+        """Return rotations (N, shapes, 3, 3) and origins (N, shapes, 3) [m] in the world at every row of Q (N, n)."""
+        count = len(self._geometry.geometryObjects)
+        rotations, origins = np.empty((len(Q), count, 3, 3)), np.empty((len(Q), count, 3))
+        for row, theta in enumerate(self._robot.coupling.expand(Q)):
+            self._pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._geometry_data, theta)
+            for place, placed in enumerate(self._geometry_data.oMg):
+                rotations[row, place], origins[row, place] = placed.rotation, placed.translation
+        return rotations, origins
+
+    def triangles(self, shape: int) -> tuple[Array, Ints] | None:
+        """Return a mesh's corners (k, 3) [m], in its own frame, and triangles (m, 3) as coal has them; else None."""
+        body = self._geometry.geometryObjects[shape].geometry
+        if not hasattr(body, "tri_indices"):
+            return None
+        rows = [body.tri_indices(place) for place in range(body.num_tris)]
+        corners = np.array(body.vertices(), dtype=np.float64)
+        return corners, np.array([(one[0], one[1], one[2]) for one in rows], dtype=np.int64)
+
     def is_free(self, q: Array) -> bool:
         """Return whether no pair is in collision at q (n,), by coal's yes-or-no query."""
         theta = self._robot.coupling.expand(q)
         return not self._pin.computeCollisions(
             self._model, self._data, self._geometry, self._geometry_data, theta, True
         )
+
+
+def _tighten(data: Any) -> None:
+    """Let coal say yes or no to 1e-9 m: at its own 1e-6 m it calls some shapes apart that are millimetres deep."""
+    for request in data.collisionRequests:
+        request.gjk_tolerance = _GJK
 
 
 def _coal_shape(shape: Shape) -> Any:

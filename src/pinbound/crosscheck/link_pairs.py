@@ -30,7 +30,7 @@ class LinkPair(Value):
         both_clear: Samples that both sides call clear.
         both_contact: Samples that both sides refuse.
         misses: Samples that pinbound calls clear, while bodies are in contact.
-        refusals: Samples in contact for pinbound, while the bodies are clear.
+        refusals: Samples in contact for pinbound, while the bodies are clear, and none is inside another's mesh.
         ways: How many straight ways from home were swept without stepping over a contact.
         unreachable: Samples beyond a contact of any links, at which these bodies are clear.
         miss: [m], the deepest penetration at a configuration that pinbound calls clear, sample or on a way, or where
@@ -42,6 +42,13 @@ class LinkPair(Value):
         meshes: Whether a body is a mesh: coal is asked for yes or no, on the raw triangles, and no way is swept.
         near: Configurations more, each where a way from home meets these boundaries, to 1e-9 of the way.
         measured: How many needless refusals were measured; of meshes at most 200, for each takes a millisecond.
+        inside: Places that pinbound refuses (samples, and of *near* those just after) where no triangles touch, for a
+            body is wholly inside the mesh of the other: not refused needlessly.
+        inside_q: (n,), one of these places; None if there is none.
+        hidden: Samples that pinbound calls clear, at which one body is wholly inside the mesh of another: a hollow that
+            several marks leave between them (`robot.coverage.notes`). No motion leads there without a contact.
+        hidden_q: (n,), one of these samples; None if there is none.
+        within: Which link is inside which, for people; empty if none is.
         coverage: How coverage looks after the pair: only where it is watched as a whole do the marks hold the bodies.
     """
 
@@ -63,6 +70,11 @@ class LinkPair(Value):
     meshes: bool = False
     near: int = 0
     measured: int = 0
+    inside: int = 0
+    inside_q: Array | None = None
+    hidden: int = 0
+    hidden_q: Array | None = None
+    within: str = ""
     coverage: str = ""
 
 

@@ -3,7 +3,8 @@
 Distances of meshes cost a hundred times more than yes or no. So every sample is asked for yes or no; a gap is measured
 where pinbound refuses and the bodies are clear, 200 times at most; and the places that tell most are looked for: where
 the straight way from home meets the boundaries of the two links. There the marks touch, so that the gap of the bodies
-is the needless refusal; just before there they are clear, so that contact of the bodies is a miss.
+is the needless refusal; just before there they are clear, so that contact of the bodies is a miss. A body that is
+wholly inside the mesh of another touches no triangle (`inside`): such places are counted apart, and not measured.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from pinbound.boundaries.boundary import Boundary
 from pinbound.coverage.bodies import Body
 from pinbound.crosscheck.engine import Engine, blocks
+from pinbound.crosscheck.inside import Insides
 from pinbound.crosscheck.link_pairs import LinkPair, largest, least_clearance
 from pinbound.crosscheck.raw import raw_shapes
 from pinbound.robot.robot import Robot
@@ -57,36 +59,66 @@ def check_mesh_pairs(
     engine = Engine(robot, raw_shapes(robot, chosen), places)
     at_home = engine.collisions(robot.home[None])[0]
     hits = np.concatenate([engine.collisions(Q[block]) for block in blocks(len(Q))])
+    looked = _Looked(engine, Insides(engine), Q)
     found: dict[Links, LinkPair | None] = {}
     for links, members in groups.items():
         columns = [place for place, one in enumerate(owner) if one == links]
         apart = [place for place in columns if not at_home[place]]
         boundaries = [robot.boundaries[index] for index in members]
         found[links] = (
-            _compared(robot, engine, links, boundaries, (columns, apart), (Q, hits, first_met)) if apart else None
+            _compared(robot, looked, links, boundaries, (columns, apart), (hits, first_met)) if apart else None
         )
     return found
 
 
+class _Looked:
+    """The engine, who is inside whom, and the samples with their poses."""
+
+    def __init__(self, engine: Engine, insides: Insides, Q: Array) -> None:
+        self.engine, self.insides, self.Q = engine, insides, Q
+        self.poses = [engine.poses(Q[block]) for block in blocks(len(Q))]
+
+    def samples_inside(self, places: Sequence[int], rows: Flags) -> tuple[Flags, Flags]:
+        """Return at which samples (N,) of `rows` a first body is inside a second one, and the other way about."""
+        found = np.zeros((2, len(self.Q)), dtype=np.bool_)
+        for block, (rotations, origins) in zip(blocks(len(self.Q)), self.poses, strict=True):
+            chosen = np.flatnonzero(rows[block])
+            some = rotations[chosen], origins[chosen]
+            found[:, chosen + block.start] = self.inside(places, self.Q[block][chosen], some)
+        return found[0], found[1]
+
+    def inside(self, places: Sequence[int], Q: Array, poses: tuple[Array, Array] | None = None) -> Flags:
+        """Return the same (2, N) of configurations (N, n)."""
+        known = self.engine.poses(Q) if poses is None else poses
+        each = [self.insides.of_pair(place, Q, known) for place in places]
+        return np.any(np.array(each).reshape(len(places), 2, len(Q)), axis=0)
+
+
 def _compared(
     robot: Robot,
-    engine: Engine,
+    looked: _Looked,
     links: Links,
     boundaries: Sequence[Boundary],
     places: tuple[Sequence[int], Sequence[int]],
-    samples: tuple[Array, Flags, Array],
+    samples: tuple[Flags, Array],
 ) -> LinkPair:
-    (columns, apart), (Q, hits, first_met) = places, samples
+    (columns, apart), (hits, first_met), Q, engine = places, samples, looked.Q, looked.engine
     contact = np.any(hits[:, list(apart)], axis=1)
     touching = least_clearance(boundaries, Q) <= 0.0
     beyond = np.isfinite(first_met) & ~touching
     clear = ~beyond & ~touching
-    missed, refused = np.flatnonzero(clear & contact), np.flatnonzero(touching & ~contact)[:_MOST_MEASURED]
+    first, second = looked.samples_inside(apart, ~contact & ~np.any(hits[:, list(columns)], axis=1))
+    inside = first | second
+    missed, refused = np.flatnonzero(clear & contact), np.flatnonzero(touching & ~contact & ~inside)[:_MOST_MEASURED]
     before, after = near_contact(robot, boundaries, Q)
     hit_before = engine.collisions(before)[:, list(apart)].any(axis=1) if len(before) else np.zeros(0, dtype=bool)
     free_after = ~engine.collisions(after)[:, list(apart)].any(axis=1) if len(after) else np.zeros(0, dtype=bool)
+    after = after[free_after]
+    inside_after = looked.inside(apart, after)
+    held = np.concatenate((Q[inside & touching], after[inside_after.any(axis=0)]))
+    after = after[~inside_after.any(axis=0)]
     deep_at = np.concatenate((Q[missed[:_MOST_MEASURED]], before[hit_before]))
-    gap_at = np.concatenate((Q[refused], after[free_after]))
+    gap_at = np.concatenate((Q[refused], after))
     depths = np.array([max(_LEAST, *(engine.depth(q, place) for place in apart)) for q in deep_at])
     gaps = np.array([min(engine.distance(q, place) for place in apart) for q in gap_at])
     miss, miss_q = largest([(np.ones(len(depths), dtype=np.bool_), depths, deep_at)])
@@ -99,7 +131,7 @@ def _compared(
         both_clear=int(np.sum(clear & ~contact)),
         both_contact=int(np.sum(~clear & contact)),
         misses=len(missed) + int(np.sum(hit_before)),
-        refusals=int(np.sum(touching & ~contact)),
+        refusals=int(np.sum(touching & ~contact & ~inside)),
         unreachable=int(np.sum(beyond & ~contact)),
         ways=0,
         miss=miss,
@@ -110,7 +142,18 @@ def _compared(
         meshes=True,
         near=len(before),
         measured=len(gap_at),
+        inside=len(held),
+        inside_q=held[0] if len(held) else None,
+        hidden=int(np.sum(clear & inside)),
+        hidden_q=Q[clear & inside][0] if np.any(clear & inside) else None,
+        within=_within(links, bool(first.any() or inside_after[0].any()), bool(second.any() or inside_after[1].any())),
     )
+
+
+def _within(links: Links, first: bool, second: bool) -> str:
+    """Return which link is inside which, for people."""
+    ways = [f"{a} in {b}" for (a, b), is_so in ((links, first), (links[::-1], second)) if is_so]
+    return " and ".join(ways)
 
 
 def near_contact(robot: Robot, boundaries: Sequence[Boundary], Q: Array) -> tuple[Array, Array]:

@@ -80,7 +80,7 @@ class HullTables:
 
 def is_ready() -> bool:
     """Return whether the code need not be compiled first."""
-    return is_kept(hull_source())
+    return bool(_code.cache_info().currsize) or is_kept(hull_source())
 
 
 def prepare_hulls() -> None:

@@ -156,6 +156,7 @@ def _key(text: str) -> str:
     return hashlib.sha256(repr([text, lowering, versions, processor, settings]).encode()).hexdigest()
 
 
+@cache
 def _version(name: str) -> str:
     from importlib import metadata
 
