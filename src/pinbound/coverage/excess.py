@@ -8,15 +8,17 @@ middle, and is halved if that bound is too large. Pieces that are inside another
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.coverage.ball import BALL, ball_corners
 from pinbound.coverage.near import Near, lay_points
 from pinbound.coverage.polytopes import Polytope, split_polygon
-from pinbound.coverage.surfaces import Surface
+from pinbound.coverage.surfaces import Pieces, Surface
 from pinbound.coverage.triangles import cut_along, halved
 from pinbound.tolerances import HELD
 from pinbound.values import Value
@@ -30,8 +32,11 @@ Flags = NDArray[np.bool_]
 _ROUNDS = 18  # halvings of a piece
 _MOST_PIECES = 20_000  # of one part; if more are needed the bound is as large as it is then
 _TRIED = 20  # middles of pieces, of which one may be a place of the outer surface that is far from the mesh
-_MOST_CUTS = 20  # of a triangle by the planes of another part
+_MOST_CUTS = 60  # of a triangle by the planes of another part
 _DENSE = 32.0  # of a part's extent: how far places are apart that are guessed by
+_LOOSE = 0.02  # of the ball about all parts: if a hull may be further outside its triangles, none of these is left out
+_NEARER = 0.75  # of that ball: how near to another part a piece has to lead along all of these
+_SINE = math.sqrt(1.0 - BALL**-2)  # of the angle from any direction to the next of those that are looked along
 _STRICT = 1e-9  # of the way from the centre: this far inside a part, a place is inside, whatever rounding did
 
 
@@ -54,12 +59,12 @@ def guess_of(parts: Sequence[Surface], index: int, near: Near, around: float) ->
     others = [one for one in others if _near(own, one, 2.0 * around)]
     faces = own.pieces[0]
     places, owner = lay_points(faces.corners, float(np.linalg.norm(own.high - own.low)) / _DENSE)
-    normals = faces.normals[owner] if faces.normals.size else np.full((len(places), 1, 3), np.nan)
-    shown = np.flatnonzero(~_hidden(places[:, None], normals, others, around))
-    if not len(shown):
-        return Excess(around + own.slack, places[0])
-    furthest, away = near.furthest(places[shown])
-    return Excess(around + own.slack + away, places[shown[furthest]])
+    if own.polytope is not None:
+        places = places[~_hidden(places[:, None], faces.normals[owner], others, around)]
+    if not len(places):
+        return Excess(around + own.slack, faces.corners[0, 0])
+    furthest, away = near.furthest(places)
+    return Excess(around + own.slack + away, places[furthest])
 
 
 def excess_of(
@@ -84,42 +89,96 @@ def _of_part(parts: Sequence[Surface], index: int, near: Near, around: float, fi
     own = parts[index]
     others = [one for place, one in enumerate(parts) if place != index and one.polytope is not None]
     others = [one for one in others if _near(own, one, 2.0 * around)]
-    bound, lower, place = 0.0, 0.0, own.pieces[0].corners.reshape(-1, 3).mean(axis=0)
-    whole = np.ones(len(own.pieces[0].corners), dtype=np.bool_)  # faces nothing of which was left out
-    for sort, pieces in enumerate(own.pieces):
+    if own.slack > _LOOSE * around:  # its normals do not say enough
+        others = []
+    found = _Found(0.0, 0.0, own.pieces[0].corners.reshape(-1, 3).mean(axis=0), within, within * fine)
+    if own.polytope is None:
+        _look_at_the_bare(own.pieces[0].corners, own, others, near, around, found)
+    else:
+        faces, rest = own.pieces
+        whole = _look_at_faces(faces, others, near, around, found)
         # Edges and vertices of a face that was looked at as a whole are on it.
-        open_ones = ~np.any(whole[pieces.beside] & (pieces.beside >= 0), axis=1)
-        corners, owner = pieces.corners[open_ones], np.flatnonzero(open_ones)
-        normals = pieces.normals if pieces.normals.size else np.full((len(pieces.corners), 1, 3), np.nan)
-        left: tuple[Array, Array, Ints] = corners, normals[open_ones], owner
-        if sort == 0 and normals.shape[1] == 1 and around > 0.0:
-            left = _uncovered(*left, others, around, whole)
-        for halvings in range(_ROUNDS + 1):
-            shown = ~_hidden(left[0], left[1], others, around) if len(left[0]) else np.zeros(0, dtype=np.bool_)
-            if sort == 0:
-                whole[left[2][~shown]] = False
-            if not np.any(shown):
-                break
-            corners, sides, owner = left[0][shown], left[1][shown], left[2][shown]
-            target = max(bound, lower * (1.0 + within) + within * fine)
-            above, middle, found = near.bounds(corners, target)
-            rows = np.argsort(-middle)[:_TRIED]
-            rows = rows[middle[rows] > lower]
-            if len(rows):  # a place that is on the outer surface itself, and far from the mesh
-                here = np.repeat(corners[rows].mean(axis=1)[:, None], 3, axis=1)
-                out = np.flatnonzero(~_hidden(here, sides[rows], others, around))
-                if len(out):
-                    furthest, away = near.furthest(here[out, 0])
-                    lower, place = max((lower, place), (away, here[out[furthest], 0]), key=lambda one: one[0])
-            target = max(bound, lower * (1.0 + within) + within * fine)
-            done = above <= target
-            if halvings == _ROUNDS or 4 * np.count_nonzero(~done) > _MOST_PIECES:
-                done[:] = True
-            bound = max(bound, float(above[done].max(initial=0.0)))
-            rest, from_row, least = _smaller(corners, ~done, middle <= target, found, near, target)
-            bound = max(bound, least)
-            left = rest, sides[from_row], owner[from_row]
-    return Excess((around + own.slack + bound) * (1.0 + HELD) + HELD, place)
+        open_ones = ~np.any(whole[rest.beside] & (rest.beside >= 0), axis=1)
+        _look_at_the_bare(rest.corners[open_ones], own, others, near, around, found)
+    return Excess((around + own.slack + found.bound) * (1.0 + HELD) + HELD, found.place)
+
+
+@dataclass(eq=False)
+class _Found:
+    """How far a surface is from the mesh, as far as it was looked at: bounds, a place, how fine to look."""
+
+    bound: float
+    lower: float
+    place: Array
+    within: float
+    fine: float
+
+    @property
+    def target(self) -> float:
+        """What is within this of the mesh need not be looked at more closely [m]."""
+        return max(self.bound, self.lower * (1.0 + self.within) + self.fine)
+
+
+def _look_at_faces(faces: Pieces, others: Sequence[Surface], near: Near, around: float, found: _Found) -> Flags:
+    """Bound the distance of faces from the mesh, and return those of which nothing was left out."""
+    whole = np.ones(len(faces.corners), dtype=np.bool_)
+    left: tuple[Array, Array, Ints] = faces.corners, faces.normals, np.arange(len(whole))
+    if around > 0.0:
+        left = _uncovered(*left, others, around, whole)
+    for halvings in range(_ROUNDS + 1):
+        shown = ~_hidden(left[0], left[1], others, around) if len(left[0]) else np.zeros(0, dtype=np.bool_)
+        whole[left[2][~shown]] = False
+        if not np.any(shown):
+            break
+        corners, normals, owner = left[0][shown], left[1][shown], left[2][shown]
+        above, middle, whose = near.bounds(corners, found.target)
+        rows = np.argsort(-middle)[:_TRIED]
+        rows = rows[middle[rows] > found.lower]
+        if len(rows):  # a place that is on the outer surface itself, and far from the mesh
+            here = np.repeat(corners[rows].mean(axis=1)[:, None], 3, axis=1)
+            out = np.flatnonzero(~_hidden(here, normals[rows], others, around))
+            if len(out):
+                furthest, away = near.furthest(here[out, 0])
+                if away > found.lower:
+                    found.lower, found.place = away, here[out[furthest], 0]
+        target = found.target
+        done = above <= target
+        if halvings == _ROUNDS or 4 * np.count_nonzero(~done) > _MOST_PIECES:
+            done[:] = True
+        found.bound = max(found.bound, float(above[done].max(initial=0.0)))
+        rest, from_row, least = _smaller(corners, ~done, middle <= target, whose, near, target)
+        found.bound = max(found.bound, least)
+        left = rest, normals[from_row], owner[from_row]
+    return whole
+
+
+def _look_at_the_bare(
+    corners: Array, own: Surface, others: Sequence[Surface], near: Near, around: float, found: _Found
+) -> None:
+    """Bound the distance of pieces without one normal: edges, vertices, and faces that are too narrow."""
+    whole, owner = corners, np.arange(len(corners))
+    for halvings in range(_ROUNDS + 1):
+        if not len(corners):
+            return
+        above, middle, _ = near.bounds(corners, found.target)
+        above_near = float(above[above <= found.target].max(initial=0.0))
+        far = np.flatnonzero(above > found.target)
+        far = far[~_buried(corners[far], whole[owner[far]], own, others, around)]
+        rows = far[np.argsort(-middle[far])][:_TRIED]
+        rows = rows[middle[rows] > found.lower]
+        if len(rows):  # a place that is not known to be inside, so that no smaller bound will be found
+            here = np.repeat(corners[rows].mean(axis=1)[:, None], 3, axis=1)
+            out = np.flatnonzero(~_buried(here, whole[owner[rows]], own, others, around))
+            if len(out):
+                furthest, away = near.furthest(here[out, 0])
+                if away > found.lower:
+                    found.lower, found.place = away, here[out[furthest], 0]
+        done = above[far] <= found.target
+        done |= np.all(corners[far] == corners[far][:, :1], axis=(1, 2))  # points
+        if halvings == _ROUNDS or 2 * len(far) > _MOST_PIECES:
+            done[:] = True
+        found.bound = max(found.bound, above_near, float(above[far[done]].max(initial=0.0)))
+        corners, owner = halved(corners[far[~done]]), np.repeat(owner[far[~done]], 2)
 
 
 def _smaller(
@@ -161,9 +220,8 @@ def _uncovered(
         assert polytope is not None
         if not len(corners):
             break
-        moved = corners + around * normals
+        moved = corners + around * normals[:, None]
         close = np.all((moved.min(axis=1) <= other.high + around) & (moved.max(axis=1) >= other.low - around), axis=1)
-        close &= np.isfinite(normals[:, 0, 0])
         rows = np.flatnonzero(close)
         if not len(rows):
             continue
@@ -187,40 +245,115 @@ def _uncovered(
 
 
 def _cut_away(polygon: Array, shift: Array, polytope: Polytope, around: float) -> list[Array] | None:
-    """Return what of a triangle does not lead into a part, as polygons; None if nothing is proven to."""
-    rest: list[Array] = []
-    for _ in range(_MOST_CUTS):
-        height = polytope.heights(polygon + shift) - 0.25 * around
-        worst = int(np.argmax(height.max(axis=0)))
-        if height[:, worst].max() <= HELD:
-            return rest if np.all(polytope.away(polygon + shift) <= 0.5 * around) else None
-        polygon, gone = split_polygon(polygon, height[:, worst])
-        if len(polygon) < 3:
-            return None
-        if len(gone) > 2:
-            rest.append(gone)
+    """Return what of a triangle does not lead into a part, as polygons; None if nothing is proven to.
+
+    Over a sharp corner of the part a place that is a little above its planes is far from it: there the planes decide.
+    """
+    for above in (0.25 * around, 0.0):
+        rest = list[Array]()
+        left = polygon
+        for _ in range(_MOST_CUTS):
+            height = polytope.heights(left + shift) - above
+            worst = int(np.argmax(height.max(axis=0)))
+            if height[:, worst].max() <= HELD:
+                if np.all(polytope.away(left + shift) <= 0.5 * around):
+                    return rest
+                break
+            left, gone = split_polygon(left, height[:, worst])
+            if len(left) < 3:
+                break
+            if len(gone) > 2:
+                rest.append(gone)
     return None
 
 
 def _hidden(corners: Array, normals: Array, others: Sequence[Surface], around: float) -> Flags:
-    """Return which pieces are inside another part, or lead into others along each normal: no outer surface is there."""
+    """Return which pieces are inside another part, or lead into it along their normal: no outer surface is there."""
     hidden = np.zeros(len(corners), dtype=np.bool_)
-    leads = np.zeros(normals.shape[:2], dtype=np.bool_)
-    known = np.all(np.isfinite(normals), axis=(1, 2))
     low, high = corners.min(axis=1), corners.max(axis=1)
     for other in others:
         polytope = other.polytope
         assert polytope is not None
-        below, above = polytope.vertices.min(axis=0) - 2.0 * around, polytope.vertices.max(axis=0) + 2.0 * around
-        rows = np.flatnonzero(~hidden & np.all((low >= below) & (high <= above), axis=1))
+        rows = np.flatnonzero(
+            ~hidden & np.all((low >= other.low - 2.0 * around) & (high <= other.high + 2.0 * around), axis=1)
+        )
         if not len(rows):
             continue
-        inside = np.all(polytope.inside(corners[rows].reshape(-1, 3), _STRICT).reshape(len(rows), -1), axis=1)
+        inside = _inside(corners[rows], polytope)
         hidden[rows[inside]] = True
-        rows = rows[~inside & known[rows]]
+        rows = rows[~inside]
         if around > 0.0 and len(rows):
-            moved = corners[rows][:, None] + around * normals[rows][:, :, None]
-            near = polytope.away(moved.reshape(-1, 3)).reshape(*moved.shape[:3]) <= 0.5 * around
-            leads[rows] |= np.all(near, axis=2)
-            hidden |= np.all(leads, axis=1)
+            hidden[rows] = _are_near(corners[rows] + around * normals[rows][:, None], polytope, 0.5 * around)
     return hidden
+
+
+def _buried(corners: Array, whole: Array, own: Surface, others: Sequence[Surface], around: float) -> Flags:
+    """Return which pieces are inside another part, or lead into others along all that may be a normal of them.
+
+    Looked at are those directions of a fixed set that are near to a normal; each normal is near to one of them.
+
+    Args:
+        corners: (n, 3, 3).
+        whole: (n, 3, 3), the edge, vertex, or face that each is a piece of.
+        own: The part.
+        others: Other parts.
+        around: [m].
+    """
+    buried = np.zeros(len(corners), dtype=np.bool_)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    close = np.zeros((len(others), len(corners)), dtype=np.bool_)
+    for place, one in enumerate(others):
+        assert one.polytope is not None
+        close[place] = np.all((low >= one.low - 2.0 * around) & (high <= one.high + 2.0 * around), axis=1)
+        rows = np.flatnonzero(~buried & close[place])
+        if len(rows):
+            buried[rows[_inside(corners[rows], one.polytope)]] = True
+    rows = np.flatnonzero(~buried & np.any(close, axis=0))
+    if own.polytope is None or not around > 0.0 or not len(rows):
+        return buried
+    units = ball_corners()
+    outward = _outward(whole[rows], own.polytope)
+    first = np.argmax(outward, axis=1)  # most have nothing beside them: one direction tells
+    leads = _lead(corners[rows], units[first], close[:, rows], others, around)
+    rows, outward = rows[leads], outward[leads]
+    which, along = np.nonzero(outward)
+    leads = _lead(corners[rows[which]], units[along], close[:, rows[which]], others, around)
+    out = ~np.any(outward, axis=1)
+    out[which[~leads]] = True
+    buried[rows[~out]] = True
+    return buried
+
+
+def _outward(corners: Array, polytope: Polytope) -> Flags:
+    """Return which directions of the fixed set may be near to a normal on all corners (n, 3, 3) of its surface."""
+    units = ball_corners()
+    outward = np.ones((len(corners), len(units)), dtype=np.bool_)
+    heights = units @ polytope.vertices.T
+    places, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    of_place = np.empty((len(places), len(units)), dtype=np.bool_)
+    for row, place in enumerate(places):
+        away = _SINE * np.linalg.norm(polytope.vertices - place, axis=1)
+        of_place[row] = np.max(heights - away, axis=1) <= units @ place + polytope.slack + HELD
+    for corner in index.reshape(-1, 3).T:
+        outward &= of_place[corner]
+    return outward
+
+
+def _lead(corners: Array, ways: Array, close: Flags, others: Sequence[Surface], around: float) -> Flags:
+    """Return which pieces (n, 3, 3) lead into one of the other parts, each along its own direction (n, 3)."""
+    moved = corners + around * ways[:, None]
+    leads = np.zeros(len(corners), dtype=np.bool_)
+    for one, mine in zip(others, close, strict=True):
+        rows = np.flatnonzero(mine & ~leads)
+        if len(rows):
+            assert one.polytope is not None
+            leads[rows] = _are_near(moved[rows], one.polytope, _NEARER * around)
+    return leads
+
+
+def _inside(corners: Array, polytope: Polytope) -> Flags:
+    return np.all(polytope.inside(corners.reshape(-1, 3), _STRICT).reshape(corners.shape[:2]), axis=1)
+
+
+def _are_near(corners: Array, polytope: Polytope, distance: float) -> Flags:
+    return np.all(polytope.away(corners.reshape(-1, 3)).reshape(corners.shape[:2]) <= distance, axis=1)

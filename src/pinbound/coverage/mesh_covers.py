@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _SIMPLER = 0.1  # of the accuracy: what vertices that are left out may cost, and pockets that count as filled
+_FINER = 0.01  # of the accuracy: what vertices that are left out may cost where parts lie beside each other
 _ATTEMPTS = 6
 
 
@@ -69,16 +70,28 @@ class _Work:
 
     def __post_init__(self) -> None:
         self.near = Near(self.mesh)
-        self._add(self.mesh.vertices[self.mesh.triangles])
+        self._add(self.mesh.vertices[self.mesh.triangles], alone=True)
         self._guess(range(1))
 
-    def _add(self, group: Array) -> None:
+    def _add(self, group: Array, alone: bool = False) -> None:
         mark = FITS[self.fit](self.name, self.link, _points(group), _SIMPLER * self.accuracy)
         self.groups.append(group)
         self.marks.append(mark)
-        self.surfaces.append(surface_of(*outline(mark)))
+        self.surfaces.append(self._surface(mark, group, alone))
         self.excess.append(UNKNOWN)
         self.guessed.append(True)
+
+    def _surface(self, mark: Mark, group: Array, alone: bool) -> Surface:
+        """Return the surface of a part, which holds its mark.
+
+        Beside other parts it has more vertices than the mark: what is between two parts is known to be inside them only
+        if the gap between their hulls is narrower than the ball about all parts.
+        """
+        vertices, radius = outline(mark)
+        if not alone and self.fit == "hulls" and radius > 0.0:
+            fine = FITS["hulls"](self.name, self.link, _points(group), _FINER * self.accuracy).shape
+            vertices, radius = fine.vertices, radius + fine.radius
+        return surface_of(vertices, radius)
 
     def _place(self) -> None:
         """Set how wide the ball is about all parts; if it changes, nothing is known of any part."""
@@ -164,7 +177,7 @@ class _Work:
             group: Array = np.concatenate((self.groups[place], triangles[nearest == place]))
             mark = FITS[self.fit](self.name, self.link, _points(group), 0.0)
             self.groups[place], self.guessed = group, [True] * len(self.marks)
-            self.marks[place], self.surfaces[place] = mark, surface_of(*outline(mark))
+            self.marks[place], self.surfaces[place] = mark, self._surface(mark, group, len(self.marks) == 1)
 
 
 def cover_meshes(

@@ -56,13 +56,17 @@ class Near:
             rows: (N,).
         """
         away, rows = away.copy(), rows.copy()
-        for place, (point, limit) in enumerate(zip(points, away.tolist(), strict=True)):
-            some = np.flatnonzero(np.all((self._low <= point + limit) & (self._high >= point - limit), axis=1))
-            if len(some):
-                found = self.triangles.away(np.repeat(point[None], len(some), axis=0), some)
-                best = int(np.argmin(found))
-                if found[best] < limit:
-                    away[place], rows[place] = found[best], some[best]
+        step = max(1, _MOST_PAIRS // len(self._low))
+        for start in range(0, len(points), step):
+            block, limit = points[start : start + step], away[start : start + step, None, None]
+            which, some = np.nonzero(
+                np.all((self._low <= block[:, None] + limit) & (self._high >= block[:, None] - limit), axis=2)
+            )
+            found = self.triangles.away(block[which], some)
+            order = np.lexsort((found, which))
+            first = order[np.unique(which[order], return_index=True)[1]]
+            first = first[found[first] < away[start + which[first]]]
+            away[start + which[first]], rows[start + which[first]] = found[first], some[first]
         return away, rows
 
     def furthest(self, points: Array) -> tuple[int, float]:

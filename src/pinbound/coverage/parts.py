@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pinbound.annotations import Box, Hull, Mark, Point, Segment
 from pinbound.annotations.shapes import extreme_vertices
+from pinbound.coverage.ball import BALL, ball_corners
 from pinbound.coverage.mesh_proof import away_from
 from pinbound.coverage.polytopes import Polytope
 from pinbound.geometry.rotations import matrix_rpy
@@ -28,7 +29,6 @@ _COUNTS = (12, 16, 24, 32, 48, 64, 96)
 """How many directions are looked along for the vertices of a hull, until those that are left out are near enough."""
 _STEPS = 200  # of the search for a small ball
 _LARGER = 1.0 + 1e-12  # so that rounding leaves no point outside
-_BALL = 1.02  # vertices of `_BALL_CORNERS` are this far from the centre of a unit ball that their hull holds
 
 
 def outline(mark: Mark) -> tuple[Array, float]:
@@ -39,7 +39,7 @@ def outline(mark: Mark) -> tuple[Array, float]:
     shape = mark.shape
     if len(shape.vertices) > 2 or not shape.radius > 0.0:
         return shape.vertices, shape.radius
-    ball = _ball_corners() * (_BALL * shape.radius)
+    ball = ball_corners() * (BALL * shape.radius)
     return extreme_vertices((shape.vertices[:, None] + ball).reshape(-1, 3)), 0.0
 
 
@@ -159,16 +159,3 @@ def directions(count: int) -> Array:
     flat = np.sqrt(1.0 - heights**2)
     spiral = np.column_stack((flat * np.cos(turns), flat * np.sin(turns), heights))
     return np.vstack((spiral, np.eye(3), -np.eye(3)))
-
-
-def _ball_corners() -> Array:
-    """Return 162 unit vectors: an icosahedron with its edges halved twice."""
-    g = 0.5 * (1.0 + math.sqrt(5.0))
-    corners = [(0.0, s, t * g) for s in (-1.0, 1.0) for t in (-1.0, 1.0)]
-    points = np.array([turned for x, y, z in corners for turned in ((x, y, z), (y, z, x), (z, x, y))])
-    for shortest in (2.0, 1.0):
-        gaps = np.linalg.norm(points[:, None] - points, axis=2)
-        near = np.argwhere(np.triu((gaps > 0.0) & (gaps < 1.3 * np.min(gaps + np.eye(len(gaps)) * 9.0))))
-        points = np.vstack((points, 0.5 * (points[near[:, 0]] + points[near[:, 1]])))
-        points = points / np.linalg.norm(points, axis=1, keepdims=True) * (1.0 if shortest < 2.0 else g)
-    return points / np.linalg.norm(points, axis=1, keepdims=True)

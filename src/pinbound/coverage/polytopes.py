@@ -28,6 +28,9 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _ROUNDED = 32.0 * UNIT_ROUNDOFF  # of a product of three lengths: a determinant of rounded differences
+_MOST_MENDED = 12  # times that slivers are replaced
+_MOST_SLIVERS = 100  # replaced at once
+_NEEDLE = 1e-9  # of a sliver's longest side: corners nearer to each other are one
 _BLOCK = 2_000_000  # entries of a table of points and facets that is made at once
 
 
@@ -55,7 +58,7 @@ class Polytope(Value):
 
     @classmethod
     def of(cls, vertices: Array) -> Polytope | None:
-        """Return it; None if the points lie in a plane, or if no proof is found: slivers.
+        """Return it; None if the points lie in a plane, or if no proof is found.
 
         Example:
             >>> cube = Polytope.of(np.array([(x, y, z) for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)]))
@@ -63,22 +66,29 @@ class Polytope(Value):
             [0.0, 1.0]
         """
         facets = _proposed(vertices)
-        if facets is None or not _is_closed(facets):
+        if facets is None:
             return None
         centre = vertices.mean(axis=0)
         offsets = vertices - centre
         reach = float(np.linalg.norm(offsets, axis=1).max()) * (1.0 + 8.0 * UNIT_ROUNDOFF)
-        a, b, c = (vertices[facets[:, corner]] for corner in range(3))
-        normals: Any = np.cross(b - a, c - a)
-        heights = np.einsum("fi,fi->f", normals, a - centre)
-        size = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
-        error = _ROUNDED * size * 2.0 * reach
-        unsure = heights <= error
-        if np.any(heights < -error):
+        for _ in range(_MOST_MENDED):
+            if not _is_closed(facets):
+                return None
+            a, b, c = (vertices[facets[:, corner]] for corner in range(3))
+            normals: Any = np.cross(b - a, c - a)
+            heights = np.einsum("fi,fi->f", normals, a - centre)
+            size = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
+            error = _ROUNDED * size * 2.0 * reach
+            unsure = heights <= error
+            # Seen from behind, or so flat that nothing can be divided by its height.
+            wrong = [row for row in np.flatnonzero(unsure).tolist() if not _is_edge_on(vertices[facets[row]], centre)]
+            if not wrong:
+                break
+            if len(wrong) > _MOST_SLIVERS:
+                return None
+            facets = _without(facets, wrong, vertices)
+        else:
             return None
-        for row in np.flatnonzero(unsure).tolist():
-            if _exact_height(vertices[facets[row]], centre) != 0:
-                return None  # seen from behind, or so flat that nothing can be divided by its height
         sure = ~unsure  # triangles without area as seen from c: no ray but those of a plane meets them
         if not np.any(sure):
             return None
@@ -172,12 +182,43 @@ def _is_closed(facets: Ints) -> bool:
     return bool(np.array_equal(there, back)) and not np.any(there[1:] == there[:-1])
 
 
-def _exact_height(corners: Array, centre: Array) -> Fraction:
-    """Return the determinant that says on which side of a triangle the centre is, without rounding."""
+def _without(facets: Ints, rows: list[int], vertices: Array) -> Ints:
+    """Return other triangles in place of slivers, with the same edges around; what is left is still to be proven.
+
+    The sliver and the triangle beyond its longest side are four corners: the side is replaced by the other diagonal.
+    Where two corners are much nearer to each other than the third, one is taken for both.
+    """
+    found: list[list[int]] = facets.tolist()
+    gone: set[int] = set()
+    for row in rows:
+        corners = found[row]
+        if row in gone:
+            continue
+        ends = vertices[np.roll(corners, -1)] - vertices[corners]
+        lengths = np.linalg.norm(ends, axis=1)
+        longest, shortest = int(np.argmax(lengths)), int(np.argmin(lengths))
+        if lengths[shortest] <= _NEEDLE * lengths[longest]:
+            kept, lost = corners[shortest], corners[(shortest + 1) % 3]
+            found = [[kept if corner == lost else corner for corner in one] for one in found]
+            gone |= {place for place, one in enumerate(found) if len(set(one)) < 3}
+            continue
+        i, j, k = (corners[(longest + turn) % 3] for turn in range(3))
+        for place, other in enumerate(found):
+            at = next((turn for turn in range(3) if (other[turn], other[(turn + 1) % 3]) == (j, i)), None)
+            if at is not None and place not in gone:
+                last = other[(at + 2) % 3]
+                found[row], found[place] = [k, i, last], [last, j, k]
+                break
+    kept_rows = [one for place, one in enumerate(found) if place not in gone]
+    return np.array(kept_rows, dtype=np.int64).reshape(-1, 3)
+
+
+def _is_edge_on(corners: Array, centre: Array) -> bool:
+    """Return whether a triangle and the centre are in one plane: without rounding, the determinant is zero."""
     c = [Fraction(x) for x in centre.tolist()]
     a, b, d = ([Fraction(x) - y for x, y in zip(row, c, strict=True)] for row in corners.tolist())
     minors = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-    return sum((x * y for x, y in zip(minors, d, strict=True)), Fraction(0))
+    return sum((x * y for x, y in zip(minors, d, strict=True)), Fraction(0)) == 0
 
 
 def split_polygon(polygon: Array, height: Array) -> tuple[Array, Array]:
