@@ -2,11 +2,13 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
 import pinbound as pb
+from pinbound.limits import piecewise_isolation
 from robots import ARM, HEAD, joint
 
 Load = Callable[..., pb.Robot]
@@ -28,7 +30,7 @@ def test_a_cube_that_turns_beside_a_wall_meets_it_at_its_corners(load_text: Load
     """Its corners are sqrt(2) from the axis, the wall 1.2: contact at pi/4 +- acos((1.2 - tolerance) / sqrt(2))."""
     wall = [[1.2 + x, 5 * y, 5 * z] for x in (0, 1) for y in (-1, 1) for z in (-1, 1)]
     marks = "hulls:\n" + hull("A", "arm", [*CUBE, [0.2, 0, 0]]) + hull("B", "base", wall)
-    boundary = robot(load_text, [TURN], marks).boundaries["beta"]
+    boundary = robot(load_text, [TURN], marks, "home: {q: 1.5}").boundaries["beta"]
     half = np.arccos((1.2 - boundary.contact_distance) / np.sqrt(2))
     arcs = boundary.limits("q", [0.0])
     turns = np.array([[k * np.pi / 2 - np.pi / 4 + half, k * np.pi / 2 + np.pi / 4 - half] for k in range(4)])
@@ -52,7 +54,7 @@ def test_a_plane_meets_the_lowest_of_a_hulls_vertices(load_text: Load) -> None:
     marks = (
         "hulls:\n" + hull("A", "arm", CUBE) + "planes: [{name: B, link: base, xyz: [0, 0, -1.2], normal: [0, 0, 1]}]"
     )
-    boundary = robot(load_text, [TURN], marks).boundaries["beta"]
+    boundary = robot(load_text, [TURN], marks, "home: {q: 1.5}").boundaries["beta"]
     half = np.pi / 4 - np.arccos(1.2 / np.sqrt(2))
     arc = boundary.limits("q", [0.0])
     assert arc.contains(0.0)
@@ -123,3 +125,29 @@ def test_where_hulls_overlap_is_contact_however_deep(load_text: Load) -> None:
     assert found.intervals[0] == pytest.approx([-found.intervals[0, 1] + 2 * np.pi, found.intervals[0, 1]], abs=0.5)
     assert not found.contains(0.1)
     assert not found.contains(0.0)
+
+
+def test_the_smallest_distance_of_hulls_that_overlap_is_zero_and_found_in_few_pieces(
+    load_text: Load, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """GJK gives 1e-19 m, not zero, over a whole stretch of overlap: that stretch was halved to dust."""
+    marks = "cylinders: [{name: A, link: base, xyz_a: [0.3, 0.02, -0.1], xyz_b: [0.31, 0.03, 0.1], radius: 0.08}]\n"
+    marks += "boxes: [{name: B, link: arm, xyz: [0.31, 0.04, 0.02], rpy: [0.3, 0.2, 0.1], size: [0.1, 0.13, 0.17]}]"
+    pieces: list[int] = []
+    bound = piecewise_isolation._bound
+
+    def counted(bundle: Any, Q: Any, index: int, middle: Any, half: float, error: float) -> Any:
+        pieces.append(len(middle))
+        return bound(bundle, Q, index, middle, half, error)
+
+    monkeypatch.setattr(piecewise_isolation, "_bound", counted)
+    rule = robot(load_text, [TURN], marks, "home: {q: 1.5}").boundaries["beta"].rule
+    found = rule.strips()
+    assert found is not None
+    (strip,) = found[1]
+    assert 0.0 <= strip.smallest < 1e-12
+    assert piecewise_isolation.smallest(rule.path)[0] == 0.0
+    assert max(pieces) <= 64
+    pieces.clear()
+    assert rule.strips() is found
+    assert not pieces  # searched once

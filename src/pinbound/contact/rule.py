@@ -225,10 +225,15 @@ class ContactRule(Value):
             As `univariate.one_angle_strips`: None if there are several angles, or a slide.
         """
         if self.stop is None:
-            return univariate.one_angle_strips(self.path, self.raised(margin), 0.0)
+            return self._contacts if margin == 0.0 else univariate.one_angle_strips(self.path, self.raised(margin), 0.0)
         share = min(margin / self.stop.amplitude, 1.0)
         half_width = min(2.0 * math.asin(share) + self.stop.play, math.pi)
         return self.stop.coefficients, (Strip(self.stop.angle, half_width, self.stop.miss),)
+
+    @cached_property
+    def _contacts(self) -> tuple[Array, tuple[Strip, ...]] | None:
+        """The strips of a boundary that is no stop, without a margin: bodies' are searched once."""
+        return univariate.one_angle_strips(self.path, self.raised(0.0), 0.0)
 
     def raised(self, margin: float) -> float:
         """Return the separation up to which there is contact, of a boundary that is no stop, a margin added [m]."""

@@ -110,7 +110,8 @@ def smallest(path: RelativePath) -> tuple[float, float]:
     """Return the smallest separation over a turn of a path of one rotation [m]: a proven lower bound, and one attained.
 
     They are `tolerances.PRECISION` apart at most, unless the separation is flat over so long an interval, as between
-    two boxes side by side, that the pieces become too many.
+    two boxes side by side, that the pieces become too many. Bodies that overlap are apart by the path's floor, zero, to
+    rounding: no piece need be smaller.
     """
     one = _one_coordinate(path)
     bundle, error = _bundle(one, np.full(1, -math.pi), np.full(1, math.pi))
@@ -122,12 +123,12 @@ def smallest(path: RelativePath) -> tuple[float, float]:
         left = (found.lower < best - PRECISION) & (found.upper - found.lower > 4.0 * error)
         proven = min(proven, float(found.lower[~left].min(initial=math.inf)))
         middle = middle[left]
-        if not len(middle) or len(middle) > _MOST_OPEN or best == path.floor:
+        if not len(middle) or len(middle) > _MOST_OPEN or best <= path.floor + 4.0 * error:
             proven = min(proven, float(found.lower[left].min(initial=math.inf)))
             break
         half /= 2.0
         middle = np.concatenate((middle - half, middle + half))
-    return proven, best
+    return max(proven, path.floor), best
 
 
 def _one_coordinate(path: RelativePath) -> RelativePath:
