@@ -1,6 +1,7 @@
 """What free_volume, certified_polytope and certified_cover reach on the UR5 and the Panda, against seconds.
 
     python benchmarks/free_spaces.py volumes
+    python benchmarks/free_spaces.py atlas panda.urdf --pairs pairs.json --seconds 120
     python benchmarks/free_spaces.py polytope panda.urdf --pairs pairs.json --seconds 20 60
     python benchmarks/free_spaces.py polytope panda.urdf --pairs pairs.json --seeds 10 --keep . --iris iris.json
     python benchmarks/free_spaces.py samples panda.urdf --pairs pairs.json --keep . --samples 10000000
@@ -71,6 +72,43 @@ def volumes(options: argparse.Namespace, folder: Path) -> int:
             wrong += not all_free(robot, found)
             said = f"{name}, {len(robot.boundaries)} pairs, {', '.join(names)}: {100 * found.decided:.2f} % decided, "
             print(f"{said}{found.boxes / 1e6:.2f} million boxes, {clock}", flush=True)
+    return int(wrong > 0)
+
+
+def atlases(options: argparse.Namespace, folder: Path) -> int:
+    """Make a pair atlas for some seconds, save it, load it; 1 if a sample contradicts what it says."""
+    wrong = 0
+    for name, robot in {
+        **robots(options, folder),
+        **({} if options.robot else {"MinervaBotV3": pb.load("minervabot_v3")}),
+    }.items():
+        window = {one: (-np.pi, np.pi) for one in robot.coordinates if name == "UR5"}
+        clock = Clock()
+        atlas = pb.pair_atlas(robot, budget=pb.Budget(10**10, options.seconds[-1]), window=window)
+        print(f"{name}: {atlas!r}; {atlas.work / 1e6:.2f} million boxes, {clock}", flush=True)
+        for group in atlas.groups:
+            if len(group.columns) > 1:
+                print(f"    {group!r}, {len(group.boxes(pb.Where.FREE))} boxes free")
+        path, clock = atlas.save(folder / "atlas.npz"), Clock()
+        loaded = pb.load_atlas(path, robot)
+        print(f"    {path.stat().st_size / 1e6:.3f} MB, loaded in {clock}")
+        low, high = ends_of(robot)
+        Q = np.random.default_rng(0).uniform(low, high, (min(options.samples, 200_000), len(low)))
+        clock = Clock()
+        where = loaded.where(Q)
+        print(f"    where of {len(Q)}: {clock}")
+        clock = Clock()
+        free = robot.boundaries.free(Q)
+        print(f"    robot.boundaries.free: {clock}")
+        each, signed = loaded.pairs_where(Q), robot.boundaries.signed_clearances(Q)
+        bad = int(np.count_nonzero((each > 0) & (signed <= 0.0)) + np.count_nonzero((each < 0) & (signed > 0.0)))
+        bad += int(np.count_nonzero((where > 0) & ~free) + np.count_nonzero((where < 0) & free))
+        shares = [100.0 * float(np.mean(where == one)) for one in (1, -1, 0)]
+        print(
+            "    samples {:.1f} % FREE, {:.1f} % CONTACT, {:.1f} % UNDECIDED".format(*shares) + f", {bad} wrong",
+            flush=True,
+        )
+        wrong += bad
     return int(wrong > 0)
 
 
@@ -234,7 +272,14 @@ def pictures(options: argparse.Namespace, folder: Path) -> int:
 def main() -> int:
     """Run what was asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    runs = {"volumes": volumes, "polytope": polytope, "samples": samples, "cover": covers, "pictures": pictures}
+    runs = {
+        "volumes": volumes,
+        "atlas": atlases,
+        "polytope": polytope,
+        "samples": samples,
+        "cover": covers,
+        "pictures": pictures,
+    }
     parser.add_argument("run", choices=list(runs))
     parser.add_argument("robot", type=Path, nargs="?")
     parser.add_argument("--pairs", type=Path)

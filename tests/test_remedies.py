@@ -845,6 +845,16 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
 
     again = "Make it again with pb.certified_cover(robot) and .save(path)"
     yield Entry(again, covered("minervabot_v3"), covered("palletizers/dobot_mg400"))
+
+    def paved(name: str) -> Do:
+        def done(folder: Path) -> object:
+            robot = pb.load(name)
+            path = pb.pair_atlas(robot, robot.boundaries.names[:1]).save(folder / "a.npz")
+            return pb.load_atlas(path, pb.load("palletizer"))
+
+        return done
+
+    yield Entry("Make it again with pb.pair_atlas(robot) and .save(path)", paved("minervabot_v3"), paved("palletizer"))
     large = "Split the file, or evaluate it with `pinbound batch`, which reads in parts"
 
     def few_cells(then: Do) -> Do:

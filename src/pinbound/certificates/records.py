@@ -56,6 +56,7 @@ class Reason(Enum):
     RESOLUTION = "too short to be split further"
     BOXES = "the budget of boxes is spent"
     TIME = "the budget of time is spent"
+    STOPPED = "stopped before the budget was spent"
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import numpy as np
 from pinbound.certificates.constraints import select
 from pinbound.certificates.records import Reason
 from pinbound.certificates.scope import covered
-from pinbound.freespace.cover_format import read_file, refused
+from pinbound.freespace.cover_format import COVER, read_file
 from pinbound.freespace.cover_records import NUMBERS, TEXTS, ConvexSet, FreeCover
 from pinbound.freespace.digest import robot_digest
 from pinbound.robot.robot import Robot
@@ -43,12 +43,12 @@ def load_cover(robot: Robot, path: str | Path) -> FreeCover:
         >>> again.contains(robot.home)
         True
     """
-    header, given = read_file(Path(path))
+    header, given = read_file(Path(path), COVER)
     missing = [name for name in header["boundaries"] if name not in robot.boundaries.names]
     chosen = () if missing or not header["boundaries"] else select(robot, header["boundaries"])
     if missing or robot_digest(robot, chosen) != header["digest"]:
         what = f"the cover is of {header['robot']!r} with other limits or marks than {robot.name!r} has now"
-        raise refused(Path(path), what)
+        raise COVER.refused(Path(path), what)
     k, rows = len(header["coordinates"]), given["rows"]
     parts = np.split(rows, np.cumsum(given["counts"])[:-1]) if len(given["counts"]) else []
     reason = None if header["reason"] is None else Reason[header["reason"]]

@@ -1,11 +1,13 @@
-"""The file of a cover: NPZ with a header in JSON, and a hash of all that it holds."""
+"""Files of what was proven: NPZ with a header in JSON, and a hash of all that they hold."""
 
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -15,27 +17,64 @@ from pinbound.tables.arrays import DAMAGE
 from pinbound.tables.rules import pass_on
 from pinbound.typing import AnyArray
 
-__all__ = ["read_file", "refused", "write_file"]
+__all__ = ["ATLAS", "COVER", "Sort", "read_file", "write_file"]
 
-_KIND = "pinbound cover 1"
-_ARRAYS = ("at", "boxes", "open", "share", "rows", "counts")
+_AGAIN = "Make it again with pb.certified_cover(robot) and .save(path)"
+_ATLAS_AGAIN = "Make it again with pb.pair_atlas(robot) and .save(path)"
 
 
-def write_file(path: Path, header: Mapping[str, Any], arrays: Mapping[str, AnyArray]) -> Path:
-    """Write a header and arrays.
+@dataclass(frozen=True)
+class Sort:
+    """A sort of file.
+
+    Attributes:
+        kind: What it says that it is, with the version of its format.
+        name: What people call it.
+        arrays: Names of its arrays.
+    """
+
+    kind: str
+    name: str
+    arrays: tuple[str, ...]
+
+    def refused(self, path: Path, what: str) -> InputError:
+        """Return the error that says why a file is not taken."""
+        remedy = _AGAIN if self.name == "cover" else _ATLAS_AGAIN
+        return InputError([Problem(what, remedy, str(path))])
+
+
+COVER: Final = Sort(
+    "pinbound cover 1",
+    "cover",
+    ("at", "boxes", "open", "share", "rows", "counts"),
+)
+ATLAS: Final = Sort(
+    "pinbound atlas 1",
+    "atlas",
+    ("numbers", "codes", "whole", "counts"),
+)
+
+
+def write_file(path: Path, sort: Sort, header: Mapping[str, Any], arrays: Mapping[str, AnyArray]) -> Path:
+    """Write a header and arrays: beside the file first, so that a file that is there is replaced as a whole.
 
     Raises:
         OSError: If the file cannot be written.
     """
     text = json.dumps(dict(header))
-    content = content_digest(text, *(arrays[name] for name in _ARRAYS))
-    texts = {"kind": np.array(_KIND), "header": np.array(text), "content": np.array(content)}
-    with path.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **cast(Any, {**arrays, **texts}))
+    content = content_digest(text, *(arrays[name] for name in sort.arrays))
+    texts = {"kind": np.array(sort.kind), "header": np.array(text), "content": np.array(content)}
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with beside.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, **cast(Any, {**arrays, **texts}))
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
     return path
 
 
-def read_file(path: Path) -> tuple[dict[str, Any], dict[str, AnyArray]]:
+def read_file(path: Path, sort: Sort) -> tuple[dict[str, Any], dict[str, AnyArray]]:
     """Return what `write_file` wrote.
 
     Raises:
@@ -45,19 +84,14 @@ def read_file(path: Path) -> tuple[dict[str, Any], dict[str, AnyArray]]:
     with path.open("rb") as stream:
         try:
             with np.load(stream, allow_pickle=False) as file:
-                given: dict[str, AnyArray] = {name: file[name] for name in (*_ARRAYS, "kind", "header", "content")}
-            if str(given["kind"]) != _KIND:
+                given: dict[str, AnyArray] = {name: file[name] for name in (*sort.arrays, "kind", "header", "content")}
+            if str(given["kind"]) != sort.kind:
                 raise KeyError("kind")
             text = str(given["header"])
             header: dict[str, Any] = json.loads(text)
         except (*DAMAGE, OSError) as error:
             pass_on(error)
-            raise refused(path, "this is no cover, or one that is damaged") from error
-    if content_digest(text, *(given[name] for name in _ARRAYS)) != str(given["content"]):
-        raise refused(path, "this cover is damaged: its contents are not those that were saved")
+            raise sort.refused(path, f"this is no {sort.name}, or one that is damaged") from error
+    if content_digest(text, *(given[name] for name in sort.arrays)) != str(given["content"]):
+        raise sort.refused(path, f"this {sort.name} is damaged: its contents are not those that were saved")
     return header, given
-
-
-def refused(path: Path, what: str) -> InputError:
-    """Return the error that says why a file is not taken."""
-    return InputError([Problem(what, "Make it again with pb.certified_cover(robot) and .save(path)", str(path))])

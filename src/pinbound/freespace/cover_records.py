@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from pinbound.certificates.records import Reason
 from pinbound.coverage import CoverageRecord
-from pinbound.freespace.cover_format import write_file
+from pinbound.freespace.cover_format import COVER, write_file
 from pinbound.freespace.set_graph import SetGraph, components
 from pinbound.model.coupling import as_configurations
 from pinbound.tolerances import UNIT_ROUNDOFF
@@ -184,7 +184,7 @@ class FreeCover(Value):
         counts = np.array([len(one) for one in rows], dtype=np.int64)
         header = {name: getattr(self, name) for name in (*TEXTS, *NUMBERS)}
         header["reason"] = None if self.reason is None else self.reason.name
-        return write_file(Path(path), header, {**arrays, "counts": counts})
+        return write_file(Path(path), COVER, header, {**arrays, "counts": counts})
 
     def export_drake(self, path: str | Path) -> Path:
         """Write all sets as YAML of Drake's `HPolyhedron`s, named set_0, set_1, ..., over `coordinates` in this order.

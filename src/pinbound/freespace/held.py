@@ -12,7 +12,7 @@ and reduces the same blocks and rotations. So the rounding bound is taken twice.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,7 +69,7 @@ class Decided:
     Attributes:
         lists: Of each box what is not proven clear in it; empty where it is in contact.
         contact: (N,) whether one pair is proven in contact all over the box.
-        across: (N,) the coordinate to halve it across.
+        across: (N,) the coordinate to halve it across; of a box in contact, the pair that is.
         least: (N,) the least lower bound of what is left [m]; infinite where nothing is.
         bounded: How many boxes times nodes were bounded.
     """
@@ -152,6 +152,7 @@ class HeldPairs:
         centre = 0.5 * (boxes[:, 0] + boxes[:, 1])
         half = np.maximum(boxes[:, 1] - centre, centre - boxes[:, 0]) * INFLATION + self.beside
         contact, bounded = np.zeros(count, dtype=np.bool_), 0
+        touching = np.zeros(count, dtype=np.intp)
         parts: list[tuple[Indices, Indices, Array, Array]] = []
         box, node = lists.rows()
         while len(box):
@@ -160,6 +161,7 @@ class HeldPairs:
             linear = np.einsum("ni,ni->n", np.abs(found.slope), half[box])
             reach, extra = found.rest + linear, self.groups.extra[node]
             contact[box[found.upper < 0.0]] = True
+            touching[box[found.upper < 0.0]] = node[found.upper < 0.0]
             is_open = ~(found.lower > 0.0)
             is_group = self.groups.halves[node, 0] >= 0
             coarse = (extra >= reach) | (found.value + reach <= 0.0)  # all of it in contact: nothing will be clear
@@ -172,7 +174,8 @@ class HeldPairs:
             split = is_open & coarse
             halves = self.groups.halves[node[split]].ravel()
             box, node = np.repeat(box[split], 2)[halves >= 0], halves[halves >= 0]
-        return self._gathered(parts, contact, bounded)
+        found = self._gathered(parts, contact, bounded)
+        return replace(found, across=np.where(contact, touching, found.across))
 
     def _gathered(
         self, parts: Sequence[tuple[Indices, Indices, Array, Array]], contact: Flags, bounded: int

@@ -36,6 +36,7 @@ __all__ = [
     "corners_of",
     "free_volume",
     "halved",
+    "paved_box",
     "rounding_of_volumes",
     "volume_of_boxes",
 ]
@@ -183,6 +184,41 @@ def axes_of(robot: Robot, coordinates: Sequence[str]) -> tuple[tuple[str, ...], 
     return names, np.array([robot.coordinates.index(name) for name in names])
 
 
+def paved_box(
+    robot: Robot, axes: Indices, at: Array, window: Mapping[str, tuple[float, float]]
+) -> tuple[Array, Array, Array]:
+    """Return the corners (n,) of the box of limits of the axes, the others held, and how far it may be passed (n,).
+
+    Args:
+        robot: The robot.
+        axes: Which entries of q the box is over.
+        at: (n,) where the others are held.
+        window: More ends, by coordinate [rad or m].
+
+    Raises:
+        DimensionError: If a coordinate of the box is not bounded.
+    """
+    rough = limit_faces(robot, window)
+    n = len(robot.coordinates)
+    others = np.setdiff1d(np.arange(n), axes)
+    ones = np.eye(n)
+    fixed = [Face("", "", s * ones[j], s * float(at[j]), 0.0, False) for j in others for s in (1.0, -1.0)]
+    bounding = [face for face in rough if np.any(face.normal[axes])]
+    low, high = outer_box([*bounding, *fixed], robot.coordinates)
+    ends = [(face, np.flatnonzero(face.normal)) for face in rough]
+    for face, used in ends:  # exact ends where one coordinate has them: the box of limits, not a wider one
+        if len(used) == 1 and used[0] in axes:
+            end = face.bound / float(face.normal[used[0]])
+            if face.normal[used[0]] > 0.0 and abs(end - high[used[0]]) < LIMIT * (1.0 + abs(end)):
+                high[used[0]] = end
+            elif face.normal[used[0]] < 0.0 and abs(end - low[used[0]]) < LIMIT * (1.0 + abs(end)):
+                low[used[0]] = end
+    # A mimic joint of a small slope lets its coordinate go further beyond the box.
+    beyond = [replace(face, bound=face.bound + _BESIDE * (1.0 + abs(face.bound))) for face in bounding]
+    far_low, far_high = outer_box([*beyond, *fixed], robot.coordinates)
+    return low, high, np.maximum(np.maximum(low - far_low, far_high - high), _BESIDE)
+
+
 def volume_of_boxes(parts: Sequence[Array]) -> float:
     """Return the sum of the volumes of boxes (f, 2, k), each part an array of them."""
     sizes = [(one[:, 1] - one[:, 0]).prod(axis=1) for one in parts]
@@ -222,25 +258,7 @@ class Paving:
         meter: Meter,
     ) -> None:
         """Begin with the box of limits of the axes, the others held at `at` (n,)."""
-        rough = limit_faces(robot, window)
-        n = len(robot.coordinates)
-        others = np.setdiff1d(np.arange(n), axes)
-        ones = np.eye(n)
-        fixed = [Face("", "", s * ones[j], s * float(at[j]), 0.0, False) for j in others for s in (1.0, -1.0)]
-        bounding = [face for face in rough if np.any(face.normal[axes])]
-        low, high = outer_box([*bounding, *fixed], robot.coordinates)
-        ends = [(face, np.flatnonzero(face.normal)) for face in rough]
-        for face, used in ends:  # exact ends where one coordinate has them: the box of limits, not a wider one
-            if len(used) == 1 and used[0] in axes:
-                end = face.bound / float(face.normal[used[0]])
-                if face.normal[used[0]] > 0.0 and abs(end - high[used[0]]) < LIMIT * (1.0 + abs(end)):
-                    high[used[0]] = end
-                elif face.normal[used[0]] < 0.0 and abs(end - low[used[0]]) < LIMIT * (1.0 + abs(end)):
-                    low[used[0]] = end
-        # A mimic joint of a small slope lets its coordinate go further beyond the box.
-        beyond = [replace(face, bound=face.bound + _BESIDE * (1.0 + abs(face.bound))) for face in bounding]
-        far_low, far_high = outer_box([*beyond, *fixed], robot.coordinates)
-        beside = np.maximum(np.maximum(low - far_low, far_high - high), _BESIDE)
+        low, high, beside = paved_box(robot, axes, at, window)
         self.axes, self.at, self.meter = axes, at, meter
         self.low, self.high, self.beside = low[axes], high[axes], beside[axes]
         farthest = np.maximum(np.abs(low), np.abs(high))

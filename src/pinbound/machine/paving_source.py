@@ -22,7 +22,7 @@ PAVING_HEAD: Final = 2
 
 PAVING_RESULT: Final = 5
 """Of a box in the answer: 0 clear, 1 in contact, 2 open; where its list starts, how long it is, the coordinate to halve
-it across, the least lower bound."""
+it across (of one in contact the pair that is), the least lower bound."""
 
 _LANES: Final = 8
 
@@ -87,7 +87,7 @@ for b in range(count):
         if first_half < 0:
             @UPPER
             if upper < 0.0:
-                status = 1
+                status, across = 1, node
                 break
         else:
             reach = rest + linear

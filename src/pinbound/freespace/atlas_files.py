@@ -1,0 +1,70 @@
+"""load_atlas(): an atlas from its file, if it was proven about this very robot and these very marks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from pinbound.certificates.constraints import select
+from pinbound.certificates.records import Reason
+from pinbound.certificates.scope import covered
+from pinbound.freespace.atlas_format import read_sets
+from pinbound.freespace.atlas_records import AtlasGroup, PairAtlas
+from pinbound.freespace.cover_format import ATLAS, read_file
+from pinbound.freespace.digest import robot_digest
+from pinbound.robot.robot import Robot
+
+__all__ = ["load_atlas"]
+
+
+def load_atlas(path: str | Path, robot: Robot) -> PairAtlas:
+    """Return the atlas that `PairAtlas.save` wrote, if it was proven about this very robot and these very marks.
+
+    The file holds a hash of coordinates, limits, paths and thresholds, and one of its own contents. The second finds a
+    file that was damaged, and not one that was forged: take atlases from people whom you trust.
+
+    Args:
+        path: The file.
+        robot: The robot.
+
+    Raises:
+        InputError: If the file is no atlas or is damaged, or the robot, its limits or its marks are not those that the
+            atlas was proven about.
+        OSError: If the file cannot be read.
+
+    Example:
+        >>> import tempfile
+        >>> import pinbound as pb
+        >>> robot = pb.load("minervabot_v3")
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = pb.pair_atlas(robot).save(folder + "/atlas.npz")
+        ...     again = pb.load_atlas(path, robot)
+        >>> again.where(robot.home).name
+        'FREE'
+    """
+    header, given = read_file(Path(path), ATLAS)
+    missing = [name for name in header["boundaries"] if name not in robot.boundaries.names]
+    chosen = () if missing else select(robot, header["boundaries"])
+    if missing or robot_digest(robot, chosen) != header["digest"]:
+        what = f"the atlas is of {header['robot']!r} with other limits or marks than {robot.name!r} has now"
+        raise ATLAS.refused(Path(path), what)
+    known = read_sets(header["sets"], given)
+    own, groups = iter(known), list[AtlasGroup]()
+    said = cast(list[tuple[list[str], list[int], int | None]], header["groups"])
+    for names, columns, shared in said:
+        one = next(own) if shared is None else groups[shared].known
+        coordinates = tuple(robot.coordinates[j] for j in columns)
+        groups.append(AtlasGroup(tuple(names), coordinates, np.array(columns, dtype=np.intp), one, shared))
+    return PairAtlas(
+        robot=robot,
+        boundaries=tuple(header["boundaries"]),
+        coverage=covered(robot, chosen),
+        groups=tuple(groups),
+        window={name: (float(low), float(high)) for name, (low, high) in header["window"].items()},
+        reason=None if header["reason"] is None else Reason[header["reason"]],
+        digest=header["digest"],
+        work=header["work"],
+        seconds=header["seconds"],
+    )
