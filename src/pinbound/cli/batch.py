@@ -166,10 +166,14 @@ def _source(
             if not (words[2].isascii() and words[2].isdigit() and 0 < len(words[2].lstrip("0")) <= _DIGITS):
                 raise _bad("--grid", f"{words[2]!r} is no count", "Write NAME=FROM:TO:COUNT, COUNT from 1 to 10^15")
             axes[index] = (low, high, int(words[2]))
+        _hint(robot, [axis[:2] for axis in axes], deg, "--grid")
         return GridSource(tuple(axes))
     lower, upper = robot.lower.copy(), robot.upper.copy()
+    given_ends = [(0.0, 0.0)] * len(robot.coordinates)
     for index, words in _parts(robot, "--within", within or "", 2, "NAME=FROM:TO"):
-        lower[index], upper[index] = _ends(robot, index, words, deg, "--within")
+        given_ends[index] = lower[index], upper[index] = _ends(robot, index, words, deg, "--within")
+    if within:
+        _hint(robot, given_ends, deg, "--within")
     for index, name in enumerate(robot.coordinates):
         if not (math.isfinite(lower[index]) and math.isfinite(upper[index])):
             raise _bad("--within", f"{name!r} has no limits", f"Give its box, e.g. --within {name}=-3.14:3.14")
@@ -200,6 +204,11 @@ def _ends(robot: Robot, index: int, words: list[str], deg: bool, option: str) ->
         raise _bad(option, f"{':'.join(words[:2])!r} is no interval", "Write FROM:TO, two finite numbers, FROM <= TO")
     turns = deg and robot.turns(robot.coordinates[index])
     return (math.radians(low), math.radians(high)) if turns else (low, high)
+
+
+def _hint(robot: Robot, ends: list[tuple[float, float]], deg: bool, option: str) -> None:
+    if not deg:
+        hint_degrees(robot, np.array(ends).T, option)
 
 
 def _record(evaluation: Evaluation, outcome: Outcome) -> dict[str, Any]:

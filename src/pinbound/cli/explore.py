@@ -62,7 +62,7 @@ def explore(
     """Write a page that works offline: drag a point through the region, and the robot moves with it."""
     require("report", "the explorer's page")
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
-    with working("regions and page"):
+    with working("regions and page", budget * (len(plane or [""]) + (motion is not None))):
         page = explorer_page(
             loaded,
             [[name.strip() for name in one.split(",")] for one in plane] if plane else None,

@@ -7,7 +7,17 @@ from typing import Annotated, Any
 
 import typer
 
-from pinbound.cli.shared import Annotations, AsJson, PackageDirs, RobotName, XacroArgs, console, emit_json, load_robot
+from pinbound.cli.shared import (
+    Annotations,
+    AsJson,
+    PackageDirs,
+    RobotName,
+    XacroArgs,
+    console,
+    emit_json,
+    load_robot,
+    working,
+)
 from pinbound.exceptions import InputError, Problem, UnknownNameError
 from pinbound.robot.limit_tables import ENTRIES, limit_table
 from pinbound.robot.robot import Robot
@@ -45,18 +55,19 @@ def export(
     if kind not in _KINDS:
         raise UnknownNameError("kind of export", kind, _KINDS)
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
-    if kind != "table":
-        files = loaded.export(kind, out, boundary)
-        notes: tuple[str, ...] = ()
-    else:
-        notes = _table(
-            loaded,
-            out,
-            form,
-            (target, dependent),
-            {"spacing": spacing, "whole": whole, "boundaries": boundary, "grid": grid},
-        )
-        files = (out,)
+    with working(f"writing {out.name}"):
+        if kind != "table":
+            files = loaded.export(kind, out, boundary)
+            notes: tuple[str, ...] = ()
+        else:
+            notes = _table(
+                loaded,
+                out,
+                form,
+                (target, dependent),
+                {"spacing": spacing, "whole": whole, "boundaries": boundary, "grid": grid},
+            )
+            files = (out,)
     if as_json:
         emit_json({"kind": kind, "files": [str(path) for path in files], "notes": list(notes)})
         return

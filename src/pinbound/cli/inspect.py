@@ -333,16 +333,14 @@ def limits(
     """Print how far each coordinate can move from a configuration, and what stops it. The others are held fixed."""
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     q = parse_configuration(loaded, at, deg)
-    found = [loaded.boundaries.limits(name, q) for name in loaded.coordinates]
+    with working("limits of each coordinate"):
+        found = [loaded.boundaries.limits(name, q) for name in loaded.coordinates]
     if as_json:
         emit_json([vars(one) for one in found])
     else:
         columns = ("coordinate", "here", "from", "stopped by", "to", "stopped by")
-        print_table(
-            "Limits of each coordinate, with the others held fixed",
-            columns,
-            [_row(loaded, x) for x in found],
-        )
+        rows = [_row(loaded, x) for x in found]
+        print_table("Limits of each coordinate, with the others held fixed", columns, rows)
     if found and found[0].beyond and not as_json:
         console().print(f"Not reachable from home: a contact of {', '.join(found[0].beyond)} is in between.")
     if any(one.blocked_by or one.beyond for one in found):

@@ -17,9 +17,9 @@ import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import Progress, ProgressColumn, SpinnerColumn, Task, TextColumn
-from rich.table import Table
 from rich.text import Text
 
+from pinbound.cli.tables import show
 from pinbound.exceptions import InputError, MachineError, PinboundError, Problem, blames_the_path
 from pinbound.model.document import TRUST
 from pinbound.robot.loading import load
@@ -121,6 +121,8 @@ class _Clock(ProgressColumn):
 def guarded(command: Callable[P, R]) -> Callable[..., R]:
     """Turn an expected error into one message on stderr: exit code 2 for bad input, 3 where the machine failed.
 
+    Ctrl-C ends a command with 130 and the way to go on; `pinbound batch` says itself what it keeps.
+
     Every command that loads a robot gets the option `--trust`.
     """
 
@@ -134,6 +136,9 @@ def guarded(command: Callable[P, R]) -> Callable[..., R]:
             raise typer.Exit(3) from error
         except PinboundError as error:
             typer.echo(f"pinbound: {error}", err=True)
+        except KeyboardInterrupt:
+            typer.echo("pinbound: stopped. Run the same command again: it starts from the beginning.", err=True)
+            raise typer.Exit(130) from None
         except OSError as error:
             place = error.filename if error.filename is not None else command.__name__
             typer.echo(f"pinbound: {place}: {error.strerror or error}", err=True)
@@ -163,7 +168,8 @@ def load_robot(
         if not equals or not name:
             raise _bad("--xacro-arg", f"{text!r} is not NAME=VALUE", "Write e.g. --xacro-arg bridge=as_printed")
         mappings[name] = value
-    return load(robot, annotations or None, tuple(package_dirs or ()), mappings, trust=_trusted.get())
+    with working(f"reading {Path(robot).name}"):
+        return load(robot, annotations or None, tuple(package_dirs or ()), mappings, trust=_trusted.get())
 
 
 def _bad(option: str, message: str, remedy: str) -> InputError:
@@ -245,6 +251,7 @@ def print_table(
     """Print a table for people; columns whose heading ends in ``]`` hold numbers and are right-aligned.
 
     A number without a unit is headed ``"rows []"``, and the brackets are not printed. A table without rows is left out.
+    A table that is too wide for the terminal folds at spaces, and is printed row by row where that is not enough.
     If there are more than `most` rows, those after them are not printed, and the note says how many.
     """
     rows = list(rows)
@@ -253,14 +260,7 @@ def print_table(
     if most is not None and len(rows) > most:
         note = f"The first {most} of {len(rows)} are shown: --json lists all. {note}".rstrip()
         rows = rows[:most]
-    table = Table(title=title, title_justify="left", title_style="bold", caption=note, caption_justify="left")
-    for column in columns:
-        is_number = column.endswith("]")
-        # a narrow terminal folds what is long: a name that is cut is no name
-        table.add_column(column.removesuffix(" []"), justify="right" if is_number else "left", overflow="fold")
-    for row in rows:
-        table.add_row(*map(str, row))
-    console().print(table)
+    show(console(), title, columns, [[str(cell) for cell in row] for row in rows], note)
 
 
 def degrees(angle: float | None, digits: int = 6) -> str:
