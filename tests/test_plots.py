@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
 import pytest
+import shapely
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 import pinbound as pb
 from pinbound.figures.colours import PALETTE, order_of, style_of
 from pinbound.figures.plots import draw_region, draw_robot, draw_workspace, side_axes
+from robots import joint, robot_xml
 
 
 def light(colour: object) -> float:
@@ -133,3 +136,92 @@ def test_a_notebook_shows_a_region_and_its_text_in_which_names_are_no_markup() -
     page = region._repr_html_()
     assert page.startswith("<svg")
     assert "<pre>&lt;Region (q2, q3): beta_7," in page
+
+
+def crowd(load_text: Callable[..., pb.Robot], count: int) -> pb.Robot:
+    """A planar arm whose hand has to keep away from a row of posts: one boundary each."""
+    joints = [
+        joint("q1", "revolute", "base", "a", axis="0 1 0", limit="-2.6 2.6"),
+        joint("q2", "revolute", "a", "b", axis="0 1 0", xyz="0.5 0 0", limit="-2.6 2.6"),
+        joint("q3", "fixed", "b", "tool", xyz="0.4 0 0"),
+    ]
+    marks = '<pinbound:point name="hand" link="b" xyz="0.4 0 0" radius="0.03"/>'
+    for k in range(count):
+        marks += f'<pinbound:point name="post_{k}" link="base" xyz="{0.05 * k - 0.5} 0 -0.4" radius="0.03"/>'
+        marks += f'<pinbound:boundary name="hand-post_{k}" a="hand" b="post_{k}"/>'
+    return load_text(robot_xml(joints, {}, [], '<pinbound:home q1="-1" q2="0.2"/>' + marks))
+
+
+def overlaps(figure: Figure) -> list[tuple[str, str]]:
+    """Return pairs of names whose boxes overlap, and names that leave the axes."""
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    frame, boxes = axes.get_window_extent(), [(one.get_text(), one.get_window_extent()) for one in axes.texts]
+    cut = [(name, "axes") for name, box in boxes if box.x0 < frame.x0 or box.x1 > frame.x1 or box.y1 > frame.y1]
+    level = [
+        (text.get_text(), box) for text, (_, box) in zip(axes.texts, boxes, strict=True) if not text.get_rotation()
+    ]
+    return cut + [(a, b) for i, (a, one) in enumerate(level) for b, other in level[:i] if one.overlaps(other)]
+
+
+def test_of_many_boundaries_a_robot_shows_the_nearest(load_text: Callable[..., pb.Robot]) -> None:
+    """Of 78 pairs of the Panda all lines were drawn, and none could be followed."""
+    robot = crowd(load_text, 24)
+    figure = draw_robot(robot, robot.home)
+    clearances = robot.boundaries.signed_clearances(robot.home)
+    nearest = {robot.boundaries.names[index] for index in np.argsort(clearances)[:12]}
+    assert set(lines(figure)) == nearest
+    assert "the 12 of 24 pairs nearest contact" in figure.axes[0].get_title(loc="left")
+    few = crowd(load_text, 5)
+    assert set(lines(draw_robot(few, few.home))) == set(few.boundaries.names)
+
+
+def test_names_do_not_cover_each_other_and_edges_without_room_are_in_a_legend(
+    load_text: Callable[..., pb.Robot],
+) -> None:
+    """o25 and o26 of MinervaBotV3 collided; names of short edges were written over each other."""
+    robot = pb.load("minervabot_v3")
+    region = pb.feasible_region(robot)
+    for figure in (
+        draw_robot(robot, robot.home, region),
+        draw_region(region, robot.home[1:]),
+        draw_workspace(robot, region, "link_6"),
+    ):
+        assert overlaps(figure) == []
+    many = crowd(load_text, 9)
+    region = pb.feasible_region(many)
+    figure = draw_region(region, many.home)
+    assert overlaps(figure) == []
+    axes = figure.axes[0]
+    listed = {text.get_text() for text in axes.get_legend().get_texts()}
+    written = {text.get_text() for text in axes.texts}
+    assert listed
+    assert listed | written == {edge.name for edge in region.edges}
+    assert not listed & written
+
+
+def test_the_filled_image_of_a_region_is_what_the_link_reaches(load_text: Callable[..., pb.Robot]) -> None:
+    """An arm folds at its elbow: the image of the edges alone, filled, left out places that the hand reaches."""
+    robot = crowd(load_text, 2)
+    region = pb.feasible_region(robot)
+    assert not pb.workspace_section(robot, region, "tool").is_one_to_one
+    figure = draw_workspace(robot, region, "tool")
+    (patch,) = figure.axes[0].patches
+    rng = np.random.default_rng(0)
+    Q = rng.uniform(robot.lower, robot.upper, (300, 2))
+    reached = 1e3 * robot.positions("tool", Q[region.contains(Q)])[:, [0, 2]]
+    rings = [shapely.Polygon(ring) for ring in patch.get_path().to_polygons()]
+    filled = functools.reduce(shapely.symmetric_difference, rings).buffer(1.0)  # [mm]
+    assert shapely.contains_xy(filled, *reached.T).all()
+    assert not shapely.contains_xy(filled, 0.0, 0.0)  # the shoulder
+
+
+def test_a_boundary_has_the_same_line_as_swatch_and_in_the_figure() -> None:
+    from pinbound.figures.report import _swatches
+
+    robot = pb.load("minervabot_v3")
+    region = pb.feasible_region(robot)
+    order = order_of(region, robot.boundaries.names)
+    swatches = _swatches(robot, region)
+    assert set(swatches) == {edge.name for edge in region.edges}
+    assert all(style_of(name, order)["color"] in told for name, told in swatches.items())

@@ -10,6 +10,7 @@ from pinbound.region import Region
 __all__ = ["PALETTE", "ink", "order_of", "style_of"]
 
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F6000", "#000000")
+_LINES = ("-", (0, (4, 1.2)), (0, (1, 1)), (0, (5, 1, 1, 1)))
 _INK = 0.6  # of a colour's light: names are as dark as text has to be, 4.5 against white and against a region's fill
 
 
@@ -26,14 +27,14 @@ def order_of(region: Region | None, boundaries: Sequence[str]) -> tuple[str, ...
 
 
 def style_of(name: str, order: Sequence[str]) -> dict[str, Any]:
-    """Return colour and line style of a name in `order_of`; after eight the colours come again, dashed.
+    """Return colour and line style of a name in `order_of`; after eight the colours come again, dashed, then dotted.
 
     Example:
         >>> style_of("b", ("a", "b"))
         {'color': '#D55E00', 'linestyle': '-'}
     """
     index = list(order).index(name)
-    return {"color": PALETTE[index % len(PALETTE)], "linestyle": "-" if index < len(PALETTE) else (0, (4, 1.2))}
+    return {"color": PALETTE[index % len(PALETTE)], "linestyle": _LINES[index // len(PALETTE) % len(_LINES)]}
 
 
 def ink(colour: str) -> tuple[float, ...]:

@@ -15,10 +15,13 @@ import shapely
 from pinbound import units
 from pinbound.annotations import Mark
 from pinbound.boundaries.boundary import Boundary
+from pinbound.exceptions import UnsupportedError
 from pinbound.figures.canvas import new_axes, without_math
-from pinbound.figures.colours import PALETTE, ink, order_of, style_of
+from pinbound.figures.colours import PALETTE, order_of, style_of
+from pinbound.figures.names import Names, draw_edge, legend_of_short_edges, name_edges, resampled
 from pinbound.marking.candidates import configuration_text
 from pinbound.region import Edge, Region
+from pinbound.region.workspace import workspace_section
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array
 
@@ -39,7 +42,10 @@ gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 _GREY = "#8A8A8A"
 _FILL = "#DCEBF5"
 _EDGE_SAMPLES = 200
-_MOST_NAMES = 24  # boundaries that are named in a figure: more would leave no room for it
+_BELOW: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.1), "ncols": 3, "frameon": False}
+_CHORD = 5e-4  # metres that the filled image of a region may be off: less than a line is wide
+_MOST_LINES = 20  # boundaries that a robot's figure shows; of more, those that are nearest to contact
+_NEAREST = 12  # of so many
 _STRETCH = 0.1  # metres of a line, or of a plane's normal, that are drawn
 
 
@@ -65,7 +71,7 @@ def region_axes(
         home: (2,) the start point [rad or m]; None: the region's own.
         contacts: Lines `c @ x = value` that are no edges: name, c (2,), value, in rad and m.
     """
-    axes = new_axes(8.2, 7.2, axes)
+    is_new, axes = axes is None, new_axes(8.2, 7.2, axes)
     home = region.slice.start if home is None else home
     scale = units.factors(region.units)
     _fill(axes, [[scale * edge.points for edge in loop] for loop in region.loops])
@@ -74,9 +80,9 @@ def region_axes(
     for name, normal, value in lines:
         _draw_line(axes, name, normal, value, low, high)
     names, alike = order_of(region, region.slice.robot.boundaries.names), region.units[0] == region.units[1]
-    for edge in region.edges:
-        style = style_of(edge.name, names)
-        _draw_edge(axes, edge.name, scale * edge.points, scale * region.centroid, style, turned=alike)
+    edges = [(edge.name, scale * edge.points, style_of(edge.name, names)) for edge in region.edges]
+    for _, points, style in edges:
+        draw_edge(axes, points, style)
     corners = scale * np.array([corner.point for corner in region.corners]).reshape(-1, 2)
     axes.plot(*corners.T, "o", color="#333333", markersize=4, zorder=4)
     shown = axes.plot(*(scale * home), "s", color="#333333", markersize=7, label="home", zorder=5)
@@ -84,8 +90,8 @@ def region_axes(
     for slit in region.slits:
         axes.plot(*(scale * slit.points).T, color="#333333", linewidth=1.6, linestyle=(0, (2, 1.5)), zorder=4)
     if region.slits:
-        names = ", ".join(dict.fromkeys(slit.name for slit in region.slits))
-        label = f"{names}: to be gone round"
+        cut = ", ".join(dict.fromkeys(slit.name for slit in region.slits))
+        label = f"{cut}: a cut that no motion crosses"
         shown += axes.plot([], [], color="#333333", linewidth=1.6, linestyle=(0, (2, 1.5)), label=label)
     if contacts:
         shown += axes.plot([], [], color=_GREY, linestyle=(0, (4, 3)), label="contact, implied by an edge")
@@ -93,7 +99,8 @@ def region_axes(
     _label_plane(axes, region)
     area = f"{region.area:.4g} {units.area_name(region.area_unit)}"
     axes.set_title(f"Feasible region of ({', '.join(region.coordinates)}): {area}", loc="left")
-    axes.legend(handles=shown, loc="upper left", framealpha=1)
+    axes.legend(handles=shown, **_BELOW)
+    legend_of_short_edges(axes, name_edges(axes, edges, scale * region.centroid, alike, is_new), is_new)
     return without_math(axes)
 
 
@@ -115,33 +122,6 @@ def _label_plane(axes: Any, region: Region) -> None:
     axes.set_aspect("equal" if a == b else "auto")
 
 
-def _draw_edge(
-    axes: Any,
-    name: str,
-    points: Array,
-    inside: Array,
-    style: Mapping[str, Any],
-    linewidth: float = 3.0,
-    turned: bool = True,
-) -> None:
-    """Draw an edge (k, 2), and its name at its middle, on the side on which the point `inside` lies.
-
-    The name runs along the edge if `turned`: where both axes are scaled alike.
-    """
-    axes.plot(*points.T, **style, linewidth=linewidth, solid_capstyle="butt", zorder=3)
-    start, end = _resample(points, np.array([0.48, 0.52]))
-    if np.any(start != end):  # an edge may be mapped to one place
-        _name_edge(axes, name, start, end, inside, style["color"], turned)
-
-
-def _resample(points: Array, share: Array) -> Array:
-    """Return points of a polyline (k, 2) at shares (N,) of its length."""
-    steps = np.asarray(np.linalg.norm(np.diff(points, axis=0), axis=1), dtype=np.float64)
-    length = np.concatenate((np.zeros(1), np.cumsum(steps)))
-    x, y = (np.asarray(np.interp(share * length[-1], length, column), dtype=np.float64) for column in points.T)
-    return np.column_stack((x, y))
-
-
 def draw_verdicts(region: Region, home: Array, groups: Mapping[str, Array]) -> Any:
     """Draw what another engine said of a region: each group of points (k, 2) [rad or m] with its own colour and marker.
 
@@ -161,8 +141,9 @@ def draw_verdicts(region: Region, home: Array, groups: Mapping[str, Array]) -> A
         drawn = scale * np.asarray(points, dtype=np.float64).reshape(-1, 2)
         axes.plot(*drawn.T, markers[index % len(markers)], markersize=size, markeredgewidth=0, **style)
         shown.append(drawn)
-    for edge in region.edges:
-        _draw_edge(axes, edge.name, scale * edge.points, scale * region.centroid, {"color": "#333333"}, 1.2, alike)
+    edges = [(edge.name, scale * edge.points, {"color": "#333333"}) for edge in region.edges]
+    for _, points, style in edges:
+        draw_edge(axes, points, style, 1.2)
     axes.plot(*(scale * home), "P", color="#333333", markersize=8, label="home", zorder=9)
     everything = np.concatenate(shown)
     spread = np.ptp(everything, axis=0)
@@ -171,7 +152,8 @@ def draw_verdicts(region: Region, home: Array, groups: Mapping[str, Array]) -> A
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     _label_plane(axes, region)
     axes.set_title(f"Region of ({', '.join(region.coordinates)}) against coal's flood fill from home", loc="left")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, frameon=False)
+    axes.legend(**_BELOW | {"ncols": 2})
+    name_edges(axes, edges, scale * region.centroid, alike, True)
     return without_math(axes.figure)
 
 
@@ -188,29 +170,6 @@ def _frame(vertices: Array, contacts: Sequence[tuple[str, Array, float]]) -> tup
             points.append(nearest + gap * normal / length)
     pad = 0.1 * span
     return np.min(points, axis=0) - pad, np.max(points, axis=0) + pad
-
-
-def _name_edge(axes: Any, name: str, start: Array, end: Array, inside: Array, colour: str, turned: bool = True) -> None:
-    """Write an edge's name along it, on the side on which the point `inside` lies."""
-    along = end - start
-    normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
-    inwards = normal * np.sign(normal @ (inside - start))
-    angle = float(np.degrees(np.arctan2(along[1], along[0])))
-    upright = angle - 180.0 if angle > 91 else angle + 180.0 if angle < -89 else angle
-    beside = not turned and abs(inwards[0]) > abs(inwards[1])  # a level name beside a steep edge starts there
-    axes.annotate(
-        name,
-        (start + end) / 2,
-        xytext=(8.0 if beside else 11.0) * inwards,
-        textcoords="offset points",
-        rotation=upright if turned else 0.0,
-        rotation_mode="anchor",
-        ha=("left" if inwards[0] > 0.0 else "right") if beside else "center",
-        va="center",
-        color=ink(colour),
-        weight="bold",
-        zorder=6,
-    )
 
 
 def _draw_line(axes: Any, name: str, normal: Array, value: float, low: Array, high: Array) -> None:
@@ -313,38 +272,44 @@ def robot_axes(robot: Robot, q: Array, axes: Any = None, region: Region | None =
         axes: Matplotlib axes; None: those of a new figure.
         region: A region of the same page: its edges have the colours that they have there.
     """
-    axes = new_axes(8.2, 6.6, axes)
+    is_new, axes = axes is None, new_axes(8.2, 6.6, axes)
     marked = {name: _anchors(robot, mark, q) for name, mark in robot.annotations.marks.items()}
     plane = side_axes(robot, q)
     _draw_skeleton(axes, robot, q, plane, "#9AA5B1")
-    few, order = len(robot.boundaries) <= _MOST_NAMES, order_of(region, robot.boundaries.names)
+    order, boundaries = order_of(region, robot.boundaries.names), _nearest_boundaries(robot, q)
     for mark in robot.annotations.marks.values():
         _draw_mark(axes, mark, marked[mark.name], plane)
-    for boundary in robot.boundaries:
-        style, size = style_of(boundary.name, order), 1.0 if few else 0.5
-        ends = _nearest_ends(robot, boundary, q)[:, list(plane)]
-        axes.plot(
-            *ends.T, **style, marker="o", markersize=5 * size, linewidth=1.1 * size, label=boundary.name, zorder=4
-        )
-        for point, place in zip((boundary.point_a, boundary.point_b), ends, strict=True) if few else ():
-            axes.annotate(
-                point.name,
-                place,
-                xytext=(4, 4),
-                textcoords="offset points",
-                color=ink(style["color"]),
-                fontsize=8,
-                zorder=5,
-            )
+    places: dict[str, tuple[Array, str]] = {}
+    for boundary in boundaries:
+        style, ends = style_of(boundary.name, order), _nearest_ends(robot, boundary, q)[:, list(plane)]
+        axes.plot(*ends.T, **style, marker="o", markersize=5, linewidth=1.1, label=boundary.name, zorder=4)
+        for point, place in zip((boundary.point_a, boundary.point_b), ends, strict=True):
+            places.setdefault(point.name, (place, style["color"]))
     labels = "xyz"
     axes.set_xlabel(f"{labels[plane[0]]} [mm]")
     axes.set_ylabel(f"{labels[plane[1]]} [mm]")
     axes.set_aspect("equal", adjustable="datalim")
     place = "at home" if np.array_equal(q, robot.home) else f"at {configuration_text(robot, q)}"
-    axes.set_title(f"{robot.name} {place}, with its marks and their nearest points", loc="left")
-    if len(robot.boundaries) and few:
+    count, few = len(robot.boundaries), len(boundaries)
+    told = "with its marks and their nearest points" if few == count else f"the {few} of {count} pairs nearest contact"
+    axes.set_title(f"{robot.name} {place}, {told}", loc="left")
+    if few:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    if is_new:
+        axes.figure.draw_without_rendering()
+    names = Names(axes)
+    for name, (spot, colour) in places.items():
+        names.beside(name, spot, colour)
     return without_math(axes)
+
+
+def _nearest_boundaries(robot: Robot, q: Array) -> list[Boundary]:
+    """Return the boundaries whose nearest points are drawn: all, or those that are nearest to contact at q."""
+    if len(robot.boundaries) <= _MOST_LINES:
+        return list(robot.boundaries)
+    clearances = robot.boundaries.signed_clearances(q)
+    nearest = sorted(np.argsort(clearances, kind="stable")[:_NEAREST].tolist())
+    return [robot.boundaries[robot.boundaries.names[index]] for index in nearest]
 
 
 def _anchors(robot: Robot, mark: Mark, q: Array) -> list[Array]:
@@ -379,34 +344,57 @@ def _in_root(robot: Robot, link: str, q: Array, points: Array) -> Array:
 
 
 def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:
-    """Draw the image of a region's contour under forward kinematics of a link's origin, edges named."""
+    """Draw the image of a region's contour under forward kinematics of a link's origin, edges named.
+
+    What the image covers is filled where the link moves in a plane. There the contour need not be its border: where
+    the map folds, the link reaches places beyond the image of the edges.
+    """
     axes = new_axes(8.2, 6.6)
     contour = [_image(robot, region, edge, frame) for edge in region.edges]
     home = robot.positions(frame, region.at)
     outline = np.concatenate(contour)
     plane = section_axes(outline)
     keep = list(plane)
-    curves = iter(1e3 * curve[:, keep] for curve in contour)
-    loops = [[next(curves) for _ in loop] for loop in region.loops]
-    _fill(axes, loops)
+    _fill_image(axes, robot, region, frame, keep)
     _draw_skeleton(axes, robot, region.at, plane, "#9AA5B1")
-    names = order_of(region, robot.boundaries.names)
+    order = order_of(region, robot.boundaries.names)
     centre = 1e3 * np.mean(outline[:, keep], axis=0)
-    for edge, curve in zip(region.edges, (curve for loop in loops for curve in loop), strict=True):
-        _draw_edge(axes, edge.name, curve, centre, style_of(edge.name, names))
+    edges = [
+        (edge.name, 1e3 * curve[:, keep], style_of(edge.name, order))
+        for edge, curve in zip(region.edges, contour, strict=True)
+    ]
+    for _, points, style in edges:
+        draw_edge(axes, points, style)
     axes.plot(*(1e3 * home[keep]), "s", color="#333333", markersize=7, label=f"{frame} at home", zorder=5)
     labels = "xyz"
     axes.set_xlabel(f"{labels[plane[0]]} [mm]")
     axes.set_ylabel(f"{labels[plane[1]]} [mm]")
     axes.set_aspect("equal")
-    axes.set_title(f"Where {frame} may be: image of the region's contour", loc="left")
-    axes.legend(loc="upper right", framealpha=1)
+    axes.set_title(f"Reachable points of {frame}, and the image of the region's edges", loc="left")
+    axes.legend(**_BELOW)
+    legend_of_short_edges(axes, name_edges(axes, edges, centre, True, True), True)
     return without_math(axes.figure)
+
+
+def _fill_image(axes: Any, robot: Robot, region: Region, frame: str, keep: list[int]) -> None:
+    """Fill what the link reaches, if it moves in a plane; else nothing, for the edges do not tell."""
+    try:
+        section = workspace_section(robot, region, frame)
+    except UnsupportedError:
+        return
+    shape = section.polygon(_CHORD)
+    samples = np.concatenate([edge.points for edge in region.edges])
+    flat = np.column_stack((section.image(samples), np.ones(len(samples))))
+    to_axes, *_ = np.linalg.lstsq(flat, 1e3 * section.points(samples)[:, keep], rcond=None)
+    for one in getattr(shape, "geoms", [shape]):
+        rings = [np.array(ring.coords) for ring in (one.exterior, *one.interiors)] if not one.is_empty else []
+        if rings:
+            _fill(axes, [[np.column_stack((ring, np.ones(len(ring)))) @ to_axes] for ring in rings])
 
 
 def _image(robot: Robot, region: Region, edge: Edge, frame: str) -> Array:
     """Return where a link's origin is along one edge, (k, 3) [m]."""
     Q = np.repeat(region.at[None], _EDGE_SAMPLES, axis=0)
     columns = [region.robot_coordinates.index(name) for name in region.coordinates]
-    Q[:, columns] = _resample(edge.points, np.linspace(0.0, 1.0, _EDGE_SAMPLES))
+    Q[:, columns] = resampled(edge.points, np.linspace(0.0, 1.0, _EDGE_SAMPLES))
     return robot.positions(frame, Q)

@@ -1,4 +1,4 @@
-"""The HTML report: what a robot's annotations mean, on one page that a person likes to read."""
+"""The HTML report: region, boundaries, formulas, bodies and notes of a robot, on one page."""
 
 from __future__ import annotations
 
@@ -19,18 +19,21 @@ from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedErr
 from pinbound.extras import require
 from pinbound.figures import plots
 from pinbound.figures.canvas import save
+from pinbound.figures.colours import PALETTE, order_of, style_of
 from pinbound.figures.cover_figure import draw_cover
 from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
 
+_MOST_ROTATIONS = 3  # in a formula that is printed: a longer one takes pages
 _MOST_FORMULAS = 200
+_MOST_BYTES = 400_000  # of all formulas
 
 __all__ = ["BoundaryRow", "boundary_rows", "tool_link", "write_covers", "write_report"]
 
 
 @dataclass(frozen=True)
 class BoundaryRow:
-    """What the report says of one boundary.
+    """What the report says about one boundary.
 
     Attributes:
         boundary: The boundary.
@@ -133,8 +136,9 @@ def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Pat
     region, reason = _region(robot)
     out.mkdir(parents=True, exist_ok=True)
     figures = {"robot": plots.draw_robot(robot, robot.home, region)}
+    implied = _implied_lines(robot, region) if region is not None else []
     if region is not None:
-        figures["region"] = plots.draw_region(region, _in_plane(region, robot.home), _implied_lines(robot, region))
+        figures["region"] = plots.draw_region(region, _in_plane(region, robot.home), implied)
         figures["workspace"] = plots.draw_workspace(robot, region, tool)
     for name, figure in figures.items():
         save(figure, out / name)
@@ -152,7 +156,10 @@ def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Pat
         tool=tool,
         covers=covers,
         tree=list(_tree_rows(robot)),
-        formulas={boundary.name: _formulas(boundary) for boundary in _with_formulas(robot)},
+        formulas=_formulas(robot, {row.boundary.name for row in rows if row.status == "active"}),
+        implied=implied,
+        exactness="" if region is None else _exactness(region),
+        swatches=_swatches(robot, region),
         residuals=dict(
             zip((c.name for c in robot.closures), robot.closure_residuals(samples).max(axis=0), strict=True)
         ),
@@ -192,10 +199,51 @@ def _said_of(robot: Robot, link: str, bodies: Sequence[Body], marks: Sequence[Ma
     return f"{shapes}; {len(marks)} mark{'' if len(marks) == 1 else 's'}; {proven}"
 
 
-def _with_formulas(robot: Robot) -> list[Boundary]:
-    """Return the boundaries whose formulas are printed: of points and segments, the first of them if there are many."""
-    plain = [one for one in robot.boundaries if one.path.difference.is_zonotope]
-    return plain[:_MOST_FORMULAS]
+def _formulas(robot: Robot, edges: set[str]) -> dict[str, dict[str, tuple[str, ...]]]:
+    """Return the formulas that are printed, by boundary: short ones of points and segments, those of edges first."""
+    plain = [
+        one
+        for one in robot.boundaries
+        if one.path.difference.is_zonotope and one.path.minimal.rotations <= _MOST_ROTATIONS
+    ]
+    found: dict[str, dict[str, tuple[str, ...]]] = {}
+    left = _MOST_BYTES
+    for boundary in sorted(plain, key=lambda one: one.name not in edges)[:_MOST_FORMULAS]:
+        forms = _forms(boundary)
+        size = sum(len(component) for components in forms.values() for component in components)
+        if size <= left:
+            found[boundary.name] = forms
+            left -= size
+    return {name: found[name] for name in robot.boundaries.names if name in found}
+
+
+def _exactness(region: Region) -> str:
+    """Return how exact the edges of a region are, in a sentence or two."""
+    to = " and ".join(dict.fromkeys(units.amount(region.accuracy, unit) for unit in region.units))
+    if region.width:
+        low, high = region.area_interval
+        return (
+            f"Contact curves without a formula are enclosed in cells of the width {region.width:g}. The true area is "
+            f"proven to be between {low:.6g} and {high:.6g} {units.area_name(region.area_unit)}."
+        )
+    if region.accuracy:
+        return f"Straight edges are exact. Curved edges are within {to} of the contact."
+    return "All edges are straight and exact."
+
+
+def _swatches(robot: Robot, region: Region | None) -> dict[str, str]:
+    """Return the line, as CSS, that each edge has in the figures of the page."""
+    if region is None:
+        return {}
+    order = order_of(region, robot.boundaries.names)
+    shown = {edge.name for edge in region.edges}
+    kinds = ("solid", "dashed", "dotted", "double")
+    return {
+        name: f"border-color: {style_of(name, order)['color']}; "
+        f"border-style: {kinds[order.index(name) // len(PALETTE) % len(kinds)]} none none"
+        for name in order
+        if name in shown
+    }
 
 
 def _region(robot: Robot) -> tuple[Region | None, str]:
@@ -235,7 +283,7 @@ def _tree_rows(robot: Robot) -> Iterator[tuple[int, str, str, str]]:
         yield depth, link.name + helper, "" if joint is None else joint.name, moves
 
 
-def _formulas(boundary: Boundary) -> dict[str, tuple[str, ...]]:
+def _forms(boundary: Boundary) -> dict[str, tuple[str, ...]]:
     """Return MathML components of the paper's form, and of the minimal form where it differs."""
     from pinbound.evaluate import symbolic
 
