@@ -2,7 +2,8 @@
 
 `free` and `smallest` against the program of one expression a pair, which they replace, and against C written as VAMP
 works (`spheres_peer.c`), all in turn, processor time, medians of the ratios of single repetitions. `--check ROWS`
-compares `free` with the sign of float64 on so many rows, every second within 1e-6 m of contact.
+compares `free`, with joint limits and without, with the sign of float64 on so many rows, every second within 1e-6 m
+of contact; `--piece 1` takes others, so that a long check can be done in pieces.
 """
 
 from __future__ import annotations
@@ -147,22 +148,27 @@ def near_contact(kernel: BallKernel, Q: Any, seed: int) -> Any:
     return np.concatenate((low, high))
 
 
-def check(robot: Any, kernel: BallKernel, count: int) -> None:
-    done, wrong, near, block, seed = 0, 0, 0, 200_000, 0
-    start = time.process_time()
+def check(robot: Any, kernel: BallKernel, count: int, piece: int) -> None:
+    """Compare on `count` rows, of pieces that share none; with the joint limits, and without."""
+    done, wrong, near, block, seed = 0, 0, 0, 200_000, 1_000_000 * piece
+    start, low, high = time.process_time(), robot.lower, robot.upper
     while done < count:
         rng = np.random.default_rng(seed)
-        Q = rng.uniform(robot.lower, robot.upper, (block, len(robot.coordinates)))
+        Q = rng.uniform(low, high, (block, len(robot.coordinates)))
         close = near_contact(kernel, Q, seed + 1)
         copies = close[rng.integers(0, len(close), block)] + rng.uniform(-1e-7, 1e-7, (block, Q.shape[1]))
         for rows in (Q, copies):
             least = kernel.smallest(rows, False, None, 1, "compiled")[0]
+            inside = np.all((rows >= low) & (rows <= high), axis=1)
             wrong += int(np.count_nonzero(kernel.free(rows, backend="compiled") != (least > 0.0)))
+            found = kernel.free_within(rows, low, high, backend="compiled")
+            wrong += int(np.count_nonzero(found != ((least > 0.0) & inside)))
             near += int(np.count_nonzero(np.abs(least) < 1e-6))
             done += block
         seed += 2
-    seconds = time.process_time() - start
-    print(f"{done:,} rows, {near:,} within 1e-6 m of contact: {wrong} differ from float64's sign; {seconds:.0f} s")
+        seconds = time.process_time() - start
+        text = f"piece {piece}: {done:,} rows, {near:,} within 1e-6 m of contact: {wrong} differ from float64's sign"
+        print(f"{text}; {seconds:.0f} s", flush=True)
 
 
 def main() -> None:
@@ -171,9 +177,10 @@ def main() -> None:
     parser.add_argument("robot", type=Path, nargs="?")
     parser.add_argument("--pairs", type=Path)
     parser.add_argument("--home", default="0 -0.785 0 -2.356 0 1.571 0.785")
-    parser.add_argument("--rows", type=int, default=20_000)
+    parser.add_argument("--rows", type=int, default=100_000)
     parser.add_argument("--repetitions", type=int, default=15)
     parser.add_argument("--check", type=int, default=0)
+    parser.add_argument("--piece", type=int, default=0, help="of the rows of --check: 0, 1, 2 and so on")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -189,7 +196,7 @@ def main() -> None:
         kernel.free(Q, backend="compiled")
         print(f"{len(kernel.pairs)} pairs; first `free`: {time.process_time() - start:.2f} s of processor time")
         if options.check:
-            check(robot, kernel, options.check)
+            check(robot, kernel, options.check, options.piece)
             return
         calls = {
             "free": lambda: kernel.free(Q, backend="compiled"),

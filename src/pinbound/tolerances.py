@@ -69,6 +69,7 @@ __all__ = [
     "SAME_ROBOT",
     "SAMPLE_ROUNDOFFS",
     "SOLVES",
+    "STAYS_APART",
     "STEP_BOX",
     "STEP_LIMIT",
     "STEP_SEARCH",
@@ -353,6 +354,11 @@ FEELER: Final = 1e-6
 HELD: Final = 1e-12
 """Metres. A mark holds a body if no point of the body is further than this outside it: what rounding adds to a hundred
 operations on lengths of a few metres, and no more."""
+
+STAYS_APART: Final = 1e-6
+"""Relative to the longest chain of a set of spheres, at least to 1 m: by how much a bound of a distance must be above
+its threshold for `free` to leave the pair out. Closed forms lose sqrt(16 epsilon) of a length at most (6e-8), where a
+distance is zero."""
 
 NEVER_MEETS: Final = 1e-9
 """Metres. Two bodies are proven never to meet if the bound of their distance is larger than this: far above what

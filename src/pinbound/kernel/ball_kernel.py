@@ -7,7 +7,6 @@ decided; the others are asked again in float64, and the answer is always float64
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, Literal, cast
@@ -45,6 +44,9 @@ _PAIR, _BALL, _NODE, _SLOPE = 12.0, 30.0, 120.0, 12.0
 
 _BLOCK = 1 << 16
 """Numbers of float64 at a time that are rounded to float32."""
+
+_MOST_TABLES = 8
+"""Tables of one set at most: each other pair of limits takes those without limits."""
 
 _LEAST_ROWS = 8192
 """Rows of one thread at least."""
@@ -200,36 +202,36 @@ class BallKernel(Kernel):
         ):
             least, _ = self.smallest(Q, False, None, threads, "numpy")
             return (least > 0.0) & np.all((Q >= low) & (Q <= high), axis=1)
-        table, code = self._table("free"), balls_code("free")
-        self._compiled[key] = code
-        data, lanes = np.require(Q, np.float64, ["C", "A"]), balls_source("free").lanes
-        blocks = -(-len(Q) // lanes)
-        words, nothing = np.zeros(blocks, dtype="<i8"), np.empty((len(Q), 0))
+        table, self._compiled[key] = self._free_table(low, high), balls_code("free")
+        data, flags, nothing = np.require(Q, np.float64, ["C", "A"]), np.zeros(len(Q), np.uint8), np.empty((len(Q), 0))
 
         def work(lo: int, hi: int) -> int:
-            rows = slice(lo * lanes, hi * lanes)
-            return table.run(data[rows], nothing[rows], words[lo:hi], limits=(low, high))
+            return table.run(data[lo:hi], nothing[lo:hi], flags[lo:hi], limits=(low, high))
 
-        in_threads(work, blocks, min(threads, max(1, len(Q) // _LEAST_ROWS)))
-        found, unsure = self._flags(words, lanes, len(Q))
+        in_threads(work, len(Q), min(threads, max(1, len(Q) // _LEAST_ROWS)))
+        unsure, found = np.flatnonzero(flags > 1), flags.view(np.bool_)
         if len(unsure):
-            least, _ = self.smallest(Q[unsure], False, None, 1, backend)
-            found[unsure] = least > 0.0
+            found[unsure] = self._are_positive(data[unsure], backend)
         return found
 
-    @staticmethod
-    def _flags(words: Array, lanes: int, rows: int) -> tuple[Flags, Array]:
-        """Return which rows are free, and which are not decided, from one number a block."""
-        text = words.view(np.uint8).reshape(-1, 8)
-        if sys.byteorder != "little":
-            text = text[:, ::-1]
-        bits = np.ascontiguousarray(text[:, : lanes // 8])
-        found = np.unpackbits(bits, axis=1, bitorder="little").reshape(-1)[:rows].view(np.bool_)
-        some = np.flatnonzero(words >> 32)
-        doubts = np.unpackbits(np.ascontiguousarray(text[some, 4 : 4 + lanes // 8]), axis=1, bitorder="little")
-        which, lane = np.nonzero(doubts)
-        unsure = some[which] * lanes + lane
-        return found, unsure[unsure < rows]
+    def _are_positive(self, Q: Array, backend: Backend) -> Flags:
+        """Return the signs (N,) of float64: few rows, so that what a call costs beside them counts."""
+        if backend == "compiled" or ("least", False) in self._compiled:
+            least = np.empty((len(Q), 1))
+            if not self._table("least").run(Q, least, np.empty(0, dtype=np.int64)):
+                return least[:, 0] > 0.0
+        return self.smallest(Q, False, None, 1, backend)[0] > 0.0
+
+    def _free_table(self, low: Array, high: Array) -> BallTables:
+        """Return the tables of `free` within limits; those without limits serve all, where there are many of them."""
+        key = "free" + (low.tobytes() + high.tobytes()).hex()
+        if key not in self._tables and len(self._tables) >= _MOST_TABLES:
+            wide = np.full(self.n, np.inf)
+            low, high = -wide, wide
+            key = "free"
+        if key not in self._tables:
+            self._tables[key] = BallTables.of(self.tree, "free", self._most("free"), self._sure, (low, high))
+        return self._tables[key]
 
 
 def longest(spots: Iterable[Spot]) -> float:

@@ -7,14 +7,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, cast
 
 import numpy as np
 
+from pinbound.kernel.ball_order import BINS, Keys, Sample
+from pinbound.kernel.ball_pruning import Window, meeting, with_pairs
+from pinbound.kernel.ball_rows import Rows, mean_distance
 from pinbound.kernel.balls import BallTree, Cluster, PairOfClusters
-from pinbound.machine.ball_source import CLUSTERS, GROUP, HEAD, NODE, ball_source
+from pinbound.machine.ball_free_source import TILE
+from pinbound.machine.ball_source import CLUSTERS, GROUP, HEAD, NODE, WINDOW, ball_source
 from pinbound.machine.compiled import KernelSource, MachineCode, compile_source, vector_bytes
 from pinbound.typing import AnyArray, Array
 
@@ -32,12 +36,17 @@ _SQUARES = 100.0
 _FEW = 2
 """Pairs of a group that cost less than the test whether the group can be left out."""
 
+_MOST_GROUPS = 256
+"""Groups up to which an order of rows and groups is learned: that takes 0.1 ms for each."""
+
+_WITH_INDEX = HEAD.index("with_index")
+
 _WORDS = 8
 """Numbers of float64 in a cache line, to which vectors are laid."""
 
 
 def _lanes(mode: str) -> int:
-    return max(8, vector_bytes() // 4) if mode == "free" else 8
+    return 16 if mode == "free" and vector_bytes() >= 32 else 8
 
 
 @cache
@@ -95,16 +104,16 @@ class BallTables:
 
     Attributes:
         mode: ``"free"``, ``"least"``, ``"all"`` or ``"slopes"``, as for `ball_source`.
-        numbers: Head, tables and room to work in.
-        lower: Where the lower ends of the coordinates stand.
-        upper: Where the upper ends stand.
-        less: Where what is taken off the norms stands, in the mode ``"all"``.
+        numbers: Head and tables.
+        room: Numbers behind them, to work in.
         places: Of names at the head.
     """
 
     mode: str
     numbers: Array
+    room: int
     places: dict[str, int]
+    _spaces: list[Array] = field(default_factory=list[Array])
 
     def run(
         self,
@@ -120,22 +129,36 @@ class BallTables:
         Args:
             Q: (N, n), C-contiguous.
             out: (N, columns), in the mode ``"free"`` not used.
-            index: (N,) integers; in the mode ``"free"`` one a block, as `ball_source` says.
+            index: (N,) integers; in the mode ``"free"`` a byte each, as `ball_source` says.
             limits: Ends of all coordinates, in the mode ``"free"``.
             less: (m,) what is taken off the norms, in the mode ``"all"``.
             with_index: Whether `index` is written, in the mode ``"least"``.
         """
-        code, lanes = balls_code(self.mode), _lanes(self.mode)
-        space = np.empty(len(self.numbers) + _WORDS)
-        start = -(space.__array_interface__["data"][0] // 8) % _WORDS
-        s = space[start : start + len(self.numbers)]
-        s[:] = self.numbers
+        code, s = balls_code(self.mode), self._spaces.pop() if self._spaces else self._space()
         head = s[: len(HEAD)].view(np.int32)
-        head[HEAD.index("with_index")] = with_index
+        head[_WITH_INDEX] = with_index
         for name, ends in zip(("lower", "upper"), limits or (), strict=False):
             s[self.places[name] :][: Q.shape[1]] = ends
-        if less is not None:
-            s[self.places["less"] :][: len(less)] = less
+        if self.mode == "all":
+            at = self.places["less"]
+            s[at : at + out.shape[1]] = self.numbers[at : at + out.shape[1]] if less is None else less
+        found = self._rows(code, s, (Q, out, index), with_index)
+        self._spaces.append(s)
+        return found
+
+    def _space(self) -> Array:
+        """Return the tables and room behind them, which calls use one after the other, or each its own at once."""
+        space = np.empty(len(self.numbers) + self.room + _WORDS)
+        start = -(space.__array_interface__["data"][0] // 8) % _WORDS
+        s = space[start : start + len(self.numbers) + self.room]
+        s[: len(self.numbers)] = self.numbers
+        return s
+
+    def _rows(self, code: MachineCode, s: Array, arrays: tuple[Array, Array, AnyArray], with_index: bool) -> int:
+        Q, out, index = arrays
+        if self.mode == "free":
+            return self._call(code, s, Q, out, index)
+        lanes = _lanes(self.mode)
         whole = len(Q) // lanes * lanes
         found = self._call(code, s, Q[:whole], out[:whole], index) if whole else 0
         rest = len(Q) - whole
@@ -144,12 +167,9 @@ class BallTables:
             rows[:rest] = Q[whole:]
             to, places = np.empty((lanes, out.shape[1])), np.zeros(lanes, dtype=np.int64)
             found += self._call(code, s, rows, to, places)
-            if self.mode == "free":
-                index[whole // lanes :] = places[:1]
-            else:
-                out[whole:] = to[:rest]
-                if with_index:
-                    index[whole:] = places[:rest]
+            out[whole:] = to[:rest]
+            if with_index:
+                index[whole:] = places[:rest]
         return found
 
     def _call(self, code: MachineCode, s: Array, Q: Array, out: Array, index: AnyArray) -> int:
@@ -158,7 +178,9 @@ class BallTables:
         return code.function(*addresses[:2], row, column, *addresses[2:], len(Q))
 
     @classmethod
-    def of(cls, tree: BallTree, mode: str, most: Array, sure: float) -> BallTables:
+    def of(
+        cls, tree: BallTree, mode: str, most: Array, sure: float, limits: tuple[Array, Array] | None = None
+    ) -> BallTables:
         """Write the tables.
 
         Args:
@@ -166,11 +188,22 @@ class BallTables:
             mode: Of `ball_source`.
             most: (n,) the largest |q_j| of a row that is no case of its own.
             sure: Up to which size a sign is not sure in float64 [m].
+            limits: Ends of all coordinates (n,) each, in the mode ``"free"``: only pairs that may meet between them
+                are looked at, so that the tables are for these limits or narrower ones; None: without limits.
         """
-        return cls(mode, *_written(tree, mode, most, sure))
+        sample = None
+        if mode == "free":
+            low, high = limits or (np.full(tree.n, -np.inf), np.full(tree.n, np.inf))
+            kept, windows = meeting(tree, low, high)
+            tree = with_pairs(tree, kept)
+            windows = {nodes: window.of_kept(kept) for nodes, window in windows.items()}
+            sample = Sample(tree, low, high, windows)
+        return cls(mode, *_written(tree, mode, most, sure, sample))
 
 
-def _written(tree: BallTree, mode: str, most: Array, sure: float) -> tuple[Array, dict[str, int]]:
+def _written(
+    tree: BallTree, mode: str, most: Array, sure: float, sample: Sample | None
+) -> tuple[Array, int, dict[str, int]]:
     lanes, writer = _lanes(mode), _Writer()
     placed = writer.singles if mode == "free" else writer.doubles  # nodes
     looked = writer.doubles if mode in ("all", "slopes") else writer.singles  # balls
@@ -178,17 +211,7 @@ def _written(tree: BallTree, mode: str, most: Array, sure: float) -> tuple[Array
     error = 2.0 * single_error(tree, most) + sure
     head: dict[str, int] = dict.fromkeys(HEAD, 0)
     head |= {"n": tree.n, "angle_count": len(tree.angles), "node_count": len(tree.nodes)}
-    terms = [np.flatnonzero(angle) for angle in tree.angles]
-    ends = np.cumsum([0, *(len(which) for which in terms)])
-    head["angles"] = writer.ints(np.column_stack((ends[:-1], ends[1:])))
-    head["slots"] = writer.ints(np.concatenate([*terms, [0]]))
-    factors = [np.array(angle)[which] for angle, which in zip(tree.angles, terms, strict=True)]
-    head["factors"] = writer.doubles(np.concatenate([*factors, [0.0]]))
-    head["shelf"] = writer.doubles(np.zeros(lanes * tree.n))
-    head["most"] = writer.doubles(np.square(most))
-    head["lower"] = writer.doubles(np.full(tree.n, -np.inf))
-    head["upper"] = writer.doubles(np.full(tree.n, np.inf))
-    head["trig"] = placed(np.zeros(2 * lanes * len(tree.angles)))
+    _coordinates(writer, placed, tree, (lanes, most), head)
     state = np.zeros((len(tree.nodes), 12, lanes))
     state[0, [0, 5, 10]] = 1.0  # the root
     head["state"], head["single_state"] = placed(state), writer.singles(state) if mode == "least" else 0
@@ -213,15 +236,59 @@ def _written(tree: BallTree, mode: str, most: Array, sure: float) -> tuple[Array
         if mode == "slopes":
             _walks(writer, tree, head)
     else:
-        _groups(writer, tree, mode, (bodies, clusters, spot), (error, 4 * lanes), head)
+        keys = _groups(writer, tree, mode, (bodies, clusters, spot), (error, 4 * lanes), head, sample)
+        if keys is not None:
+            _sorting(writer, keys, head)
         head["slack"] = writer.singles([_up(_SQUARES * _SINGLE * reach**2)])
     if mode == "free":
         t = tree.thresholds
         worst = np.max(2.0 * t * error + error**2 + 32.0 * _SINGLE * t**2, initial=0.0)
         head["bounds"] = writer.singles([_up(worst + _SQUARES * _SINGLE * reach**2)])
+    if mode == "free":
+        head["turned_by"] = writer.singles(np.zeros(lanes * max(1, len(tree.angles))))
     numbers = np.concatenate(writer.parts)
+    room = 0
+    if mode == "free":
+        room = _room(tree, lanes, len(numbers), head)
+        head["bounded"] = int(sample is not None and sample.is_within(most))
     numbers[: len(HEAD)].view(np.int32)[: len(HEAD)] = [head[name] for name in HEAD]
-    return numbers, head
+    return numbers, room, head
+
+
+def _coordinates(
+    writer: _Writer, placed: Callable[[Any], int], tree: BallTree, sizes: tuple[int, Array], head: dict[str, int]
+) -> None:
+    """Write the angles, and room for a block's coordinates; sizes: lanes, and the largest |q_j|."""
+    lanes, most = sizes
+    terms = [np.flatnonzero(angle) for angle in tree.angles]
+    ends = np.cumsum([0, *(len(which) for which in terms)])
+    head["angles"] = writer.ints(np.column_stack((ends[:-1], ends[1:])))
+    head["slots"] = writer.ints(np.concatenate([*terms, [0]]))
+    factors = [np.array(angle)[which] for angle, which in zip(tree.angles, terms, strict=True)]
+    head["factors"] = writer.doubles(np.concatenate([*factors, [0.0]]))
+    head["shelf"] = writer.doubles(np.zeros(lanes * tree.n))
+    head["most"] = writer.doubles(np.square(most))
+    head["lower"] = writer.doubles(np.full(tree.n, -np.inf))
+    head["upper"] = writer.doubles(np.full(tree.n, np.inf))
+    head["trig"] = placed(np.zeros(2 * lanes * len(tree.angles)))
+
+
+def _room(tree: BallTree, lanes: int, start: int, head: dict[str, int]) -> int:
+    """Give the lists of `free` their places from `start` on, and return how many numbers they take."""
+    lists = {"order": TILE + 2 * lanes, "rows_of": TILE + 2 * lanes, "chosen_bin": TILE, "counts": BINS}
+    lists |= {"near_groups": head["group_count"] + 2, "near_clusters": len(tree.pairs_of(tree.clusters)) + 2}
+    room = 0
+    for name, count in lists.items():
+        head[name] = 2 * (start + room)
+        room += -(-count // 2)
+    return room
+
+
+def _sorting(writer: _Writer, keys: Keys, head: dict[str, int]) -> None:
+    """Write what rows are sorted by."""
+    head["first"], head["second"] = keys.columns
+    head["first_bins"], head["second_bins"] = keys.bins
+    head["keys"] = writer.doubles([number for both in zip(keys.lows, keys.scales, strict=True) for number in both])
 
 
 def _walks(writer: _Writer, tree: BallTree, head: dict[str, int]) -> None:
@@ -283,8 +350,11 @@ def _groups(
     shape: tuple[Sequence[Cluster], Sequence[Cluster], dict[int, int]],
     sizes: tuple[float, int],
     head: dict[str, int],
-) -> None:
-    """Write groups of pairs of clusters, nearest first, and what their middles must be apart to be left out.
+    sample: Sample | None,
+) -> Keys | None:
+    """Write groups of pairs of clusters, and what their middles must be apart to be left out; return the keys of rows.
+
+    Groups stand nearest first; or those that decide most for what they cost, where a sample tells it.
 
     Args:
         writer: Takes the tables.
@@ -293,10 +363,11 @@ def _groups(
         shape: Bodies, clusters, and the spot of each ball.
         sizes: How far float32 may be off [m], and the numbers of a spot.
         head: Takes their places.
+        sample: Rows that tell the order, in the mode ``"free"``.
     """
     (bodies, clusters, spot), (error, width) = shape, sizes
     body_of = {ball: i for i, body in enumerate(bodies) for ball in body.balls}
-    apart, count = _apart(tree, [*bodies, *clusters]), len(bodies)
+    apart, count = mean_distance(tree, [*bodies, *clusters]), len(bodies)
     groups = dict[tuple[int, int], list[PairOfClusters]]()
     for one in tree.pairs_of(clusters):
         first, last = (body_of[clusters[i].balls[0]] for i in (one.first, one.last))
@@ -319,8 +390,14 @@ def _groups(
             return np.inf if always else _up((wide + 2.0 * error) ** 2 * (1.0 + 16.0 * _SINGLE))
         return 1e15 if always else _up((wide + 3.0 * error) * (1.0 + 16.0 * _SINGLE))
 
-    table = _Rows([], [], [], [], [], [])
-    for a, b in sorted(groups, key=gap):
+    keys = Keys((0, 0), (1, 1), (0.0, 0.0), (0.0, 0.0)) if mode == "free" else None
+    order = sorted(groups, key=gap)
+    if sample is not None and 0 < len(groups) <= _MOST_GROUPS:
+        decides = {key: sample.decides(*key, groups[key]) for key in order}
+        order.sort(key=lambda key: -decides[key])  # equal ones stay nearest first
+        keys = sample.keys()
+    table = Rows([], [], [], [], [], [], [[0] * WINDOW])
+    for a, b in order:
         parts = sorted(groups[a, b], key=part_gap)
         few = sum(len(one.pairs) for one in parts) <= _FEW
         table.far.append(far(reach(bodies[a], bodies[b], max(one.threshold for one in parts)), few))
@@ -332,8 +409,12 @@ def _groups(
             table.pairs_far.append(far(wide, len(parts) == 1 or len(one.pairs) <= _FEW))
             sets = [2 * count + one.first, 2 * count + one.last]
             table.clusters.append([count + one.first, count + one.last, first, len(table.rows), *sets])
-        table.groups.append([a, b, start, len(table.clusters), count + a, count + b])
-    head["group_count"] = len(table.groups)
+        table.groups.append([a, b, start, len(table.clusters), count + a, count + b, 0])
+        window = None if sample is None else sample.window(a, b)
+        if window is not None and sum(len(one.pairs) for one in parts) > _FEW:
+            table.groups[-1][-1] = len(table.windows)
+            table.windows.append(_window(writer, window, parts))
+    head["group_count"], head["windows"] = len(table.groups), writer.ints(table.windows)
     head["groups"] = writer.ints(np.array(table.groups).reshape(-1, GROUP))
     head["clusters"] = writer.ints(np.array(table.clusters).reshape(-1, CLUSTERS))
     head["far"], head["pairs_far"] = writer.singles([*table.far, 0.0]), writer.singles([*table.pairs_far, 0.0])
@@ -341,45 +422,21 @@ def _groups(
     less = tree.thresholds[table.numbers]
     if mode == "free":
         head["squares"] = writer.singles(np.square(less))
-        return
+        return keys
     head["squares"] = writer.singles([_up(value + 2.0 * error + 8.0 * _SINGLE * tree.scale) for value in less])
     head["less"], head["numbers"] = writer.doubles(less), writer.doubles(table.numbers)
+    return keys
 
 
-@dataclass
-class _Rows:
-    """Groups, pairs of clusters and rows of balls while they are written."""
-
-    groups: list[list[int]]
-    clusters: list[list[int]]
-    rows: list[list[int]]
-    numbers: list[int]
-    far: list[float]
-    pairs_far: list[float]
-
-    def add(self, tree: BallTree, one: PairOfClusters, inside: set[int], spot: dict[int, int], width: int) -> None:
-        """Write the rows of a pair of clusters: a ball and others whose spots are one after the other."""
-        by_ball = dict[int, list[tuple[int, int]]]()
-        for number in one.pairs:
-            x, y = tree.ends[number].tolist()
-            x, y = (x, y) if x in inside else (y, x)
-            by_ball.setdefault(x, []).append((spot[y], number))
-        for x, others in by_ball.items():
-            last = -1
-            for place, number in sorted(others):
-                if last < 0 or place != last + width:
-                    self.rows.append([spot[x], place, len(self.numbers), len(self.numbers)])
-                self.numbers.append(number)
-                self.rows[-1][3] += 1
-                last = place
-
-
-def _apart(tree: BallTree, clusters: Sequence[Cluster]) -> Callable[[int, int], float]:
-    """Return a function of two clusters: the mean distance of their middles over some configurations."""
-    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (16, tree.n))
-    places = tree.places(Q, [(one.node, one.middle) for one in clusters])
-
-    def mean(a: int, b: int) -> float:
-        return float(np.linalg.norm(places[a] - places[b], axis=0).mean())
-
-    return mean
+def _window(writer: _Writer, window: Window, parts: Sequence[PairOfClusters]) -> list[int]:
+    """Write a byte a cell, in which bit i is that of the pairs of clusters i, i + 8 and so on."""
+    bits = np.zeros(window.near.shape[1], dtype=np.uint8)
+    for i, one in enumerate(parts):
+        bits |= window.near_any(one.pairs).astype(np.uint8) << np.uint8(i % 8)
+    one = len(window.angles) == 1  # as two, the second with one cell
+    angles, counts = window.angles * (1 + one), (*window.counts, 1)[:2]
+    middles, halves = window.middles * (1 + one), window.halves * (1 + one)
+    scales = [count / (2.0 * half) for count, half in zip(counts, halves, strict=True)]
+    rows = zip(middles, halves, scales, counts, strict=True)
+    place = writer.singles([[middle, half, scale, count - 1.0] for middle, half, scale, count in rows])
+    return [*angles, *counts, 8 * writer.put(bits), place]

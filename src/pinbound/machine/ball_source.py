@@ -13,59 +13,56 @@ from functools import cache
 from textwrap import indent
 from typing import Final
 
+from pinbound.machine.ball_free_source import (
+    COLUMNS_FREE,
+    FRAME_FREE,
+    FREE,
+    GROUPS_FREE,
+    SINGLE_SINCOS,
+    TILE,
+    TURNED_BY,
+    UNSORTED,
+    WORK_FREE,
+)
 from pinbound.machine.compiled import KernelSource
 from pinbound.machine.sincos import SINCOS
 
-__all__ = ["CLUSTERS", "GROUP", "HEAD", "NODE", "ball_source"]
+__all__ = ["CLUSTERS", "GROUP", "HEAD", "NODE", "WINDOW", "ball_source"]
 
 HEAD: Final = (
     "n", "angle_count", "angles", "slots", "factors", "shelf", "most", "lower", "upper", "trig",
     "node_count", "nodes", "steps", "slides", "ways", "state", "set_count", "sets", "locals", "spots", "stamps",
     "body_count", "group_count", "groups", "far", "pairs_far", "clusters", "rows", "entries", "squares", "less",
     "numbers", "pair_count", "pairs", "bounds", "spare", "with_index", "single_state", "slack", "hosts", "exact",
-    "turned", "walks", "slopes",
+    "turned", "walks", "slopes", "first", "second", "first_bins", "second_bins", "keys", "order", "rows_of",
+    "chosen_bin", "counts", "near_groups", "near_clusters", "bounded", "turned_by", "windows",
 )  # fmt: skip
 """Integers at the head, in this order; places are counted in numbers of their kind."""
 
 NODE: Final = 7
 """Integers of a node: the one above, its angle or -1, the column that stays or -1, the next, the one after, slides."""
 
-GROUP: Final = 6
-"""Integers of a group: middles of two bodies, pairs of clusters from and to, the sets of both bodies' clusters."""
+GROUP: Final = 7
+"""Integers of a group: middles of two bodies, pairs of clusters from and to, the sets of both bodies' clusters, window.
+
+A window (`WINDOW`) tells in which cells of one or two angles each pair of clusters may meet; 0: it has none."""
+
+WINDOW: Final = 6
+"""Integers of a window: two angles, cells of each, where the bytes of all cells stand; and where middle, half, cells
+a radian and last cell of each do.
+
+Bit i of a byte is that of the pairs of clusters i, i + 8, ... of the group."""
 
 CLUSTERS: Final = 6
 """Integers of a pair of clusters: two middles, rows from and to, the sets of both clusters' balls."""
 
-_SINGLE_SINCOS = """\
-m = theta * 0.6366197723675814 + 6755399441055744.0
-m = m - 6755399441055744.0
-r = single((theta - m * 1.5707963267341256) - m * 6.077100506303966e-11)
-turns = single(m)
-z = r * r
-a = r + r * z * (-1.6666654611e-1 + z * (8.3321608736e-3 + z * -1.9515295891e-4))
-b = 1.0 - 0.5 * z + z * z * (4.166664568298827e-2 + z * (-1.388731625493765e-3 + z * 2.443315711809948e-5))
-h = (turns * 0.5 - 0.25 + 12582912.0) - 12582912.0
-odd = turns - 2.0 * h
-g = (h * 0.5 - 0.25 + 12582912.0) - 12582912.0
-sign = 1.0 - 2.0 * (h - 2.0 * g)
-is_odd = odd > 0.5
-sine = sign * pick(is_odd, b, a)
-cosine = (sign - 2.0 * odd * sign) * pick(is_odd, a, b)
-"""
-"""Cosine and sine in float32 of an angle that is reduced in float64; |angle| at most 1000."""
-
 _PLACE = """\
-good = every(True)
-inside = every(True)
-for j in range(n):
-    column_ = gather(Q, start * n + j, n)
-    w[shelf + L * j] = column_
-    good = good & (column_ * column_ <= w[most + j])
-    inside = inside & (column_ >= w[lower + j]) & (column_ <= w[upper + j])
+{columns}
 for j in range(angle_count):
     theta = every(0.0)
     for i in range(k[angles + 2 * j], k[angles + 2 * j + 1]):
         theta = theta + w[factors + i] * wide(w, shelf + L * k[slots + i])
+    {angle}
     {sincos}
     V[trig + 2 * L * j] = cosine
     V[trig + 2 * L * j + L] = sine
@@ -107,6 +104,14 @@ for i in range(1, node_count):
         V[into + 2 * L] = ax * (zx + sy) + ay * (yz - sx) + az * zz
 """
 """Columns of q, sines of each angle once, and rotation and place of each node."""
+
+_COLUMNS = """\
+good = every(True)
+for j in range(n):
+    column_ = gather(Q, start * n + j, n)
+    w[shelf + L * j] = column_
+    good = good & (column_ * column_ <= w[most + j])
+"""
 
 _SINGLE_STATE = """\
 for i in range(12 * node_count):
@@ -156,14 +161,14 @@ for g in range(group_count):
     {skip_group}
     {ensure}
     for c in range(k[at + 2], k[at + 3]):
+        at = clusters + CLUSTERS * c
+        a, b = spots + 4 * L * k[at], spots + 4 * L * k[at + 1]
+        {square_of_clusters}
+        {skip_clusters}
         {clusters}
 """
 
 _PAIR_OF_CLUSTERS = """\
-at = clusters + CLUSTERS * c
-a, b = spots + 4 * L * k[at], spots + 4 * L * k[at + 1]
-{square}
-{skip_clusters}
 {ensure}
 for r in range(k[at + 2], k[at + 3]):
     a, b = k[rows + 4 * r], k[rows + 4 * r + 1]
@@ -176,13 +181,6 @@ for r in range(k[at + 2], k[at + 3]):
     {row}
 """
 """A row is a ball and others in turn; with `|a - b|^2 = |a|^2 + (|b|^2 - 2 a . b)` a pair costs three products."""
-
-_FREE = {
-    "skip_group": "if not any((d < V[far + g]) & alive):\n    continue",
-    "skip_clusters": "if not any((d < V[pairs_far + c]) & alive):\n    continue",
-    "pair": "d = wide(V, b + 3 * L) - V[squares + e] + ax * wide(V, b) + ay * wide(V, b + L) + az * wide(V, b + 2 * L)",
-    "row": "line = line + wide(V, a + 3 * L)\nlow = pick(line < low, line, low)",
-}
 
 _CANDIDATE = """\
 s = top + V[squares + e]
@@ -231,18 +229,6 @@ while start < count:
     {work}
     start += L
 return irregular
-"""
-
-_WORK_FREE = """\
-low, alive = single(math.inf), good & inside
-{groups}
-        alive = alive & (low >= -V[bounds])
-    if not any(alive):
-        break
-alive = low > V[bounds]
-unsure = (low >= -V[bounds]) & (low <= V[bounds])
-unsure = inside & (unsure | (not good))
-index[start // L] = ones(inside & good & alive) | (ones(unsure) << 32)
 """
 
 _WORK_LEAST = """\
@@ -340,44 +326,42 @@ def ball_source(mode: str, lanes: int) -> KernelSource:
     """Return the source; it has the prototype of all kernels, its tables in place of scratch.
 
     Args:
-        mode: ``"free"``: in float32 which rows are free, which may be, 32 bits each, to `index`, one number a block.
+        mode: ``"free"``: in float32 which rows are free (1), are not (0), or may be (2), to the bytes of `index`.
             ``"least"``: the smallest clearance and its pair; ``"all"``: every clearance; ``"slopes"``: each gradient.
             These in float64.
         lanes: Configurations side by side.
     """
     is_free = mode == "free"
-    sincos = _apart(_SINGLE_SINCOS if is_free else SINCOS.format(x="theta"))
-    place = _viewed(_apart(_filled(_PLACE, sincos=(1, sincos))), is_free)
+    sincos = _apart(SINGLE_SINCOS if is_free else SINCOS.format(x="theta"))
+    columns = COLUMNS_FREE if is_free else _COLUMNS
+    angle = TURNED_BY if is_free else ""
+    place = _viewed(_apart(_filled(_PLACE, sincos=(1, sincos), columns=(0, columns), angle=(1, angle))), is_free)
     if mode in ("all", "slopes"):
         work = _WORK_ALL if mode == "all" else _WORK_SLOPES
         work = _viewed(_filled(work, spots=(1, _SPOTS), square=(1, _SQUARE)).replace("STATE", "state"), False)
     else:
-        words = dict(_FREE if is_free else _LEAST)
+        words = dict(FREE if is_free else _LEAST)
         if not is_free:
             words["row"] = _filled(_EXACT, candidate=(2, _CANDIDATE))
         ensure = _filled(_ENSURE, spots=(2, _SPOTS))
-        pair = _filled(
-            _PAIR_OF_CLUSTERS,
-            square=(0, _SQUARE),
-            skip_clusters=(0, words["skip_clusters"]),
-            ensure=(0, ensure),
-            pair=(2, words["pair"]),
-            row=(1, words["row"]),
-        )
-        groups = _filled(
-            _GROUPS,
-            spots=(1, _SPOTS),
-            square=(1, _SQUARE),
-            skip_group=(1, words["skip_group"]),
-            ensure=(1, ensure),
-            clusters=(2, pair),
-        )
-        frame = _WORK_FREE if is_free else _WORK_LEAST.replace("{state}", _SINGLE_STATE.strip())
+        pair = _filled(_PAIR_OF_CLUSTERS, ensure=(0, ensure), pair=(2, words["pair"]), row=(1, words["row"]))
+        parts = {"spots": (1, _SPOTS), "square": (1, _SQUARE), "ensure": (1, ensure), "clusters": (2, pair)}
+        parts["square_of_clusters"] = (2, _SQUARE)
+        if not is_free:
+            parts |= {"skip_group": (1, words["skip_group"]), "skip_clusters": (2, words["skip_clusters"])}
+        groups = _filled(GROUPS_FREE if is_free else _GROUPS, **parts)
+        frame = WORK_FREE if is_free else _WORK_LEAST.replace("{state}", _SINGLE_STATE.strip())
         work = _viewed(frame.format(groups=groups.strip()), True).replace(
             "STATE", "state" if is_free else "single_state"
         )
     head = "\n".join(f"{name} = k[{place}]" for place, name in enumerate(HEAD))
-    text = _filled(_FRAME, head=(0, head), place=(1, place), work=(1, work), **_numbers(lanes))
+    numbers = _numbers(lanes)
+    if is_free:
+        numbers |= {"window": (0, str(WINDOW)), "tile": (0, str(TILE)), "unsorted": (0, str(UNSORTED))}
+    depth = 2 if is_free else 1
+    text = _filled(
+        FRAME_FREE if is_free else _FRAME, head=(0, head), place=(depth, place), work=(depth, work), **numbers
+    )
     return KernelSource(text, 0, lanes)
 
 
@@ -390,7 +374,13 @@ def _viewed(text: str, is_single: bool) -> str:
 def _apart(text: str) -> str:
     """Return a text whose names, but for its results, are no others': they end with an underscore."""
     stored = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Name)]
-    names = {node.id for node in stored if isinstance(node.ctx, ast.Store)} - {"sine", "cosine", "good", "inside"}
+    names = {node.id for node in stored if isinstance(node.ctx, ast.Store)} - {
+        "sine",
+        "cosine",
+        "good",
+        "outside",
+        "far_off",
+    }
     return re.sub(r"\b[a-z_]+\b", lambda word: f"{word[0]}_" if word[0] in names else word[0], text)
 
 

@@ -34,7 +34,7 @@ _SYMBOL = "pinbound_kernel"
 _SETTINGS = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_ENABLE_AVX")
 """What in the environment makes Numba compile for another processor than this one."""
 
-_WRITERS = ("lowering", "functions", "statements")
+_WRITERS = ("lowering", "functions", "statements", "lanes")
 """Modules that write LLVM's instructions."""
 
 _CACHE_LINE = 64
@@ -61,7 +61,7 @@ class KernelSource:
     scratch: int
     """Bytes."""
     lanes: int = 0
-    """Of text for lanes (`statements`), how many; 0: the text is for Numba."""
+    """Of text for lanes (`lanes`), how many; 0: the text is for Numba."""
 
     @property
     def lines(self) -> str:
@@ -191,8 +191,8 @@ def _compile(text: str) -> bytes:
 def _assemble(source: KernelSource) -> bytes:
     """Return the object code of text for lanes, without Numba."""
     llvm = _llvm()
-    statements = importlib.import_module("pinbound.machine.statements")
-    module = llvm.parse_assembly(statements.lanes_module(source.text, source.lanes, _SYMBOL))
+    lanes = importlib.import_module("pinbound.machine.lanes")
+    module = llvm.parse_assembly(lanes.lanes_module(source.text, source.lanes, _SYMBOL))
     triple = llvm.get_process_triple()
     reloc = "static" if triple.startswith("x86") else "default"
     target = llvm.Target.from_triple(triple)

@@ -3,9 +3,7 @@
 The text holds assignments to names, tuples of names, and places behind pointers; `if`, `while`,
 `for` over a range, `break`, `continue`, `return`; arithmetic, comparisons, `and`, `or`, `not`, a conditional value. A
 name keeps the type of its first value: real, integer, or truth. An integer becomes a real where it meets one. Both
-sides of `and` and `or`, and of a conditional value, are evaluated.
-
-Text for lanes knows vectors, too: as many numbers as there are lanes, one a configuration. It needs llvmlite alone.
+sides of `and` and `or`, and of a conditional value, are evaluated. `machine/lanes.py` knows vectors, too.
 """
 
 from __future__ import annotations
@@ -18,13 +16,11 @@ from typing import Any
 
 _ir: Any = importlib.import_module("llvmlite.ir")
 
-__all__ = ["INTEGER", "declared", "lanes_module", "write_statements"]
+__all__ = ["COMPARE", "FLAGS", "INTEGER", "OPERATORS", "REAL", "TRUTH", "declared", "write_statements"]
 
-_FLAGS = ("contract",)
+FLAGS = ("contract",)
 REAL, INTEGER, TRUTH = _ir.DoubleType(), _ir.IntType(64), _ir.IntType(1)
-SINGLE, SHORT = _ir.FloatType(), _ir.IntType(32)
-_BYTES = {"double": 8, "float": 4, "i64": 8, "i32": 4}
-_OPERATORS: dict[type[ast.operator], tuple[str, str]] = {
+OPERATORS: dict[type[ast.operator], tuple[str, str]] = {
     ast.Add: ("fadd", "add"),
     ast.Sub: ("fsub", "sub"),
     ast.Mult: ("fmul", "mul"),
@@ -34,8 +30,9 @@ _OPERATORS: dict[type[ast.operator], tuple[str, str]] = {
     ast.BitOr: ("", "or_"),
     ast.BitXor: ("", "xor"),
     ast.LShift: ("", "shl"),
+    ast.RShift: ("", "ashr"),
 }
-_COMPARE: dict[type[ast.cmpop], str] = {
+COMPARE: dict[type[ast.cmpop], str] = {
     ast.Lt: "<",
     ast.LtE: "<=",
     ast.Gt: ">",
@@ -64,36 +61,10 @@ def write_statements(
         calls: Further functions by name, which take the builder and values.
         text: All statements; the last is a return.
     """
-    _Statements(function, names, calls).run(text)
+    Statements(function, names, calls).run(text)
 
 
-def lanes_module(text: str, lanes: int, symbol: str) -> str:
-    """Return an LLVM module with one function of a text for lanes, with the prototype of all kernels.
-
-    Beside what `statements` may hold: the pointer `w` to scratch of float64 is also seen as `t`, of float32, and `k`,
-    of 32-bit integers, each counted in its own numbers. A vector is `wide(s, at)`, `gather(Q, at, step)`, `every(x)`
-    or `single(v)`, in float32, and what is made of one and of scalars; `s[at] = v` stores all of it. `any(mask)`,
-    `pick(mask, a, b)`, `sqrt(v)`, `bits(v)`, `real(i)`, `ones(mask)` count, choose, or look at its bits.
-
-    Args:
-        text: Ends with a return.
-        lanes: How many.
-        symbol: The function's name.
-    """
-    module = _ir.Module()
-    reals = REAL.as_pointer()
-    kind = _ir.FunctionType(INTEGER, [reals, reals, INTEGER, INTEGER, INTEGER.as_pointer(), reals, INTEGER])
-    function = _ir.Function(module, kind, symbol)
-    for argument in function.args:
-        if argument.type != INTEGER:
-            argument.add_attribute("noalias")
-    function.attributes.add("nounwind")
-    names = ["Q", "out", "row", "column", "index", "w", "count"]
-    _Lanes(function, names, lanes).run(text)
-    return str(module)
-
-
-class _Statements:
+class Statements:
     """Writes the body of a function whose arguments are pointers and integers."""
 
     def __init__(self, function: Any, names: list[str], calls: dict[str, Callable[[Any, list[Any]], Any]]) -> None:
@@ -219,10 +190,10 @@ class _Statements:
         return [self.as_type(value, kind) for value in values]
 
     def binary(self, operator: type[ast.operator], left: Any, right: Any) -> Any:
-        real, integer = _OPERATORS[operator]
+        real, integer = OPERATORS[operator]
         left, right = self.alike(left, right)
         if left.type == REAL:
-            return getattr(self.builder, real)(left, right, flags=_FLAGS)
+            return getattr(self.builder, real)(left, right, flags=FLAGS)
         return getattr(self.builder, integer)(left, right)
 
     def value(self, node: ast.expr) -> Any:
@@ -262,7 +233,7 @@ class _Statements:
 
     def of_Compare(self, node: ast.Compare) -> Any:
         left, right = self.alike(self.value(node.left), self.value(node.comparators[0]))
-        sign = _COMPARE[type(node.ops[0])]
+        sign = COMPARE[type(node.ops[0])]
         if left.type != REAL:
             return self.builder.icmp_signed(sign, left, right)
         compare = self.builder.fcmp_unordered if sign == "!=" else self.builder.fcmp_ordered
@@ -282,144 +253,3 @@ class _Statements:
         kind = _ir.FunctionType(REAL, [REAL])
         function = declared(self.builder.module, kind, _ROOTS[name])
         return self.builder.call(function, values)
-
-
-class _Lanes(_Statements):
-    """Writes a body in which vectors occur."""
-
-    def __init__(self, function: Any, names: list[str], lanes: int) -> None:
-        super().__init__(function, names, {})
-        self.lanes = lanes
-        self.double, self.float = (_ir.VectorType(kind, lanes) for kind in (REAL, SINGLE))
-        self.mask, self.integers = (_ir.VectorType(kind, lanes) for kind in (TRUTH, INTEGER))
-        scratch = self.arguments["w"]
-        self.arguments["t"] = self.builder.bitcast(scratch, SINGLE.as_pointer())
-        self.arguments["k"] = self.builder.bitcast(scratch, SHORT.as_pointer())
-
-    def splat(self, value: Any, kind: Any) -> Any:
-        """Return a vector of one number."""
-        if isinstance(value, _ir.Constant):
-            return _ir.Constant(kind, [value.constant] * self.lanes)
-        if value.type == INTEGER and kind.element != INTEGER:
-            value = self.builder.sitofp(value, kind.element)
-        elif value.type == REAL and kind.element == SINGLE:
-            value = self.builder.fptrunc(value, SINGLE)
-        elif value.type == SINGLE and kind.element == REAL:
-            value = self.builder.fpext(value, REAL)
-        zero = SHORT(0)
-        first = self.builder.insert_element(_ir.Constant(kind, _ir.Undefined), value, zero)
-        order = _ir.Constant(_ir.VectorType(SHORT, self.lanes), [0] * self.lanes)
-        return self.builder.shuffle_vector(first, _ir.Constant(kind, _ir.Undefined), order)
-
-    def as_type(self, value: Any, kind: Any) -> Any:
-        if value.type == kind:
-            return value
-        if isinstance(kind, _ir.VectorType) and not isinstance(value.type, _ir.VectorType):
-            return self.splat(value, kind)
-        if kind == SHORT and value.type == INTEGER:
-            return self.builder.trunc(value, kind)
-        if kind == REAL and value.type == SINGLE:
-            return self.builder.fpext(value, kind)
-        if kind == SINGLE and value.type in (REAL, INTEGER):
-            return self.builder.fptrunc(super().as_type(value, REAL), kind)
-        return super().as_type(value, kind)
-
-    def alike(self, *values: Any) -> list[Any]:
-        wide = [value.type for value in values if isinstance(value.type, _ir.VectorType)]
-        if wide:
-            return [self.as_type(value, wide[0]) for value in values]
-        return super().alike(*(self.as_type(v, REAL) if v.type == SINGLE else v for v in values))
-
-    def of_Subscript(self, node: ast.Subscript) -> Any:
-        value = super().of_Subscript(node)
-        return self.builder.sext(value, INTEGER) if value.type == SHORT else value
-
-    def store(self, target: ast.expr, value: Any) -> None:
-        if isinstance(value.type, _ir.VectorType) and not isinstance(target, ast.Name):
-            place = self.pointer(target)
-            wide = self.builder.bitcast(place, value.type.as_pointer())
-            self.builder.store(value, wide, align=_BYTES[str(value.type.element)])
-            return
-        super().store(target, value)
-
-    def binary(self, operator: type[ast.operator], left: Any, right: Any) -> Any:
-        left, right = self.alike(left, right)
-        if not isinstance(left.type, _ir.VectorType):
-            return super().binary(operator, left, right)
-        real, integer = _OPERATORS[operator]
-        if left.type in (self.double, self.float):
-            return getattr(self.builder, real)(left, right, flags=_FLAGS)
-        return getattr(self.builder, integer)(left, right)
-
-    def of_UnaryOp(self, node: ast.UnaryOp) -> Any:
-        value = self.value(node.operand)
-        if value.type == self.mask:
-            return self.builder.not_(value)
-        if value.type in (self.double, self.float, SINGLE):
-            return self.builder.fneg(value)
-        if isinstance(value, _ir.Constant) and isinstance(node.op, ast.USub):
-            return value.type(-value.constant)
-        return super().of_UnaryOp(node)
-
-    def of_Compare(self, node: ast.Compare) -> Any:
-        left, right = self.alike(self.value(node.left), self.value(node.comparators[0]))
-        if not isinstance(left.type, _ir.VectorType):
-            return super().of_Compare(node)
-        sign = _COMPARE[type(node.ops[0])]
-        if left.type == self.integers:
-            return self.builder.icmp_signed(sign, left, right)
-        return self.builder.fcmp_ordered(sign, left, right)
-
-    def of_Call(self, node: ast.Call) -> Any:
-        name = ast.unparse(node.func)
-        if name == "wide":
-            pointer = self.builder.gep(self.arguments[ast.unparse(node.args[0])], [self.value(node.args[1])])
-            kind = _ir.VectorType(pointer.type.pointee, self.lanes)
-            wide = self.builder.bitcast(pointer, kind.as_pointer())
-            return self.builder.load(wide, align=_BYTES[str(kind.element)])
-        if name == "gather":
-            at, step = (self.value(part) for part in node.args[1:])
-            found = _ir.Constant(self.double, _ir.Undefined)
-            for lane in range(self.lanes):
-                place = self.builder.gep(self.arguments[ast.unparse(node.args[0])], [at])
-                number = self.builder.load_atomic(place, "unordered", 8)  # LLVM makes no gather of these
-                found = self.builder.insert_element(found, number, SHORT(lane))
-                at = self.builder.add(at, step)
-            return found
-        values = [self.value(part) for part in node.args]
-        wide = [value for value in values if isinstance(value.type, _ir.VectorType)]
-        if name not in ("every", "any", "ones", "single", "pick", "bits", "real", "sqrt"):
-            return super().of_Call(node)
-        return getattr(self, f"_{name}")(*values) if name != "every" or not wide else wide[0]
-
-    def _every(self, value: Any) -> Any:
-        return self.splat(value, self.mask if value.type == TRUTH else self.double)
-
-    def _ones(self, mask: Any) -> Any:
-        kind = _ir.IntType(self.lanes)
-        return self.builder.zext(self.builder.bitcast(mask, kind), INTEGER)
-
-    def _any(self, mask: Any) -> Any:
-        kind = _ir.IntType(self.lanes)
-        return self.builder.icmp_signed("!=", self.builder.bitcast(mask, kind), kind(0))
-
-    def _single(self, value: Any) -> Any:
-        return self.builder.fptrunc(value, self.float) if value.type == self.double else self.splat(value, self.float)
-
-    def _pick(self, mask: Any, a: Any, b: Any) -> Any:
-        if isinstance(a, _ir.Constant) or isinstance(b, _ir.Constant):
-            a, b = self.alike(a, b)
-        if not isinstance(a.type, _ir.VectorType):
-            a, b = (self.splat(value, self.double) for value in (a, b))
-        return self.builder.select(mask, a, b)
-
-    def _bits(self, value: Any) -> Any:
-        return self.builder.bitcast(value, self.integers)
-
-    def _real(self, value: Any) -> Any:
-        return self.builder.bitcast(value, self.double)
-
-    def _sqrt(self, value: Any) -> Any:
-        word = f"v{self.lanes}{'f64' if value.type == self.double else 'f32'}"
-        kind = _ir.FunctionType(value.type, [value.type])
-        return self.builder.call(declared(self.builder.module, kind, f"llvm.sqrt.{word}"), [value])

@@ -1,0 +1,262 @@
+"""Pairs of balls that never meet, by proof: `free` need not look at them.
+
+Between the nodes of two balls lie few rotations, often one or two. If the last one is the ball's own, its place runs
+along an arc, and the distance of a point to an arc is known in closed form. The angles of the others are covered by
+cells. From a cell's middle to its corner the distance changes by at most the sum of half-widths times lever arms, so
+that what is left at its middle is a lower bound for the whole cell (`docs/kernel.md`). A pair that is proven in all
+cells is dropped; the others are looked at where a lane is in a cell in which they are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+
+from pinbound.kernel.balls import BallTree
+from pinbound.tolerances import STAYS_APART
+from pinbound.typing import Array, Flags, Ints
+
+__all__ = ["Window", "meeting", "with_pairs"]
+
+_CELLS = {0: 1, 1: 256, 2: 64}
+"""Cells of each angle at most, by how many angles are covered by cells; with more, nothing is proven."""
+
+_DISTANCES = 1 << 18
+"""Of one group of pairs at most: some 10 ms. Groups of many pairs have fewer cells."""
+
+_ROUNDED = 4e-6
+"""rad: by how much float32 may miss an angle of one turn, and so its cell: 2^-24 of 2 pi, some ten times."""
+
+_NUMBERS = 1 << 16
+"""Distances at a time: what fits L2."""
+
+
+@dataclass(frozen=True)
+class _Turn:
+    """One rotation between two nodes.
+
+    Attributes:
+        node: The node that it makes.
+        half: Half of its range of angles, pi if all are in it [rad].
+        middle: Of the range [rad].
+    """
+
+    node: int
+    half: float
+    middle: float
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """In which cells of one or two angles each pair of two nodes may meet.
+
+    Attributes:
+        angles: Numbers of the angles.
+        middles: Of the range of each [rad].
+        halves: Half of each range [rad].
+        counts: Cells of each.
+        pairs: (k,) numbers.
+        near: (k, cells) not proven to stay apart there; the last angle's cells are one after the other.
+    """
+
+    angles: tuple[int, ...]
+    middles: tuple[float, ...]
+    halves: tuple[float, ...]
+    counts: tuple[int, ...]
+    pairs: Ints
+    near: Flags
+
+    @classmethod
+    def of(cls, walk: Sequence[tuple[int, _Turn]], pairs: Ints, near: Flags) -> Window:
+        """Return the window of what is known in the cells of some angles, as many of each."""
+        count = round(near.shape[1] ** (1.0 / len(walk)))
+        return cls(
+            tuple(angle for angle, _ in walk),
+            tuple(turn.middle for _, turn in walk),
+            tuple(turn.half for _, turn in walk),
+            (count,) * len(walk),
+            pairs,
+            near,
+        )
+
+    def of_kept(self, kept: Flags) -> Window:
+        """Return the window with the numbers that pairs have among those that are kept (m,)."""
+        mine = kept[self.pairs]
+        return replace(self, pairs=(np.cumsum(kept) - 1)[self.pairs[mine]], near=self.near[mine])
+
+    def near_any(self, pairs: Sequence[int]) -> Flags:
+        """Return in which cells any of some pairs may meet; pairs that it does not know may meet in all."""
+        places = {number: i for i, number in enumerate(self.pairs.tolist())}
+        if any(number not in places for number in pairs):
+            return np.ones(self.near.shape[1], dtype=np.bool_)
+        found: Flags = np.logical_or.reduce(self.near[[places[number] for number in pairs]], axis=0)
+        return found
+
+    def cells(self, tree: BallTree, Q: Array) -> Ints:
+        """Return the cell (N,) of each row of Q (N, n) within the limits."""
+        found = np.zeros(len(Q), dtype=np.int64)
+        for angle, middle, half, count in zip(self.angles, self.middles, self.halves, self.counts, strict=True):
+            place = (_wrapped(Q @ np.array(tree.angles[angle]) - middle) + half) * (count / (2.0 * half))
+            found = found * count + np.clip(place.astype(np.int64), 0, count - 1)
+        return found
+
+
+def meeting(tree: BallTree, low: Array, high: Array) -> tuple[Flags, dict[tuple[int, int], Window]]:
+    """Return which pairs (m,) are not proven to stay apart for all `low <= q <= high`, and windows by both nodes.
+
+    A pair that is proven has a distance above its threshold by `STAYS_APART` times the longest chain at least. Ends
+    (n,) may be infinite: all angles are between them.
+    """
+    found, windows = np.ones(len(tree.ends), dtype=np.bool_), dict[tuple[int, int], Window]()
+    groups: dict[tuple[int, int], list[tuple[int, int, int]]] = {}
+    for number, (a, b) in enumerate(cast(list[list[int]], tree.ends.tolist())):
+        ends = (tree.balls[a][0], a), (tree.balls[b][0], b)
+        (first, x), (last, y) = sorted(ends)  # a node stands behind the one that it stands on: the last one turns
+        if abs(tree.nodes[first].depth - tree.nodes[last].depth) > max(_CELLS) + 1:
+            continue
+        groups.setdefault((first, last), []).append((number, x, y))
+    for (first, last), pairs in groups.items():
+        above, below = tree.apart(first, last)
+        if not below or any(tree.nodes[i].slides for i in (*above, *below)):
+            continue
+        turns = {i: _turn(tree, i, low, high) for i in (*above, *below) if tree.nodes[i].angle >= 0}
+        if last not in turns or len(turns) - 1 not in _CELLS:
+            continue
+        numbers = np.array([number for number, _, _ in pairs])
+        xs, ys = (list(dict.fromkeys(pair[side] for pair in pairs)) for side in (1, 2))
+        gaps, walk = _gaps(tree, (above, below[::-1]), turns, (xs, ys))
+        gaps = gaps[[xs.index(x) for _, x, _ in pairs], [ys.index(y) for _, _, y in pairs]]
+        near = gaps <= tree.thresholds[numbers, None] + STAYS_APART * max(tree.scale, 1.0)
+        found[numbers] = near.any(axis=1)
+        if walk:
+            windows[first, last] = Window.of([(tree.nodes[i].angle, turns[i]) for i in walk], numbers, near)
+    return found, windows
+
+
+def with_pairs(tree: BallTree, kept: Flags) -> BallTree:
+    """Return a tree of the same nodes with some of the pairs, and their balls."""
+    ends = tree.ends[kept]
+    balls = np.unique(ends)
+    return replace(
+        tree,
+        balls=[tree.balls[ball] for ball in balls.tolist()],
+        ends=np.searchsorted(balls, ends),
+        thresholds=tree.thresholds[kept],
+    )
+
+
+def _turn(tree: BallTree, number: int, low: Array, high: Array) -> _Turn:
+    """Return the range of a node's angle for all q."""
+    c = np.array(tree.angles[tree.nodes[number].angle])
+    used = c != 0.0
+    ends = np.stack((c[used] * low[used], c[used] * high[used]))
+    least, most = float(ends.min(axis=0).sum()), float(ends.max(axis=0).sum())
+    half = 0.5 * (most - least) + 1e-9  # far above the rounding of an angle
+    if not half < np.pi - 1e-4:  # the whole turn, which closes: no cell is left beside it
+        return _Turn(number, np.pi, 0.0)
+    return _Turn(number, half, 0.5 * (least + most))
+
+
+def _gaps(
+    tree: BallTree,
+    ways: tuple[Sequence[int], Sequence[int]],
+    turns: dict[int, _Turn],
+    balls: tuple[list[int], list[int]],
+) -> tuple[Array, list[int]]:
+    """Return lower bounds (k, l, cells) of distances of balls on two nodes [m], and the nodes whose angles have cells.
+
+    Args:
+        tree: Holds them.
+        ways: The nodes from the first up to where both ways meet, and from there down to the last.
+        turns: Of these nodes.
+        balls: The balls of the first node, and of the last.
+    """
+    (up, down), last = ways, ways[1][-1]
+    x, y = (np.array([tree.balls[ball][1] for ball in some]).reshape(-1, 3) for some in balls)
+    walk = [number for number in (*up, *down[:-1]) if number in turns]
+    levers = _levers(tree, ways, walk, (x, y))
+    count = _CELLS[len(walk)]
+    if walk:
+        count = max(1, min(count, int((_DISTANCES / (len(x) * len(y))) ** (1.0 / len(walk)))))
+    grids = np.meshgrid(*(np.arange(count) + 0.5 for _ in walk), indexing="ij")
+    angles = {
+        number: turns[number].middle + turns[number].half * (2.0 * grid.ravel() / count - 1.0)
+        for number, grid in zip(walk, grids, strict=True)
+    }
+    slack = np.zeros((len(x), len(y)))
+    for number in walk:
+        slack += levers[number] * (turns[number].half / count + _ROUNDED)
+    axis = tree.nodes[last].axis
+    along, across, phase = _about(axis, y)
+    cells = count ** len(walk)
+    gaps = np.empty((len(x), len(y), cells))
+    step = max(1, _NUMBERS // max(1, len(x) * len(y)))
+    for start in range(0, cells, step):
+        some = {number: values[start : start + step] for number, values in angles.items()}
+        place = np.broadcast_to(x[:, :, None], (*x.shape, min(step, cells - start)))
+        for number in up:
+            place = _turned(tree, number, place, some, 1.0) + tree.nodes[number].step[:, None]
+        for number in down[:-1]:
+            place = _turned(tree, number, place - tree.nodes[number].step[:, None], some, -1.0)
+        place = np.moveaxis(place - tree.nodes[last].step[:, None], 1, 2)
+        h, s, angle = _about(axis, place)  # (k, cells) each
+        away = np.abs(_wrapped(angle[:, None] - phase[:, None] - turns[last].middle))
+        away = np.maximum(away - turns[last].half, 0.0)
+        height, gap = h[:, None] - along[:, None], s[:, None] - across[:, None]
+        squares = height**2 + gap**2 + 4.0 * s[:, None] * across[:, None] * np.sin(0.5 * away) ** 2
+        gaps[:, :, start : start + step] = np.sqrt(squares)
+    return gaps - slack[:, :, None], walk
+
+
+def _levers(
+    tree: BallTree, ways: tuple[Sequence[int], Sequence[int]], walk: Sequence[int], balls: tuple[Array, Array]
+) -> dict[int, Array]:
+    """Return at most how much a distance changes with each angle (k, l) [m/rad], by the node of the rotation.
+
+    With u the unit vector between the balls, it is `u . (w x (x - P))` and, since u is along x - y, also
+    `u . (w x (y - P))`: the distance of either ball from the axis bounds it.
+    """
+    (up, down), (x, y) = ways, balls
+    far = dict[int, Array]()
+    steps = {number: float(np.linalg.norm(tree.nodes[number].step)) for number in (*up, *down)}
+    lengths = [np.linalg.norm(some, axis=1) for some in (x, y)]
+    for number in walk:
+        node = tree.nodes[number]
+        if number in up:
+            place = up.index(number)
+            first = _about(node.axis, x)[1] if not place else lengths[0] + sum(steps[i] for i in up[:place])
+            other = sum(steps[i] for i in (*up[place:], *down)) + lengths[1]
+        else:
+            place = down.index(number)
+            if not up and not place:
+                first = _about(node.axis, x - node.step)[1]
+            else:
+                first = lengths[0] + sum(steps[i] for i in (*up, *down[: place + 1]))
+            other = sum(steps[i] for i in down[place + 1 :]) + lengths[1]
+        far[number] = np.minimum(first[:, None], other[None])
+    return far
+
+
+def _about(axis: Array, x: Array) -> tuple[Array, Array, Array]:
+    """Return height, distance and angle of points (..., 3) about an axis through the origin."""
+    e = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    e = e - axis * (axis @ e)
+    e /= np.linalg.norm(e)
+    a, b = x @ e, x @ np.cross(axis, e)
+    return x @ axis, np.hypot(a, b), np.arctan2(b, a)
+
+
+def _wrapped(angle: Array) -> Array:
+    return angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
+
+
+def _turned(tree: BallTree, number: int, x: Array, angles: dict[int, Array], sign: float) -> Array:
+    """Return points (k, 3, cells) turned by a node's rotation, or back."""
+    if number not in angles:
+        return x
+    u, cos, sin = tree.nodes[number].axis[:, None], np.cos(angles[number]), sign * np.sin(angles[number])
+    along = u * np.einsum("i,kic->kc", tree.nodes[number].axis, x)[:, None]
+    return along + (x - along) * cos + np.cross(tree.nodes[number].axis, x, axisa=0, axisb=1, axisc=1) * sin
