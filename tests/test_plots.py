@@ -131,11 +131,18 @@ def test_regions_robots_and_certificates_draw_themselves_in_axes_that_are_given(
         robot.plot([0.0, np.nan, 0.0])
 
 
-def test_a_notebook_shows_a_region_and_its_text_in_which_names_are_no_markup() -> None:
-    region = pb.feasible_region(pb.load("minervabot_v3"), ("q2", "q3"))
-    page = region._repr_html_()
-    assert page.startswith("<svg")
-    assert "<pre>&lt;Region (q2, q3): beta_7," in page
+def test_a_notebook_shows_pictures_and_formulas_in_which_names_are_no_markup() -> None:
+    robot = pb.load("minervabot_v3")
+    shown = (pb.feasible_region(robot, ("q2", "q3")), robot, pb.certify(robot, [robot.home, [0.0, 0.3, 0.2]]))
+    starts = ("&lt;Region (q2, q3): beta_7,", "&lt;Robot minervabot_v3", "&lt;Certificate certified")
+    for one, start in zip(shown, starts, strict=True):
+        page = one._repr_html_()
+        assert page.startswith("<svg")
+        assert f"<pre>{start}" in page
+    boundary = robot.boundaries["beta_4"]
+    assert boundary._repr_latex_() == rf"$\displaystyle r = {boundary.latex()}\ \mathrm{{m}}$"
+    none = pb.load(robot_xml([joint("q1", "revolute", "base", "a", limit="-1 1")], {}, []))
+    assert pb.certify(none, [[0.0], [0.5]])._repr_html_().startswith("<svg")
 
 
 def crowd(load_text: Callable[..., pb.Robot], count: int) -> pb.Robot:

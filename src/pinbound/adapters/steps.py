@@ -44,7 +44,7 @@ _PROBED = 8  # boundaries that are looked at first: they shrink the box for the 
 
 @dataclass(frozen=True, eq=False)
 class StepRows(Value):
-    """`A d <= b` and `|d| <= step`: a step d that keeps both is safe, and so is the straight way to its end.
+    """Rows `A d <= b` and a box `|d_i| <= step_i`: if d satisfies both, q + t d is free for every t from 0 to 1.
 
     Attributes:
         A: (k, n), over the robot's coordinates.
@@ -52,8 +52,8 @@ class StepRows(Value):
         step: (n,) the box [rad or m]; at most what was asked for.
         names: Of each row, its boundary or joint limit.
         scale: `step` over what was asked for, in (0, 1].
-        blocked: Boundaries and joint limits that q does not keep, as far as is proved: their rows ask for a way out,
-            which may not exist within the box, and nothing is promised of them.
+        blocked: Boundaries and joint limits that q violates, or for which the opposite is not proven. Their rows ask
+            for a step out of contact, which may not exist within the box. Nothing is guaranteed for them.
 
     Example:
         >>> import pinbound as pb

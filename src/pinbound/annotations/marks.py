@@ -62,7 +62,7 @@ class Point:
 
     @property
     def ways(self) -> tuple[Vector, ...]:
-        """A point slides nowhere."""
+        """A point has no edge vectors."""
         return ()
 
     @property
@@ -125,7 +125,8 @@ class Segment:
 class Sweep:
     """A marked body: all `xyz + sum_i t_i way_i`, t_i in [0, 1] [m] in the frame of `link`, `radius` [m] around it.
 
-    One way is a segment, two make a parallelogram, three a box; ways in a plane and one out of it make a prism.
+    One edge vector makes a segment, two a parallelogram, three a parallelepiped. Several edge vectors in one plane and
+    one out of it make a prism. In code and files, edge vectors are called `ways`.
 
     Attributes:
         name: Its name, unique among the marks of the robot.
@@ -161,7 +162,7 @@ class Sweep:
 class Line:
     """A marked line without ends: through `xyz` [m] along `direction`, in the frame of `link`, `radius` [m] thick.
 
-    What is measured against it is the distance across it.
+    A boundary measures the distance from the line.
 
     Attributes:
         name: Its name, unique among the marks of the robot.
@@ -184,7 +185,7 @@ class Line:
 
     @property
     def ways(self) -> tuple[Vector, ...]:
-        """What has no end has no ways from end to end."""
+        """A shape without ends has no edge vectors."""
         return ()
 
     @property
@@ -207,8 +208,8 @@ class Line:
 class Plane:
     """A marked plane: through `xyz` [m] with its `normal` towards the free side, in the frame of `link`.
 
-    What is measured against it is the signed height: negative behind the plane. In a planar mechanism it is an edge
-    with a side: the plane that holds the edge and the joints' direction.
+    A boundary measures the signed height, which is negative behind the plane. In a planar mechanism, use a plane for an
+    edge with a free side: the plane contains the edge and the direction of the joint axes.
 
     Attributes:
         name: Its name, unique among the marks of the robot.
@@ -234,7 +235,7 @@ class Plane:
 
     @property
     def ways(self) -> tuple[Vector, ...]:
-        """What has no end has no ways from end to end."""
+        """A shape without ends has no edge vectors."""
         return ()
 
     @property

@@ -87,7 +87,7 @@ class BoundaryMark:
     """Two marks, by name, that must stay `min_distance` [m] apart, surface to surface.
 
     `stop` declares two points of zero threshold and one effective angle as a stop: contact is the angle at which their
-    two arms align, whatever small difference their lengths have.
+    two lever arms align. Their lengths may differ slightly.
 
     Attributes:
         name: Its name, unique among the boundaries of the robot.

@@ -28,9 +28,10 @@ _DEEP = 1e-9  # of a hull of unit extent: further inside all facets, a point is 
 
 
 class Measure(Enum):
-    """What is measured against a shape: the distance, the distance across a line, the height above a plane.
+    """The quantity that a boundary measures.
 
-    `DISTANCE` of two bodies, `ACROSS` a line without ends, or `HEIGHT` above a plane.
+    `DISTANCE` is the distance of two bodies, `ACROSS` the distance from a line without ends, and `HEIGHT` the height
+    above a plane.
 
     Example:
         >>> Measure.HEIGHT.quantity, Measure.ACROSS.quantity
@@ -57,9 +58,9 @@ class Shape(Value):
             parallelepiped, else orthonormal unit vectors of 1 m.
         corners: (k, m), the vertices as coefficients of the directions.
         radius: [m].
-        measure: What is measured against it; only a distance, if it is bounded.
+        measure: The quantity that a boundary measures; always the distance, if the shape is bounded.
         normal: (3,) unit vector along a line, or normal of a plane; None if it is bounded.
-        excess: By how much it leads outside what was marked [m]: a cylinder is held by a prism.
+        excess: How far the shape sticks out of the marked body [m]; a prism holds a cylinder.
 
     Example:
         >>> import pinbound as pb

@@ -25,6 +25,8 @@ from pinbound.tolerances import ROOT
 from pinbound.typing import Array, Flags
 from pinbound.values import Value
 
+_MOST_ROTATIONS = 3  # of a formula that a notebook shows
+
 __all__ = ["Boundary", "ContactAngle", "Penetration", "checked_window", "one_configuration"]
 
 
@@ -46,7 +48,7 @@ class Boundary(Value):
         place_error: [m], by how much the true linkage's norm can differ from the coupling's, within all joint limits,
             because the sides of loops on its path differ (`docs/closures.md`); 0 where they are equal.
         home: (n,) the robot's home, which says on which side of a stop it is; None: zero.
-        stop: Whether it is declared as a stop: contact where the two arms align.
+        stop: Whether it is declared as a stop: contact is where the two lever arms align.
 
     Example:
         >>> import pinbound as pb
@@ -72,12 +74,12 @@ class Boundary(Value):
 
     @property
     def kind(self) -> Kind:
-        """How the two links lie to each other, helper links aside."""
+        """How the two links are related in the tree; helper links do not count."""
         return self.path.kind
 
     @property
     def ancestor(self) -> str:
-        """The lowest common ancestor link, helper links aside."""
+        """The lowest common ancestor link; helper links do not count."""
         return self.path.ancestor
 
     @cached_property
@@ -193,7 +195,7 @@ class Boundary(Value):
 
         `norm - max(threshold, contact_tolerance)` of a distance, `norm - threshold` of a height above a plane. Of a
         stop `+-sqrt(norm^2 - m^2)`, m being the smallest norm: positive on home's side of the contact angle, negative
-        beyond it, smooth through it. Region, certificate and `free` all speak of this number.
+        beyond it, smooth through it. Region, certificate and `free` all use this number.
 
         Example:
             >>> import pinbound as pb
@@ -222,20 +224,20 @@ class Boundary(Value):
     def signed_distance(self, q: ArrayLike) -> Any:
         """Return the distance of the two bodies, their radii taken off, or minus their depth: a float, or (N,) [m].
 
-        Where hulls overlap, and `norm` is zero, it goes on: down to minus the least way that would make them touch.
-        `min_distance` is no part of the bodies. Certificates and contact go by `signed_clearance`.
+        If hulls overlap, `norm` is zero. The signed distance is then minus the shortest displacement that makes them
+        touch. `min_distance` does not count. Certificates and contact use `signed_clearance` instead.
         """
         return self._each(q, lambda Q: depth.signed_distances(self.path, self._radii, Q))
 
     def signed_distance_gradient(self, q: ArrayLike) -> Array:
         """Return the gradient of the signed distance, (n,) or (N, n) [m/rad, or 1 for a prismatic joint].
 
-        It is NaN where the way out is not unique, and where a distance without depth is zero (a kink).
+        It is NaN where the direction of separation is not unique, and where a distance without depth is zero (a kink).
         """
         return self._each(q, lambda Q: depth.signed_gradients(self.path, Q))
 
     def penetration(self, q: ArrayLike) -> Penetration:
-        """Return how deep the bodies are in each other, which way leads out, and whether it is the only one.
+        """Return how deep the bodies overlap, the direction that separates them, and whether it is the only one.
 
         The depth is proven from both sides to `tolerances.DEPTH` of the bodies' size. Depth (N,), direction (N, 3) in
         the ancestor's frame and `is_unique` (N,); for one q a float, (3,) and a bool.
@@ -297,21 +299,31 @@ class Boundary(Value):
 
         return symbolic.latex(self.expression(frame))
 
+    def _repr_latex_(self) -> str | None:
+        """Return the vector between the marks for a notebook; None if it is too long, or SymPy is not installed."""
+        if not self.path.difference.is_zonotope or self.path.minimal.rotations > _MOST_ROTATIONS:
+            return None
+        try:
+            return rf"$\displaystyle r = {self.latex()}\ \mathrm{{m}}$"
+        except UnsupportedError:
+            return None
+
     def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> Any:
         """Return the allowed values of one coordinate, the others as in q.
 
-        Allowed is what is out of contact. Of a stop these are all arcs between its contact angles, those beyond home's
-        gap too: what cannot be reached from home is for `signed_clearance` and `BoundarySet.limits` to say.
+        A value is allowed if the marks are not in contact there. For a stop, these are all arcs between its contact
+        angles, also those that cannot be reached from home: `signed_clearance` and `BoundarySet.limits` tell those.
 
-        Used in one rotation, `|r|^2 = a + b cos q_j + c sin q_j` (and the height above a plane likewise), so that the
-        allowed set is one arc a turn; used to slide only, it is all but one interval: closed forms. Used otherwise,
-        and between segments or across a line: every contact isolated with a proof.
+        If the coordinate enters one rotation only, `|r|^2 = a + b cos q_j + c sin q_j` (the height above a plane
+        likewise), and the allowed set is one arc in each turn. If it only translates, the allowed set is all but one
+        interval. These are closed forms. In all other cases, every contact is isolated with a proof.
 
         Args:
             coordinate: An active coordinate of the robot.
             q: (n,) configuration, or (N, n); its entry for the coordinate does not matter.
-            window: Within which to look, needed only where the coordinate never repeats: it both turns and slides, or
-                turns by angles without a common period; or where one turn holds too many contacts to list.
+            window: Range in which to search. It is needed only if the boundary has no period in the coordinate (the
+                coordinate rotates and translates, or rotates by angles without a common period), or if one turn has
+                too many contacts to list.
 
         Returns:
             `AllowedArcs` for one q, `AllowedArcsTable` for many.
@@ -343,8 +355,8 @@ class Boundary(Value):
     ) -> tuple[float, float] | None:
         """Return how far a coordinate can move from q (n,) within an interval that holds its value; None if in contact.
 
-        What `limits(...).around(...)` says, cut to the interval, but no further is looked; infinite where nothing stops
-        it before the interval ends. Whether q itself is in contact is what its signed clearance says (`clear`, if the
+        This is `limits(...).around(...)`, but searched within the interval only. An end is infinite if nothing stops
+        the coordinate before the interval ends. The signed clearance says whether q is in contact (`clear`, if the
         caller knows); where rounding sees the end of an arc on the other side of q, the end is q itself.
         """
         if not (self.signed_clearance(q) > 0.0 if clear is None else clear):

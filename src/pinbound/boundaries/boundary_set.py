@@ -339,7 +339,7 @@ class BoundarySet(NamedBoundaries):
     def beyond(self, q: ArrayLike) -> tuple[str, ...]:
         """Return the boundaries of one effective angle whose contact lies between home and q.
 
-        At such a q the marked points may be apart, but q cannot be reached: the way there leads through a contact.
+        At such a q the marks may be apart, but q cannot be reached: every motion from home passes through a contact.
 
         Example:
             >>> import pinbound as pb
@@ -350,9 +350,9 @@ class BoundarySet(NamedBoundaries):
         return tuple(boundary.name for boundary in self if boundary.parts(self._home, point))
 
     def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> CoordinateLimits:
-        """Return how far one coordinate can move from q, the others standing still, and what stops it.
+        """Return how far one coordinate can move from q, and what stops it. The other coordinates are fixed.
 
-        All boundaries and all joint limits, those of followers too, are intersected.
+        All boundaries and all joint limits count, also those of mimic joints.
 
         Args:
             coordinate: An active coordinate of the robot.

@@ -11,7 +11,7 @@ from typing import Any, overload
 import numpy as np
 
 from pinbound.coverage import CoverageRecord
-from pinbound.drawing import drawn
+from pinbound.drawing import Pictured, drawn
 from pinbound.exceptions import DimensionError
 from pinbound.typing import Array, Flags, Indices, Ints
 from pinbound.values import FrozenDict, Value, owned, read_only
@@ -269,7 +269,7 @@ class NoTruth:
 
 
 @dataclass(frozen=True, slots=True)
-class Certificate(NoTruth):
+class Certificate(NoTruth, Pictured):
     """What was proven about a motion.
 
     Attributes:

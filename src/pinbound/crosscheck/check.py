@@ -28,9 +28,9 @@ LEVELS: tuple[Level, ...] = ("points", "boundaries", "bodies", "region")
 
 @dataclass(frozen=True)
 class CrossCheck(Value):
-    """What coal says of a robot's boundaries, level by level.
+    """Comparison of a robot's boundaries with coal, level by level.
 
-    The first two levels judge the mathematics, the other two the model: whether the marked points stand for the bodies.
+    The first two levels test the mathematics. The other two test the model: whether the marks represent the bodies.
 
     Attributes:
         robot: Its name.

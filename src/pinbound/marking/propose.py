@@ -98,15 +98,15 @@ def propose_marks(
     skip_missing: bool = True,
     progress: Progress | None = None,
 ) -> Proposal:
-    """Return marks that hold the robot's bodies, and a boundary for every pair worth checking.
+    """Return marks that hold the robot's bodies, and a boundary for every pair that can collide.
 
-    Left out are pairs on one link, on links that never move against each other, on neighbours (one degree of freedom
-    between them) if they are not asked for, and pairs that are proven never to meet. Every other pair has its boundary,
-    unless its marks touch at home. If the user has given a home, it stays. Else a home is
-    looked for, today's first, at which the fewest pairs touch, and `home_note` says if it is another one. Pairs that
-    touch at home are left out too, for no region could hold it, and are counted apart: those that are proven to overlap
-    always, those that touch in every sample, and the others, which deserve a better home. Before that, bodies of such
-    pairs are covered as finely as polygons can. `evidence` says what each reason rests on.
+    These pairs are left out: pairs on one link, on links that never move against each other, on neighbours (one degree
+    of freedom between them) unless they are asked for, and pairs that are proven never to meet. Every other pair has
+    its boundary, unless its marks touch at home. A given home is kept. Otherwise the home at which the fewest pairs
+    touch is proposed; the present home is tried first, and `home_note` says if another one is proposed. Bodies of pairs
+    that touch at home are covered again, with the finest polygons. If they still touch, they are left out, because no
+    region could contain home. They are counted apart: pairs that are proven to overlap always, pairs that touch in
+    every sample, and others, for which a better home may exist. `evidence` says what each reason rests on.
 
     Args:
         robot: The robot; marks and boundaries that it has already are kept and not proposed again.

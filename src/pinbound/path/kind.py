@@ -12,10 +12,10 @@ __all__ = ["Case", "Form", "Kind"]
 
 
 class Kind(Enum):
-    """How two links lie to each other in the tree, helper links aside.
+    """How two links are related in the tree; helper links do not count.
 
-    `CONSECUTIVE`: one joint lies between them. `NON_CONSECUTIVE`: one is further down the same branch. `BRANCHED`: they
-    are on two branches. `COINCIDENT_BRANCHED`: on two branches that leave the ancestor at the same place.
+    `CONSECUTIVE`: one joint is between them. `NON_CONSECUTIVE`: both are on one branch, with more joints between them.
+    `BRANCHED`: they are on two branches. `COINCIDENT_BRANCHED`: the two branches start at the same point.
 
     Example:
         >>> Kind("branched").name

@@ -53,7 +53,7 @@ _TURN = 2.0 * np.pi
 
 @dataclass(frozen=True, eq=False)
 class Edge(Value):
-    """One edge of a region: which boundary or joint limit it is, and where it runs.
+    """One edge of a region, with the name of its boundary or joint limit, and its points.
 
     Attributes:
         name: Boundary name, or joint and end, e.g. ``"q2 upper"``.

@@ -51,7 +51,7 @@ def feasible_region(
 
     Returns:
         The region, with a named edge for every boundary or limit that is active; `components` has the others. Limits
-        belong to it, contacts do not. `unresolved` has the places at which it could not be told whether parts meet.
+        belong to it, contacts do not. `unresolved` lists the points at which it is undecided whether parts meet.
 
     Raises:
         UnknownNameError: If the robot has no such coordinate.

@@ -1,17 +1,15 @@
-"""A region as a picture, where people ask for one: `region.plot()`, and what a notebook shows."""
+"""A region as a picture: `region.plot()`, and what a notebook shows."""
 
 from __future__ import annotations
 
-import html
 from typing import Any
 
-from pinbound.drawing import drawn
-from pinbound.exceptions import UnsupportedError
+from pinbound.drawing import Pictured, drawn
 
 __all__ = ["Shown"]
 
 
-class Shown:
+class Shown(Pictured):
     """Draws a region."""
 
     def plot(self, ax: Any = None) -> Any:
@@ -33,11 +31,3 @@ class Shown:
             ('q2 [deg]', 'q3 [deg]')
         """
         return drawn("plots.region_axes", self, ax)
-
-    def _repr_html_(self) -> str:
-        """Return the picture, for a notebook; the text alone where matplotlib is not installed."""
-        text = f"<pre>{html.escape(repr(self))}</pre>"
-        try:
-            return str(drawn("canvas.svg_text", self.plot().figure)) + text
-        except UnsupportedError:
-            return text

@@ -68,7 +68,7 @@ def load(
         package_dirs: Folders that hold ROS packages, or are packages: for `package://` of meshes, and for
             `$(find name)` of xacro, which also looks in `ROS_PACKAGE_PATH`, `AMENT_PREFIX_PATH` and beside the file.
         xacro_args: Arguments of a xacro file, declared in it or in what it includes.
-        trust: `"urdf-only"` refuses xacro files: a xacro file can run code. Packaged robots are read all the same.
+        trust: `"urdf-only"` refuses xacro files, because they can run code. Packaged robots are always accepted.
 
     Returns:
         The robot, every closure proven to close and home proven to be free.

@@ -135,7 +135,7 @@ class MovingMarks:
     def at(self, poses: Mapping[str, ArrayLike]) -> BoundarySet:
         """Return the boundaries with marks at their poses: a `BoundarySet` like any other.
 
-        Contact is allowed, at home too: what comes on a conveyor may stand anywhere.
+        Contact is allowed, also at home, because an object on a conveyor may be anywhere.
 
         Args:
             poses: Of each mark that moved, (4, 4) or (3, 4) in the root link's frame, from where it was given. Marks

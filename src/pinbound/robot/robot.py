@@ -19,7 +19,7 @@ from pinbound.boundaries.boundary_set import BoundarySet
 from pinbound.coverage import Coverage
 from pinbound.coverage.bodies import collision_bodies
 from pinbound.coverage.body_meshes import MeshSource
-from pinbound.drawing import drawn
+from pinbound.drawing import Pictured, drawn
 from pinbound.evaluate import numeric
 from pinbound.exceptions import (
     DimensionError,
@@ -42,7 +42,7 @@ __all__ = ["Robot", "refuse_conditions"]
 
 
 @dataclass(frozen=True, eq=False)
-class Robot(Value):
+class Robot(Value, Pictured):
     """A robot with its coupling, closures and boundaries. Made by `load`; never changed afterwards.
 
     Attributes:
@@ -354,7 +354,7 @@ class Robot(Value):
         return ModelView.of(self.boundaries, self.coupling, joints, self.home)
 
     def from_pinocchio(self, model: Any, q: ArrayLike, near: ArrayLike | None = None) -> Array:
-        """Return this robot's Q of q of a user's own model: the way back from `to_pinocchio`.
+        """Return this robot's Q for q of your own model; the inverse of `to_pinocchio`.
 
         Args:
             model: As for `on`. Bind it once (`on`) where many q come one by one.
