@@ -22,7 +22,7 @@ from pathlib import Path
 
 import pinbound as pb
 from pinbound.coverage.bodies import Body, read_bodies
-from pinbound.coverage.covers import BY, MOST_PARTS, By, covers
+from pinbound.coverage.covers import BY, By, covers
 from pinbound.coverage.mesh_proof import prove
 from pinbound.exceptions import Problems
 
@@ -69,7 +69,7 @@ def mesh_bodies(path: Path) -> tuple[pb.Robot, list[Body]]:
     return robot, [body for body in read_bodies(robot.document, Problems("")).bodies if body.shape == "mesh"]
 
 
-def measured(name: str, path: Path, accuracy: float, by: By, most: int) -> Row:
+def measured(name: str, path: Path, accuracy: float, by: By, most: int | None) -> Row:
     """Cover one robot's meshes, and prove it again."""
     robot, bodies = mesh_bodies(path)
     missing = [body.name for body in bodies if robot.meshes.fault(body)]
@@ -137,7 +137,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--accuracy", type=float, default=0.002, help="[m]")
     parser.add_argument("--by", choices=BY[:-1], default="hulls")
-    parser.add_argument("--most", type=int, default=MOST_PARTS, help="marks of a link")
+    parser.add_argument("--most", type=int, help="marks of a link; default: as `pinbound mark`")
     parser.add_argument("--seconds", type=float, default=300.0, help="after these no robot is started")
     parser.add_argument("--only", default="", help="robots, separated by commas")
     parser.add_argument("--all", nargs="*", type=Path, help="every URDF, those of these folders, too")

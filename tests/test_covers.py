@@ -21,6 +21,7 @@ from pinbound.coverage.near import Near
 from pinbound.coverage.parts import FITS, outline
 from pinbound.coverage.planes import best_cut
 from pinbound.coverage.polytopes import Polytope, split_polygon
+from pinbound.coverage.solids import group_of
 from pinbound.coverage.surfaces import surface_of
 from pinbound.meshes import Mesh, read_mesh
 
@@ -425,11 +426,11 @@ def test_a_plane_along_a_flat_part_is_no_cut(monkeypatch: pytest.MonkeyPatch) ->
     cells = [5 * i + j for i in range(4) for j in range(4) if i < 2 or j < 2]
     rows = np.array([one for a in cells for one in ((a, a + 5, a + 1), (a + 5, a + 6, a + 1))])
     mesh = Mesh(vertices, rows, np.arange(len(rows)))
-    group, place, near = vertices[rows], np.array([0.15, 0.15, 0.0]), Near(mesh)
+    group, place, near = group_of(mesh), np.array([0.15, 0.15, 0.0]), Near(mesh)
     found = best_cut(group, place, 1e-3, near)
     assert found is not None
     assert min(map(len, found)) > 0
     along = np.array([0.0, 0.0, 1.0]), 2e-10
-    assert sorted(map(len, cut_by_plane(group, *along)))[0] == 0
+    assert sorted(map(len, group.cut(*along)))[0] == 0
     monkeypatch.setattr(planes, "_planes", lambda *_: [along])
     assert best_cut(group, place, 1e-3, near) is None

@@ -26,7 +26,7 @@ from pinbound.cli.shared import (
     millimetres,
     print_table,
 )
-from pinbound.coverage.covers import MOST_PARTS, By, Cover
+from pinbound.coverage.covers import By, Cover
 from pinbound.exceptions import InputError, Problem
 from pinbound.marking.disabled import DisabledPair, disabled_pairs, find_srdf
 from pinbound.marking.judge import Evidence
@@ -49,7 +49,12 @@ def mark(
     accuracy: Annotated[float, typer.Option(help="How far a mark may stick out of its body, in mm.")] = 20.0,
     shapes: Annotated[str, typer.Option(help="Shapes of bodies to cover, separated by commas.")] = ",".join(ALL_SHAPES),
     by: Annotated[str, typer.Option(help="Cover meshes by hulls, capsules, spheres or boxes.")] = "hulls",
-    most: Annotated[int, typer.Option(help="Largest number of marks for the meshes of one link.")] = MOST_PARTS,
+    most: Annotated[
+        int | None,
+        typer.Option(
+            help="Largest number of marks for the meshes of one link. Default: 8; 32 if the accuracy is below 10 mm."
+        ),
+    ] = None,
     skip_missing: Annotated[
         bool, typer.Option("--skip-missing", help="List a mesh that cannot be read as not covered, and go on.")
     ] = False,

@@ -24,7 +24,7 @@ from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.tolerances import REDUCTION, SAME_BODY
 from pinbound.typing import Array
 
-__all__ = ["BY", "MOST_PARTS", "By", "Cover", "Progress", "cover", "covers"]
+__all__ = ["BY", "MOST_PARTS", "By", "Cover", "Progress", "cover", "covers", "parts_allowed"]
 
 By = Literal["hulls", "capsules", "spheres", "boxes", "bodies"]
 """By what bodies are covered; ``"bodies"`` is the old name of ``"hulls"``."""
@@ -32,8 +32,10 @@ BY: tuple[By, ...] = ("hulls", "capsules", "spheres", "boxes", "bodies")
 Progress = Callable[[int, int, str], None]
 """Called with how many links are done, how many there are, and the name of the next."""
 
-MOST_PARTS = 8
-"""Marks that hold the meshes of one link, at most, unless it is said."""
+MOST_PARTS, MOST_FINE_PARTS = 8, 32
+"""Marks that hold the meshes of one link, at most, unless it is said; and if the accuracy is finer than `FINE`."""
+FINE = 0.01
+"""Metres. An accuracy below this asks for parts as many as it takes, up to `MOST_FINE_PARTS`."""
 _MOST_SPHERES = 64
 _SIDES = range(2, 9)  # half the number of sides of a polygon around a cylinder
 
@@ -66,7 +68,7 @@ def covers(
     accuracy: float,
     by: By = "hulls",
     meshes: MeshSource | None = None,
-    most: int = MOST_PARTS,
+    most: int | None = None,
     progress: Progress | None = None,
 ) -> tuple[Cover, ...]:
     """Return covers of bodies, in their order.
@@ -77,7 +79,7 @@ def covers(
         by: What holds meshes. Other bodies are held by themselves: by points, capsules, boxes and prisms; a cylinder
             between two spheres is one capsule. ``"spheres"``: all bodies by spheres.
         meshes: Reads meshes.
-        most: Marks of one link that hold meshes, at most; each mesh has one at least.
+        most: Marks of one link that hold meshes, at most; each mesh has one at least. None: `parts_allowed`.
         progress: Told of the links that have meshes.
 
     Raises:
@@ -92,6 +94,7 @@ def covers(
             spheres.setdefault(body.link, []).append(body)
     if not accuracy > 0.0:
         raise DimensionError(f"the accuracy {accuracy} is not a positive length; give metres above 0")
+    most = parts_allowed(accuracy, most)
     if most < 1:
         raise DimensionError(f"most = {most} leaves no part to a link; give 1 or more")
     if meshes is not None:
@@ -108,6 +111,18 @@ def covers(
     found += [cover(body, accuracy, by) for body in bodies if body not in taken]
     order = {body: place for place, body in enumerate(bodies)}
     return tuple(sorted(found, key=lambda one: order[one.bodies[0]]))
+
+
+def parts_allowed(accuracy: float, most: int | None) -> int:
+    """Return how many marks may hold the meshes of a link: what was said, else 8, and 32 below 10 mm of accuracy.
+
+    Example:
+        >>> parts_allowed(0.02, None), parts_allowed(0.002, None), parts_allowed(0.002, 5)
+        (8, 32, 5)
+    """
+    if most is not None:
+        return most
+    return MOST_FINE_PARTS if accuracy < FINE else MOST_PARTS
 
 
 def _of_meshes(

@@ -19,6 +19,7 @@ from pinbound.coverage.mesh_proof import NONE, MeshProof, away_from, prove
 from pinbound.coverage.near import Near
 from pinbound.coverage.parts import FITS, Fit, outline
 from pinbound.coverage.planes import best_cut
+from pinbound.coverage.solids import Group, group_of
 from pinbound.coverage.surfaces import Surface, surface_of
 from pinbound.exceptions import UnsupportedError
 from pinbound.meshes import Mesh
@@ -60,7 +61,7 @@ class _Work:
     fit: Fit
     accuracy: float
     near: Near = field(init=False)
-    groups: list[Array] = field(default_factory=list[Array])
+    groups: list[Group] = field(default_factory=list[Group])
     marks: list[Mark] = field(default_factory=list[Mark])
     surfaces: list[Surface] = field(default_factory=list[Surface])
     excess: list[Excess] = field(default_factory=list[Excess])
@@ -70,18 +71,18 @@ class _Work:
 
     def __post_init__(self) -> None:
         self.near = Near(self.mesh)
-        self._add(self.mesh.vertices[self.mesh.triangles], alone=True)
+        self._add(group_of(self.mesh), alone=True)
         self._guess(range(1))
 
-    def _add(self, group: Array, alone: bool = False) -> None:
-        mark = FITS[self.fit](self.name, self.link, _points(group), _SIMPLER * self.accuracy)
+    def _add(self, group: Group, alone: bool = False) -> None:
+        mark = FITS[self.fit](self.name, self.link, _points(group.triangles), _SIMPLER * self.accuracy)
         self.groups.append(group)
         self.marks.append(mark)
         self.surfaces.append(self._surface(mark, group, alone))
         self.excess.append(UNKNOWN)
         self.guessed.append(True)
 
-    def _surface(self, mark: Mark, group: Array, alone: bool) -> Surface:
+    def _surface(self, mark: Mark, group: Group, alone: bool) -> Surface:
         """Return the surface of a part, which holds its mark.
 
         Beside other parts it has more vertices than the mark: what is between two parts is known to be inside them only
@@ -89,7 +90,7 @@ class _Work:
         """
         vertices, radius = outline(mark)
         if not alone and self.fit == "hulls" and radius > 0.0:
-            fine = FITS["hulls"](self.name, self.link, _points(group), _FINER * self.accuracy).shape
+            fine = FITS["hulls"](self.name, self.link, _points(group.triangles), _FINER * self.accuracy).shape
             vertices, radius = fine.vertices, radius + fine.radius
         return surface_of(vertices, radius)
 
@@ -174,8 +175,14 @@ class _Work:
         for place in range(len(self.marks)):
             if not np.any(nearest == place):
                 continue
-            group: Array = np.concatenate((self.groups[place], triangles[nearest == place]))
-            mark = FITS[self.fit](self.name, self.link, _points(group), 0.0)
+            more = triangles[nearest == place]
+            old = self.groups[place]
+            group = Group(
+                np.concatenate((old.triangles, more)),
+                np.concatenate((old.solids, np.repeat(old.solids[:1], len(more)))),
+                old.hollows,
+            )
+            mark = FITS[self.fit](self.name, self.link, _points(group.triangles), 0.0)
             self.groups[place], self.guessed = group, [True] * len(self.marks)
             self.marks[place], self.surfaces[place] = mark, self._surface(mark, group, len(self.marks) == 1)
 

@@ -1,8 +1,9 @@
 """Which plane a part is cut by: the one that leaves the hulls nearest to the surface.
 
 Tried are planes across the axes in which the surface spreads and those of the link; planes of its own large faces,
-which are where solids are set upon each other; and planes through the bottom of the pocket that sticks out most. All
-are compared by the volume of the two hulls; the best of them by how far the surfaces of these are from the mesh.
+which are where solids are set upon each other; planes along hollow edges, where convex bodies meet; and planes through
+the bottom of the pocket that sticks out most. If the surface has several closed ones, they may be parted as they are.
+All are compared by the volume of the two hulls; the best by how far the surfaces of these are from the mesh.
 """
 
 from __future__ import annotations
@@ -13,20 +14,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.coverage.cuts import cut_by_plane, on_plane
+from pinbound.coverage.cuts import on_plane
 from pinbound.coverage.near import Near, lay_points
 from pinbound.coverage.parts import directions
+from pinbound.coverage.solids import Group
 
 __all__ = ["best_cut"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 Plane = tuple[Array, float]
 
 _LEVELS = 7  # planes across an axis, beside the one through the place that sticks out most
 _FACES = 12  # planes of own faces, those of the largest area
 _TURNS = 4  # planes through the bottom of a pocket, about the way out of it
 _LOOKED = 60  # directions in which a part's extent is looked at for its hull
+_HOLLOW = 5  # planes along hollow edges that are compared by distances, whatever their volumes
+_WHOLE = 1.5  # how much better a plane has to be that is tried beside whole closed surfaces, for it cuts more of them
 _COMPARED = 8  # planes that are compared by distances
 _ALIKE = 0.999  # cosine between axes that need not both be tried
 _APART = 1e-3  # of the extent: planes that are nearer to each other are one, and none is nearer to the rim
@@ -34,34 +39,63 @@ _CELLS = 40.0  # of the extent: corners in one cell of this size are one while p
 _DENSE = 16.0  # of a hull's extent: how far points are apart at which distances are looked at
 
 
-def best_cut(group: Array, place: Array, thick: float, near: Near) -> tuple[Array, Array] | None:
-    """Return a surface (n, 3, 3) in two, by the plane that leaves the best hulls; None if no plane cuts it.
+def best_cut(group: Group, place: Array, thick: float, near: Near) -> tuple[Group, Group] | None:
+    """Return a surface in two, by the plane or the closed surfaces that leave the best hulls; None if nothing parts it.
 
     Both sides have triangles: heights that are but the digits of a file are none.
 
     Args:
-        group: Triangles [m].
+        group: The surface.
         place: (3,) [m], where the part sticks out.
         thick: [m], what the area of a hull counts for: hulls that are flat have no volume.
         near: The mesh.
     """
-    sketch = _Sketch(group)
+    sketch = _Sketch(group.triangles)
     planes = _planes(group, sketch.points, place, near)
-    if not planes:
-        return None
     sides: list[tuple[Array, Array]] = [sketch.sides(*plane) for plane in planes]
     costs = [sum(_volume(one, thick) for one in pair) for pair in sides]
     order: list[int] = np.argsort(costs, kind="stable")[:_COMPARED].tolist()
-    order += [row for row in range(len(planes) - _TURNS, len(planes)) if row >= 0 and row not in order]
-    air = {row: sum(_air(one, planes[row], near) for one in sides[row]) for row in order}
-    for row in sorted(order, key=lambda row: air[row]):
-        below, above = cut_by_plane(group, *planes[row])
+    order += [row for row in range(len(planes) - _TURNS - _HOLLOW, len(planes)) if row >= 0 and row not in order]
+    found: list[tuple[float, int, tuple[Array, float] | Flags]] = []
+    for row in order:
+        found.append((sum(_air(one, planes[row], near) for one in sides[row]), row, planes[row]))
+    for chosen in _apart(group, thick):
+        pair = group.of_solids(chosen)
+        air = sum(_air(np.unique(one.triangles.reshape(-1, 3), axis=0), None, near) for one in pair)
+        found.append((air / _WHOLE, -1 - len(found), chosen))
+    for _, _, way in sorted(found, key=lambda one: one[:2]):
+        below, above = group.cut(*way) if isinstance(way, tuple) else group.of_solids(way)
         if len(below) and len(above):  # a plane along a flat part has all of it, but for rounding, on one side
             return below, above
     return None
 
 
-def _planes(group: Array, points: Array, place: Array, near: Near) -> list[Plane]:
+def _apart(group: Group, thick: float) -> list[Flags]:
+    """Return the best ways to share the closed surfaces of a group between two: which triangles go with the first."""
+    numbers, which = np.unique(group.solids, return_inverse=True)
+    if len(numbers) < 2:
+        return []
+    points = [np.unique(group.triangles[which == one].reshape(-1, 3), axis=0) for one in range(len(numbers))]
+    middles = np.array([0.5 * (one.min(axis=0) + one.max(axis=0)) for one in points])
+    ways = {tuple(row.tolist()) for row in np.eye(len(numbers), dtype=np.bool_)}
+    axes: Any = np.vstack((np.eye(3), np.linalg.svd(middles - middles.mean(axis=0))[2]))
+    for axis in axes:
+        order = np.argsort(middles @ axis)
+        for count in range(1, len(numbers)):
+            way = np.zeros(len(numbers), dtype=np.bool_)
+            way[order[:count]] = True
+            ways.add(tuple(way.tolist()))
+    found: list[tuple[float, Flags]] = []
+    for way in sorted(ways):
+        pair = [
+            np.concatenate([one for one, mine in zip(points, way, strict=True) if mine is side])
+            for side in (True, False)
+        ]
+        found.append((sum(_volume(one, thick) for one in pair), np.array(way)))
+    return [way[which] for _, way in sorted(found, key=lambda one: one[0])[:_COMPARED]]
+
+
+def _planes(group: Group, points: Array, place: Array, near: Near) -> list[Plane]:
     axes: Any = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)[2]
     rows: list[Array] = [np.eye(3)[row] for row in range(3)]
     rows += [axis for axis in axes if np.max(np.abs(axis)) < _ALIKE]
@@ -71,7 +105,7 @@ def _planes(group: Array, points: Array, place: Array, near: Near) -> list[Plane
         for low, high in ((float((points @ axis).min()), float((points @ axis).max())),)
         for at in (float(place @ axis), *np.linspace(low, high, _LEVELS + 2)[1:-1])
     ]
-    tried += _of_faces(group)
+    tried += _of_faces(group.triangles)
     bottom = near.nearest(place[None])[0]
     out = place - bottom
     length = float(np.linalg.norm(out))
@@ -79,6 +113,7 @@ def _planes(group: Array, points: Array, place: Array, near: Near) -> list[Plane
         first = np.linalg.svd(out[None] / length)[2][1:]
         angles = np.pi * np.arange(_TURNS) / _TURNS
         tried += [(axis, float(bottom @ axis)) for axis in np.column_stack((np.cos(angles), np.sin(angles))) @ first]
+    tried += group.planes()
     found: list[Plane] = []
     for axis, at in tried:
         height = points @ axis - at
@@ -169,18 +204,18 @@ def _volume(points: Array, thick: float) -> float:
     return float(hull.volume + thick * hull.area)
 
 
-def _air(points: Array, plane: Plane, near: Near) -> float:
+def _air(points: Array, plane: Plane | None, near: Near) -> float:
     """Return about the integral of the square of the distance from the mesh over a hull [m^4], the section left out."""
     hull = _hull(points) if len(points) else None
     if hull is None:
         return 0.0
     corners = hull.points[hull.simplices]
-    axis, at = plane
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
-    flush = np.all(np.abs(corners @ axis - at) <= _APART * extent, axis=1)
-    if np.all(flush):
-        return 0.0
-    corners = corners[~flush]
+    if plane is not None:
+        flush = np.all(np.abs(corners @ plane[0] - plane[1]) <= _APART * extent, axis=1)
+        if np.all(flush):
+            return 0.0
+        corners = corners[~flush]
     places, owner = lay_points(corners, extent / _DENSE)
     normals: Any = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     weight = 0.5 * np.linalg.norm(normals, axis=1) / np.bincount(owner, minlength=len(corners))

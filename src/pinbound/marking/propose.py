@@ -14,7 +14,7 @@ import numpy as np
 
 from pinbound.annotations import Annotations, BoundaryMark, LeftOutMark
 from pinbound.coverage.bodies import SHAPES, Body, LinkBodies, read_bodies
-from pinbound.coverage.covers import BY, MOST_PARTS, By, Cover, Progress, covers
+from pinbound.coverage.covers import BY, By, Cover, Progress, covers, parts_allowed
 from pinbound.coverage.records import hollow_note
 from pinbound.exceptions import Problems, UnknownNameError
 from pinbound.marking.candidates import home_entries
@@ -94,7 +94,7 @@ def propose_marks(
     shapes: Collection[str] = ALL_SHAPES,
     by: By = "hulls",
     neighbours: bool = False,
-    most: int = MOST_PARTS,
+    most: int | None = None,
     skip_missing: bool = True,
     progress: Progress | None = None,
 ) -> Proposal:
@@ -117,7 +117,7 @@ def propose_marks(
             compiled as a whole, and whose regions have curved edges.
         neighbours: Watch neighbours, too, where their marks do not touch at home: their contact is what many joint
             limits stand for.
-        most: Marks of one link that hold its meshes, at most.
+        most: Marks of one link that hold its meshes, at most; None: 8, and 32 if the accuracy is below 10 mm.
         skip_missing: Whether a mesh that cannot be read is named as not covered, with the reason in `notes`; if not, it
             is an error.
         progress: Called with how many links with meshes are done, how many there are, and the name of the next.
@@ -168,7 +168,7 @@ def propose_marks(
         rest = covers([body for body in chosen if body.link not in touching], accuracy)
         proposal, _ = _proposal(judge, together(*rest, *again), read)
     hollow = hollow_note(one.link for one in proposal.covers if one.proof is not None and len(one.marks) > 1)
-    more = filter(None, [_not_reached(proposal.covers, accuracy, most), hollow])
+    more = filter(None, [_not_reached(proposal.covers, accuracy, parts_allowed(accuracy, most)), hollow])
     return replace(proposal, notes=(*proposal.notes, *more), judge=judge)
 
 

@@ -1,0 +1,176 @@
+"""What a mesh is made of, to propose where it may be cut: closed surfaces, and edges where it is hollow.
+
+Files often hold several closed surfaces that are set together: a tube, a lid, a pin. Each is a better part than what a
+plane through all of them leaves. Within one of them, planes along its hollow edges part it where convex bodies meet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinbound.coverage.cuts import cut_by_plane
+from pinbound.meshes import Mesh
+from pinbound.values import Value
+
+__all__ = ["Group", "group_of"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+_MOST_SOLIDS = 24  # the largest; others go with the one that is nearest
+_SMALL = 1e-3  # of the volume of all: a closed surface that encloses less, or is turned over, goes with another
+_FLAT = 0.05  # sine of the turn at an edge: less is no hollow edge
+_FLUSH = 2e-3  # of the extent of a group: hollow edges that are nearer to a plane have been cut by it
+_TRIPLES = 200  # planes through three places of hollow edges that are looked at
+_PLANES = 5  # that are proposed
+
+
+@dataclass(frozen=True, eq=False)
+class Group(Value):
+    """A share of a mesh's surface, the cuts closed.
+
+    Attributes:
+        triangles: (n, 3, 3) [m].
+        solids: (n,), the number of the closed surface that each belongs to.
+        hollows: (k, 4), places on edges at which the surface is hollow [m], and how much each counts.
+    """
+
+    triangles: Array
+    solids: Ints
+    hollows: Array
+
+    def __len__(self) -> int:
+        """Return the number of triangles."""
+        return len(self.triangles)
+
+    def of_solids(self, chosen: Flags) -> tuple[Group, Group]:
+        """Return it in two: the triangles that are chosen, and the others; hollow edges go with both."""
+        return (
+            Group(self.triangles[chosen], self.solids[chosen], self.hollows),
+            Group(self.triangles[~chosen], self.solids[~chosen], self.hollows),
+        )
+
+    def cut(self, axis: Array, at: float) -> tuple[Group, Group]:
+        """Return what is below and above the plane `axis . x = at`, each closed surface cut, and closed, on its own."""
+        numbers: list[int] = np.unique(self.solids).tolist()
+        cuts = [cut_by_plane(self.triangles[self.solids == number], axis, at) for number in numbers]
+        height = self.hollows[:, :3] @ axis - at
+        flush = _FLUSH * float(np.ptp(self.triangles.reshape(-1, 3), axis=0).max())
+        found: list[Group] = []
+        for side, sign in enumerate((-1.0, 1.0)):
+            owner = np.repeat(numbers, [len(cut[side]) for cut in cuts]).astype(np.int64)
+            hollows = self.hollows[sign * height > flush]
+            found.append(Group(np.concatenate([cut[side] for cut in cuts]), owner, hollows))
+        return found[0], found[1]
+
+    def planes(self) -> list[tuple[Array, float]]:
+        """Return planes in which much of the hollow edges lies: a unit normal, and where it is along that."""
+        low, high = self.triangles.min(axis=(0, 1)), self.triangles.max(axis=(0, 1))
+        rows = np.all((self.hollows[:, :3] >= low) & (self.hollows[:, :3] <= high), axis=1)
+        places, weights = self.hollows[rows, :3], self.hollows[rows, 3]
+        thick = _FLUSH * float(np.max(high - low))
+        random = np.random.default_rng(0)
+        found: list[tuple[Array, float]] = []
+        while len(places) > 2 and len(found) < _PLANES:
+            corners = places[random.integers(len(places), size=(_TRIPLES, 3))]
+            normals: Any = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            size = np.linalg.norm(normals, axis=1)
+            some = size > thick**2
+            if not np.any(some):
+                break
+            normals, corners = normals[some] / size[some, None], corners[some, 0]
+            close = np.abs(places @ normals.T - np.einsum("ni,ni->n", normals, corners)) <= thick
+            best = int(np.argmax(weights @ close))
+            if weights @ close[:, best] <= 0.05 * weights.sum():
+                break
+            found.append((normals[best], float(normals[best] @ corners[best])))
+            places, weights = places[~close[:, best]], weights[~close[:, best]]
+        return found
+
+
+def group_of(mesh: Mesh) -> Group:
+    """Return all of a mesh, with its closed surfaces told apart.
+
+    A surface is closed if each of its edges is in two triangles, once in each direction. Triangles of others, of those
+    that enclose next to nothing, and of those that are turned over (holes) go with the closed surface that is nearest.
+
+    Example:
+        >>> box = np.array(list(np.ndindex(2, 2, 2)), dtype=np.float64)
+        >>> from scipy.spatial import ConvexHull
+        >>> hull = ConvexHull(box)
+        >>> rows = [row if at @ np.cross(*(box[row[1:]] - box[row[0]])) > 0 else row[::-1]
+        ...         for row, at in zip(hull.simplices, hull.equations[:, :3])]
+        >>> two = Mesh(np.vstack((box, box + 3.0)), np.vstack((rows, np.array(rows) + 8)), np.arange(24))
+        >>> np.unique(group_of(two).solids).tolist()
+        [0, 1]
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    corners = mesh.vertices[mesh.triangles]
+    vertices, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    rows: Ints = index.ravel()[mesh.triangles]
+    volumes: Array = np.linalg.det(corners - vertices.mean(axis=0)) / 6.0
+    if volumes.sum() < 0.0:  # inside out
+        corners, rows, volumes = corners[:, ::-1], rows[:, ::-1], -volumes
+    count = len(vertices)
+    start, end = rows.ravel(), np.roll(rows, -1, axis=1).ravel()
+    links: Any = coo_array((np.ones(len(start)), (start, end)), shape=(count, count))
+    labels: Ints = connected_components(links, directed=False)[1].astype(np.int64)[rows[:, 0]]
+    owner = np.repeat(labels, 3)
+    there, back = start * count + end, end * count + start
+    order = np.argsort(there, kind="stable")
+    at = np.minimum(np.searchsorted(there[order], back), len(order) - 1)
+    partner: Ints = order[at]
+    matched = there[partner] == back
+    twice = np.zeros(len(there), dtype=np.bool_)
+    twice[order[1:]] |= np.diff(there[order]) == 0
+    twice[order[:-1]] |= np.diff(there[order]) == 0
+    flat = start == end
+    broken = np.bincount(owner, weights=((~matched | twice) & ~flat).astype(np.float64)) > 0
+    volume = np.bincount(labels, weights=volumes)
+    large = np.flatnonzero(~broken & (volume > _SMALL * np.abs(volume).sum()))
+    large = large[np.argsort(-volume[large])][:_MOST_SOLIDS]
+    solids = np.zeros(len(corners), dtype=np.int64)
+    if len(large):
+        number = np.full(len(volume), -1)
+        number[large] = np.arange(len(large))
+        solids = number[labels]
+        lost = np.unique(labels[solids < 0])
+        if len(lost):
+            solids[solids < 0] = _nearest(corners, solids, labels, len(volume))[labels[solids < 0]]
+    return Group(corners, solids, _hollows(corners, partner, matched & ~twice & ~broken[owner]))
+
+
+def _nearest(corners: Array, solids: Ints, labels: Ints, count: int) -> Ints:
+    """Return for each connected surface the number of the chosen one that is nearest to its middle."""
+    from scipy import spatial
+
+    library: Any = spatial
+    kept = np.flatnonzero(solids >= 0)
+    tree = library.cKDTree(corners[kept].reshape(-1, 3))
+    total = np.maximum(np.bincount(labels, minlength=count), 1)[:, None]
+    middles = np.stack([np.bincount(labels, corners[:, :, axis].mean(axis=1), count) for axis in range(3)], axis=1)
+    found: Ints = solids[kept][np.asarray(tree.query(middles / total)[1]) // 3]
+    return found
+
+
+def _hollows(corners: Array, partner: Ints, chosen: Flags) -> Array:
+    """Return two places on each edge between two triangles at which a surface is hollow, and how much they count."""
+    edge = np.flatnonzero(chosen & (np.arange(len(partner)) < partner))
+    other = partner[edge]
+    normals: Any = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.divide(normals, size, out=np.zeros_like(normals), where=size > 0.0)
+    a, b = corners[edge // 3, edge % 3], corners[edge // 3, (edge + 1) % 3]
+    apex = corners[other // 3, (other + 2) % 3]
+    turn = np.linalg.norm(np.cross(normals[edge // 3], normals[other // 3]), axis=1)
+    rows = np.flatnonzero((turn > _FLAT) & (np.einsum("ni,ni->n", normals[edge // 3], apex - a) > 0.0))
+    a, b = a[rows], b[rows]
+    weight = np.linalg.norm(b - a, axis=1) * turn[rows]
+    return np.concatenate([np.column_stack((a + part * (b - a), weight)) for part in (0.25, 0.75)])
