@@ -1,6 +1,7 @@
 """Attack what is said of free space: polytopes, covers, volumes, projections, plans, proofs that there is no motion.
 
     python benchmarks/freespace_campaign.py --count 100000 --seed 0 --log campaign.log
+    python benchmarks/freespace_campaign.py --only atlas --count 10000 --seed 0 --log atlas.log
 
 Random arms of two to four joints, turning and sliding, with spheres of radii from 1e-6 to 0.2 m; a third of those of
 two joints has a wall with a passage 1e-7 to 1e-2 m wide, or none. Seeds are in contact, outside limits, and 1e-14 to
@@ -9,7 +10,7 @@ rotations, which Pinocchio's placements are compared with on every arm. What is 
 corners, and where a random descent finds the smallest clearance. What is said to be apart is flooded on a grid, the
 cells of which are joined only where their clearances prove it.
 
-A case is one claim that was attacked: a polytope, a cover, a volume, a projection, or a plan.
+A case is one claim that was attacked: a polytope, a cover, a volume, a projection, a plan, or a pair of an atlas.
 """
 
 from __future__ import annotations
@@ -31,7 +32,11 @@ import pinbound as pb
 BOXES = (400, 6000)
 """Boxes that a claim may cost: most are made with few, one in eight with many. Most claims cost 5 to 50 ms."""
 POLYTOPES, VOLUMES, PLANS = 4, 14, 60
-"""Claims a robot, beside one projection and one cover."""
+"""Claims a robot, beside one projection, one cover, and those of the pairs of one atlas."""
+ATLASES = 3
+"""Atlases a robot, where they alone are attacked."""
+TOLERANCE = 2.1e-5
+"""Metres: up to here there may be contact: the contact tolerance, and a little more."""
 NEAR = 1e-11
 """Metres: how much deeper than zero the oracle has to be before it contradicts; its own rounding is 1e-15."""
 
@@ -87,11 +92,15 @@ class Arm:
         each = [places[link] + frames[link] @ xyz for link, xyz in zip(self.links, self.xyz, strict=True)]
         return np.stack(each, axis=1)
 
-    def clearance(self, Q: np.ndarray) -> np.ndarray:
-        """Return the smallest clearance (N,) [m]; -1 where a limit is passed by more than 1e-9."""
+    def clearances(self, Q: np.ndarray) -> np.ndarray:
+        """Return the clearances (N, p) of all pairs [m]."""
         centres = self.spheres(Q)
         a, b = self.pairs.T
-        found = np.linalg.norm(centres[:, a] - centres[:, b], axis=2) - self.radii[a] - self.radii[b]
+        return np.linalg.norm(centres[:, a] - centres[:, b], axis=2) - self.radii[a] - self.radii[b]
+
+    def clearance(self, Q: np.ndarray) -> np.ndarray:
+        """Return the smallest clearance (N,) [m]; -1 where a limit is passed by more than 1e-9."""
+        found = self.clearances(Q)
         beyond = np.any((Q < self.limits[0] - 1e-9) | (Q > self.limits[1] + 1e-9), axis=1)
         return np.where(beyond, -1.0, found.min(axis=1))
 
@@ -153,12 +162,13 @@ def compare(arm: Arm, robot: pb.Robot, rng: np.random.Generator) -> bool:
     return bool(np.abs(mine - np.array(theirs)).max() < 1e-12)
 
 
-def descended(arm: Arm, inside, Q: np.ndarray, rng: np.random.Generator, steps: int = 12) -> np.ndarray:
+def descended(arm: Arm, inside, Q: np.ndarray, rng: np.random.Generator, steps: int = 12, measured=None) -> np.ndarray:
     """Return the smallest clearances that random descents within a set find from Q (N, n)."""
-    best, size = arm.clearance(Q), np.full(len(Q), 0.2)
+    measured = measured or arm.clearance
+    best, size = measured(Q), np.full(len(Q), 0.2)
     for _ in range(steps):
         trial = Q + size[:, None] * rng.normal(size=Q.shape)
-        value = np.where(inside(trial), arm.clearance(trial), np.inf)
+        value = np.where(inside(trial), measured(trial), np.inf)
         better = value < best
         Q, best = np.where(better[:, None], trial, Q), np.where(better, value, best)
         size *= np.where(better, 1.0, 0.75)
@@ -290,6 +300,82 @@ def attack_cover(arm: Arm, robot: pb.Robot, rng: np.random.Generator, found: Cou
                 found["WRONG no motion"] += 1
 
 
+@dataclass
+class Said:
+    """What an atlas says of one pair: where, and its clearance there, with its sign changed where it is in contact."""
+
+    arm: Arm
+    atlas: pb.PairAtlas
+    column: int
+    pair: int
+    where: pb.Where
+    sign: float
+
+    def inside(self, Q: np.ndarray) -> np.ndarray:
+        """Return where it is said."""
+        return self.atlas.pairs_where(Q)[:, self.column] == self.where
+
+    def measured(self, Q: np.ndarray) -> np.ndarray:
+        """Return what must not be negative there."""
+        return self.sign * self.arm.clearances(Q)[:, self.pair]
+
+
+def places_of(arm: Arm, atlas: pb.PairAtlas, rng: np.random.Generator) -> np.ndarray:
+    """Return places to ask about, 400 anywhere first: at limits, in boxes, on their corners, at ends of intervals."""
+    Q = rng.uniform(*arm.limits, (400, len(arm.kinds)))
+    parts = [Q, np.where(rng.random(Q.shape) < 0.2, arm.limits[1], Q), np.where(rng.random(Q.shape) < 0.2, Q, Q[0])]
+    for group in atlas.groups:
+        for where in pb.Where:
+            boxes = group.boxes(where)
+            if len(boxes) and boxes.shape[2] == len(group.columns) and group.kind != "exact":
+                parts.append(inside_boxes(boxes, Q[:60], group.columns.tolist(), rng))
+            elif len(boxes) and len(group.columns) == 1:  # ends of intervals, and a little to each side of them
+                ends = rng.choice(boxes.ravel(), 60) + np.where(
+                    rng.random(60) < 0.5, 0.0, 10.0 ** rng.uniform(-16, -8, 60)
+                )
+                parts.append(Q[:60].copy())
+                parts[-1][:, group.columns[0]] = ends
+    return np.concatenate(parts)
+
+
+def attack_atlas(arm: Arm, robot: pb.Robot, rng: np.random.Generator, found: Counter[str]) -> int:
+    """Look for contact where a pair is said to be free, and the other way round; return how many pairs that were."""
+    count = len(arm.pairs)
+    chosen = np.sort(rng.choice(count, int(rng.integers(1, count + 1)), replace=False))
+    names = [f"b{a}{b}" for a, b in arm.pairs[chosen]]
+    atlas = pb.pair_atlas(robot, names, budget_of(rng, 4), decided=0.97, each=bool(rng.random() < 0.3))
+    found["atlas complete" if atlas.reason is None else "atlas in part"] += 1
+    for group in atlas.groups:
+        found[f"group {group.kind} over {len(group.columns)}"] += 1
+    order = [names.index(name) for name in atlas.boundaries]
+    if rng.random() < 0.2:
+        with tempfile.TemporaryDirectory() as folder:
+            atlas = pb.load_atlas(atlas.save(Path(folder) / "atlas.npz"), robot)
+    Q = places_of(arm, atlas, rng)
+    said, true = atlas.pairs_where(Q), arm.clearances(Q)[:, chosen][:, order]
+    found["places"] += said.size
+    if np.any(true[said == pb.Where.FREE] <= -NEAR):
+        found["WRONG atlas, free"] += 1
+    if np.any(true[said == pb.Where.CONTACT] > TOLERANCE):
+        found["WRONG atlas, in contact"] += 1
+    whole, kept = atlas.where(Q), np.all((Q >= arm.limits[0] - 1e-12) & (Q <= arm.limits[1] + 1e-12), axis=1)
+    if np.any((whole == pb.Where.FREE) != (kept & np.all(said == pb.Where.FREE, axis=1))):
+        found["WRONG atlas, the whole"] += 1
+    for column, pair in enumerate(atlas.pairs):
+        for where, sign, depth in ((pb.Where.FREE, 1.0, -NEAR), (pb.Where.CONTACT, -1.0, -TOLERANCE)):
+            some = Q[said[:, column] == where][-8:]
+            one = Said(arm, atlas, column, int(chosen[order[column]]), where, sign)
+            if len(some) and np.any(descended(arm, one.inside, some, rng, 6, one.measured) < depth):
+                found[f"WRONG atlas, {where.name.lower()} (descent)"] += 1
+        if not pair.free[0] + pair.contact[0] <= pair.volume * (1.0 + 1e-9):
+            found["WRONG atlas, volumes"] += 1
+        if pair.kind != "exact":
+            share = np.mean(true[:400, column] > 0.0)
+            if not pair.free[0] / pair.volume - 0.15 <= share <= pair.free[1] / pair.volume + 0.15:
+                found["WRONG atlas, volume"] += 1
+    return len(names)
+
+
 class Grid:
     """Places of a grid over two joints; neighbours are joined where both clearances exceed what they move between."""
 
@@ -313,15 +399,17 @@ class Grid:
         return found[0] == found[1] != 0
 
 
-def attack(arm: Arm, robot: pb.Robot, rng: np.random.Generator, found: Counter[str]) -> int:
-    """Attack one robot in all ways; return how many claims that were."""
+def attack(arm: Arm, robot: pb.Robot, rng: np.random.Generator, found: Counter[str], only: str | None = None) -> int:
+    """Attack one robot in all ways, or by its atlas alone; return how many claims that were."""
+    if only == "atlas":
+        return sum(attack_atlas(arm, robot, rng, found) for _ in range(ATLASES))
     for _ in range(POLYTOPES):
         attack_polytope(arm, robot, rng, found)
     for _ in range(VOLUMES):
         attack_volume(arm, robot, rng, found)
     attack_projection(arm, robot, rng, found)
     attack_cover(arm, robot, rng, found)
-    return POLYTOPES + VOLUMES + 2 + PLANS
+    return POLYTOPES + VOLUMES + 2 + PLANS + attack_atlas(arm, robot, rng, found)
 
 
 def report(found: Counter[str], cases: int, started: float) -> str:
@@ -335,6 +423,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=200, help="cases: claims that are attacked")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", choices=["atlas"], help="one sort of claim alone")
     parser.add_argument("--log", type=Path, help="a file that is written anew after every robot")
     options = parser.parse_args()
     found, started, cases, number = Counter[str](), time.perf_counter(), 0, 0
@@ -342,13 +431,16 @@ def main() -> int:
         rng = np.random.default_rng([options.seed, number])
         with tempfile.TemporaryDirectory() as folder:
             arm = arm_of(rng)
+            if options.only:  # ends in either order, so that chains turn from either end
+                turned = np.random.default_rng([options.seed, number, 1]).random(len(arm.pairs)) < 0.5
+                arm.pairs = np.where(turned[:, None], arm.pairs[:, ::-1], arm.pairs)
             robot = load(arm, Path(folder))
             if robot is None:
                 found["home not free"] += 1
             else:
                 before = sum(count for name, count in found.items() if name.startswith("WRONG"))
                 found["WRONG oracle"] += not compare(arm, robot, rng)
-                cases += attack(arm, robot, rng, found)
+                cases += attack(arm, robot, rng, found, options.only)
                 if sum(count for name, count in found.items() if name.startswith("WRONG")) > before:
                     print(f"robot {number} of seed {options.seed}", flush=True)
                     found[f"robot {number} of seed {options.seed}"] += 1

@@ -8,7 +8,7 @@ import pytest
 
 import pinbound as pb
 from pinbound.certificates.records import Reason
-from pinbound.freespace.pair_sets import BoxTree
+from pinbound.freespace.pair_sets import AngleSet, BoxTree
 from robots import joint, robot_xml
 from test_polytope import POST, load, marks
 
@@ -147,6 +147,25 @@ def test_one_angle_is_that_of_the_formula(tmp_path: Path) -> None:
     atlas, edge = pb.pair_atlas(robot), wanted[0][0]
     near = np.nextafter(edge, [-np.inf, np.inf])
     assert np.all(atlas.where([[edge], *near[:, None]]) == pb.Where.UNDECIDED)
+
+
+def test_an_angle_within_rounding_of_an_edge_lies_in_neither_interval() -> None:
+    numbers = {"volume": 2.0, "free": 1.0, "contact": 1.0, "work": 0}
+    slots = {"slot_free": np.ones(1), "slot_contact": np.ones(1)}
+    low, high, edges = np.full(2, -9e5), np.full(2, 9e5), np.array([0.0, 1.0, 2.0])
+    codes = np.array([pb.Where.FREE, pb.Where.CONTACT], dtype=np.int8)
+    known = AngleSet(
+        **numbers, **slots, coefficients=np.array([3.0, -3.0]), low=low, high=high, edges=edges, codes=codes
+    )
+    base = 7e5 + np.arange(200) / 7.0
+    for ulps, wanted in ((0, 0), (1, 0), (-1, 0), (40, -1), (-40, 1)):
+        Y = np.stack([base + 1.0 / 3.0 + ulps * np.spacing(base), base], axis=1)
+        assert set(known.where(Y).tolist()) == {wanted}
+    assert known.where(np.array([[1.1, 1.0], [1.5, 1.0], [2.0, 1.0]])).tolist() == [
+        1,
+        -1,
+        0,
+    ]  # beyond what was looked at
 
 
 TWINS = [
