@@ -8,8 +8,23 @@ import pytest
 
 import pinbound as pb
 import robots
+import tiers
 
 os.environ.setdefault("PINBOUND_XACRO_SECONDS", "60")  # machines under test may be slow; that is no fault of xacro's
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Read no file of which the quick tier runs nothing: reading all of them takes longer than a third of its tests."""
+    files = {name.partition("::")[0] for names in tiers.QUICK.values() for name in names}
+    is_test = collection_path.name.startswith("test_") and collection_path.suffix == ".py"
+    return True if config.option.markexpr == "not slow" and is_test and collection_path.stem not in files else None
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark as slow what the quick tier (`tiers.py`) does not list."""
+    for item in items:
+        if not tiers.is_quick(item.path.stem, item.name.partition("[")[0]):
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(scope="session")
