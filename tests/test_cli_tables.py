@@ -70,6 +70,27 @@ def test_ctrl_c_says_how_to_go_on(capsys: pytest.CaptureFixture[str]) -> None:
     assert "Run the same command again" in capsys.readouterr().err
 
 
+THREE = """<robot name="three"><link name="base"/><link name="a"/><link name="b"/><link name="c"/>
+  <joint name="q1" type="{0}"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>{1}</joint>
+  <joint name="q2" type="{0}"><parent link="a"/><child link="b"/><origin xyz="0.4 0 0.1"/><axis xyz="0 1 0"/>{1}</joint>
+  <joint name="q3" type="{0}"><parent link="b"/><child link="c"/><origin xyz="0.5 0 0"/><axis xyz="0 1 0"/>{1}</joint>
+  <pinbound:annotations xmlns:pinbound="urn:pinbound:1">
+    <pinbound:point name="tip" link="c" xyz="0.3 0 0" radius="0.05"/>
+    <pinbound:point name="post" link="base" xyz="0.7 0.7 0.1" radius="0.1"/>
+    <pinbound:boundary name="beta" a="tip" b="post"/></pinbound:annotations></robot>"""
+
+
+def test_a_region_of_three_joints_says_the_options_to_type(tmp_path: Path) -> None:
+    path = tmp_path / "three.urdf"
+    path.write_text(THREE.format("continuous", ""))
+    asked = CliRunner().invoke(app, ["region", str(path)])
+    assert "add --coordinates NAME,NAME with two names out of: q1, q2, q3" in asked.output
+    asked = CliRunner().invoke(app, ["region", str(path), "--coordinates", "q1,q2"])
+    assert "add --window NAME=LOWER..UPPER" in asked.output
+    window = ["--window", "q1=-0.6..0.6,q2=-0.6..0.6"]
+    assert CliRunner().invoke(app, ["region", str(path), "--coordinates", "q1,q2", *window]).exit_code == 0
+
+
 @pytest.mark.parametrize("option", ["--within", "--grid"])
 def test_a_box_in_degrees_is_hinted_at(option: str, tmp_path: Path) -> None:
     box = {"--within": ["--random", "3", "--within", "q2=-30:40"], "--grid": ["--grid", "q2=-30:40:3"]}[option]

@@ -6,6 +6,7 @@ import functools
 import inspect
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
@@ -49,6 +50,11 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _PIPE_WIDTH = 140
+# What a message says in Python, and what one types in a terminal.
+_OPTIONS = {
+    r"give coordinates=\(\.{3}, \.{3}\)(?:, two names)? out of:": "add --coordinates NAME,NAME with two names out of:",
+    r"give window=\{[^}]*\}": "add --window NAME=LOWER..UPPER",
+}
 _trusted = ContextVar("trust", default=TRUST[0])
 
 RobotName = Annotated[
@@ -135,7 +141,7 @@ def guarded(command: Callable[P, R]) -> Callable[..., R]:
             typer.echo(f"pinbound: {error}", err=True)
             raise typer.Exit(3) from error
         except PinboundError as error:
-            typer.echo(f"pinbound: {error}", err=True)
+            typer.echo(f"pinbound: {_in_options(str(error))}", err=True)
         except KeyboardInterrupt:
             typer.echo("pinbound: stopped. Run the same command again: it starts from the beginning.", err=True)
             raise typer.Exit(130) from None
@@ -153,6 +159,13 @@ def guarded(command: Callable[P, R]) -> Callable[..., R]:
         run.__annotations__ = found | {"trust": Trust, "return": signature.return_annotation}
         cast(Any, run).__signature__ = signature.replace(parameters=[*signature.parameters.values(), asked])
     return run
+
+
+def _in_options(message: str) -> str:
+    """Return a message whose remedy is an argument in Python with the option that one types."""
+    for pattern, option in _OPTIONS.items():
+        message = re.sub(pattern, option, message)
+    return message
 
 
 def load_robot(
