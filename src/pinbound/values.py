@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from functools import cache
 from typing import Any, NoReturn, TypeVar, cast
 
@@ -15,8 +15,6 @@ __all__ = ["FrozenDict", "Value", "owned", "read_only"]
 K = TypeVar("K", bound=Hashable)
 V = TypeVar("V")
 A = TypeVar("A", bound=NDArray[Any])
-
-_PLAIN = (str, float, int, bool, type(None))
 
 
 class FrozenDict(dict[K, V]):
@@ -98,19 +96,34 @@ def _names(kind: type) -> tuple[str, ...]:
     return tuple(one.name for one in dataclasses.fields(cast(Any, kind)))
 
 
-def _frozen(value: Any) -> Any:
-    if type(value) in _PLAIN:
+@cache
+def _freezer(kind: type) -> Callable[[Any], Any] | None:
+    """Return what freezes values of a type; None: they are such as cannot be changed, or are left as they are."""
+    if issubclass(kind, np.ndarray):
+        return cast(Callable[[Any], Any], read_only)
+    if issubclass(kind, Mapping):
+        return None if issubclass(kind, FrozenDict) else _frozen_mapping
+    if issubclass(kind, list):
+        return _frozen_list
+    return _frozen_tuple if issubclass(kind, tuple) else None
+
+
+def _frozen(value: object) -> Any:
+    freezer = _freezer(type(value))
+    return value if freezer is None else freezer(value)
+
+
+def _frozen_mapping(value: Mapping[Any, Any]) -> Any:
+    return FrozenDict({key: _frozen(entry) for key, entry in value.items()})
+
+
+def _frozen_list(value: list[Any]) -> Any:
+    return tuple(_frozen(entry) for entry in value)
+
+
+def _frozen_tuple(value: tuple[Any, ...]) -> Any:
+    if not value:
         return value
-    if isinstance(value, np.ndarray):
-        return read_only(cast(Any, value))
-    if isinstance(value, Mapping) and not isinstance(value, FrozenDict):
-        entries: dict[Any, Any] = {key: _frozen(entry) for key, entry in cast(Mapping[Any, Any], value).items()}
-        return cast(Any, FrozenDict(entries))
-    if isinstance(value, list):
-        return tuple(_frozen(entry) for entry in cast(list[Any], value))
-    if isinstance(value, tuple):
-        parts = cast(tuple[Any, ...], value)
-        kept = [_frozen(entry) for entry in parts]
-        changed = any(a is not b for a, b in zip(kept, parts, strict=True))
-        return tuple(kept) if changed and type(parts) is tuple else parts
-    return cast(Any, value)
+    kept = [_frozen(entry) for entry in value]
+    changed = any(a is not b for a, b in zip(kept, value, strict=True))
+    return tuple(kept) if changed and type(value) is tuple else value

@@ -54,7 +54,7 @@ ALWAYS = "always overlap"
 IN_ALL = "in contact in all of"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class Evidence(Value):
     """What leaving out a pair of links for one reason rests on.
 
@@ -139,18 +139,21 @@ def moving_pairs(
     radii = np.array([min(mark.shape.radius for mark in own) for own in by_link.values()])
     more = np.maximum(0.0, judge.robot.annotations.contact_tolerance - radii[:, None] - radii)  # of contact, than radii
     is_exact = not any(closure.deviations for closure in judge.robot.closures)
-    gaps = (least_gaps(judge.robot.tree, by_link) - more).tolist() if is_exact else None
+    gaps = least_gaps(judge.robot.tree, by_link) - more if is_exact else None
     place = {mark: place for place, mark in enumerate(marks)}
     pairs: list[Pair] = []
+    row, of_row = list[float](), -1  # numbers of one link at a time: those of all are gigabytes for thousands of links
     for (i, a), (j, b) in combinations(enumerate(by_link), 2):
         ones, others = by_link[a], by_link[b]
+        if gaps is not None and of_row != i:
+            row, of_row = gaps[i].tolist(), i
         reason = judge.links_reason(a, b)
         if reason is not None:
             left_out[a, b, reason] += len(ones) * len(others)
             continue
-        if gaps is not None and gaps[i][j] > 0.0:
+        if gaps is not None and row[j] > 0.0:
             left_out[a, b, NEVER] += len(ones) * len(others)
-            spare[a, b] = gaps[i][j]
+            spare[a, b] = row[j]
             continue
         judged = [one for row in judge.pairs(ones, others) for one in row]
         pairs += [one for one in judged if isinstance(one, Pair)]
