@@ -20,7 +20,7 @@ from pinbound.extras import require
 from pinbound.figures import plots
 from pinbound.figures.canvas import save
 from pinbound.figures.colours import PALETTE, order_of, style_of
-from pinbound.figures.cover_figure import draw_cover
+from pinbound.figures.cover_figure import CoverPicture, draw_cover, picture_of
 from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
 
@@ -178,17 +178,21 @@ def write_covers(robot: Robot, out: Path) -> Iterator[tuple[str, str, str]]:
     by_link: dict[str, list[Body]] = {}
     for body in collision_bodies(robot):
         by_link.setdefault(body.link, []).append(body)
+    pictures: dict[int, CoverPicture] = {}
     for index, (link, bodies) in enumerate(by_link.items()):
         marks = [one for one in robot.annotations.marks.values() if one.link == link and not one.shape.is_unbounded]
         if not marks:
             continue
         readable = [body.shape == "mesh" and not robot.meshes.fault(body) for body in bodies]
         meshes = [robot.meshes.of(body) if one else None for body, one in zip(bodies, readable, strict=True)]
-        said = _said_of(robot, link, bodies, marks)
-        figure = draw_cover(link, bodies, meshes, marks, said)
+        pictures[index] = picture_of(link, bodies, meshes, marks)
+    scale = max((one.furthest for one in pictures.values()), default=0.0)
+    for index, picture in pictures.items():
+        said = _said_of(robot, picture.link, picture.bodies, picture.marks)
+        figure = draw_cover(picture, said, scale)
         name = f"cover_{index}.png"
         figure.savefig(out / name, dpi=130)
-        yield link, name, said
+        yield picture.link, name, f"{said}; furthest place seen {1e3 * picture.furthest:.2f} mm from the bodies"
 
 
 def _said_of(robot: Robot, link: str, bodies: Sequence[Body], marks: Sequence[Mark]) -> str:
