@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-_MOST_SOLIDS = 24  # the largest; others go with the one that is nearest
+_MOST_SOLIDS = 12  # the largest; others go with the one that is nearest
 _SMALL = 1e-3  # of the volume of all: a closed surface that encloses less, or is turned over, goes with another
 _FLAT = 0.05  # sine of the turn at an edge: less is no hollow edge
 _FLUSH = 2e-3  # of the extent of a group: hollow edges that are nearer to a plane have been cut by it
@@ -109,8 +109,8 @@ def group_of(mesh: Mesh) -> Group:
         >>> np.unique(group_of(two).solids).tolist()
         [0, 1]
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+    from scipy import sparse
+    from scipy.sparse import csgraph
 
     corners = mesh.vertices[mesh.triangles]
     vertices, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
@@ -120,8 +120,10 @@ def group_of(mesh: Mesh) -> Group:
         corners, rows, volumes = corners[:, ::-1], rows[:, ::-1], -volumes
     count = len(vertices)
     start, end = rows.ravel(), np.roll(rows, -1, axis=1).ravel()
-    links: Any = coo_array((np.ones(len(start)), (start, end)), shape=(count, count))
-    labels: Ints = connected_components(links, directed=False)[1].astype(np.int64)[rows[:, 0]]
+    library: Any = sparse
+    links: Any = library.coo_array((np.ones(len(start)), (start, end)), shape=(count, count))
+    library = csgraph
+    labels: Ints = np.asarray(library.connected_components(links, directed=False)[1], dtype=np.int64)[rows[:, 0]]
     owner = np.repeat(labels, 3)
     there, back = start * count + end, end * count + start
     order = np.argsort(there, kind="stable")

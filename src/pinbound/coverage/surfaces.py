@@ -65,9 +65,10 @@ def surface_of(vertices: Array, radius: float) -> Surface:
     """Return the surface of a hull with a ball of `radius` around."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     polytope = Polytope.of(vertices)
-    pieces = () if polytope is None else _pieces(polytope)
-    if polytope is not None and len(pieces[0].corners):
-        return Surface(pieces, polytope, radius, polytope.slack, low, high)
+    if polytope is not None:
+        pieces = _pieces(polytope)
+        if len(pieces[0].corners):
+            return Surface(pieces, polytope, radius, polytope.slack, low, high)
     if len(vertices) <= _FEW:
         # Whatever its shape: by Caratheodory's theorem each place of a surface is in a triangle of vertices.
         last = len(vertices) - 1
