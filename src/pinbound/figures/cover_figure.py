@@ -155,15 +155,13 @@ def _draw_surface(axes: Any, one: Seen, side: int, end: float) -> Any:
     missing = (one.mark[side] >= 0) & np.isnan(one.away[side])
     shown[missing] = (0.8, 0.8, 0.8, 1.0)
     shown[one.mark[side] < 0] = 0.0
-    corners = 1e3 * np.array([one.low[0], one.high[0], one.low[1], one.high[1]])
-    axes.imshow(shown, origin="lower", extent=corners.tolist(), interpolation="bilinear", aspect="auto", zorder=2)
+    corners: list[float] = [1e3 * float(end) for i in range(2) for end in (one.low[i], one.high[i])]
+    axes.imshow(shown, origin="lower", extent=corners, interpolation="bilinear", aspect="auto", zorder=2)
     number = one.mark[side].astype(float)
     if len(np.unique(number)) > 1:
-        rows, columns = number.shape
-        u: Array = corners[0] + (np.arange(columns) + 0.5) * (corners[1] - corners[0]) / columns
-        v: Array = corners[2] + (np.arange(rows) + 0.5) * (corners[3] - corners[2]) / rows
         for index in range(int(number.max()) + 1):
-            axes.contour(u, v, number == index, levels=[0.5], colors=_LINE, linewidths=0.5, zorder=3)
+            rim = {"levels": [0.5], "colors": _LINE, "linewidths": 0.5, "zorder": 3}
+            axes.contour(number == index, origin="lower", extent=corners, **rim)
     return known
 
 
