@@ -293,3 +293,24 @@ def test_what_a_polytope_holds_cannot_be_written_to(polytope: pb.FreePolytope) -
         bool(polytope)
     assert not polytope.contains([0.0, math.nan, 0.0])
     assert not polytope.contains([math.inf, 0.0, 0.0])
+
+
+def test_a_robot_without_moving_joints_is_answered(tmp_path: Path) -> None:
+    fixed = '<joint name="f" type="fixed"><parent link="base"/><child link="a"/><origin xyz="0 0 1"/></joint>'
+    robot = load(
+        f'<robot name="still" xmlns:pinbound="urn:pinbound:1"><link name="base"/><link name="a"/>{fixed}'
+        '<pinbound:annotations><pinbound:point name="p" link="base" xyz="0 0 0" radius="0.1"/>'
+        '<pinbound:point name="t" link="a" xyz="0 0 0" radius="0.1"/><pinbound:boundary name="pt" a="p" b="t"/>'
+        "</pinbound:annotations></robot>",
+        tmp_path,
+    )
+    q, boundaries = np.zeros(0), robot.boundaries
+    assert robot.coordinates == ()
+    assert boundaries.signed_clearances(q).tolist() == pytest.approx([0.8])
+    assert boundaries.free(np.zeros((2, 0))).tolist() == [True, True]
+    assert boundaries.gradients(np.zeros((2, 0))).shape == (2, 1, 0)
+    certificates = [pb.certify(robot, np.zeros((2, 0))), pb.certify_box(robot, q, q), pb.certified_box(robot, q)]
+    assert all(one.verdict is pb.Verdict.CERTIFIED and one.lower == pytest.approx(0.8) for one in certificates)
+    assert pb.plan(robot, q, q).verdict is pb.Verdict.CERTIFIED
+    with pytest.raises(pb.UnsupportedError, match="no joint of 'still' moves"):
+        pb.certified_polytope(robot, q)

@@ -250,7 +250,7 @@ class Boundary(Value):
         """
         Q = as_configurations(q, self.robot_coordinates)
         is_plane_first = self.point_a.shape.is_unbounded
-        found = depth.penetrations(self.path, self._radii, Q.reshape(-1, len(self.robot_coordinates)), is_plane_first)
+        found = depth.penetrations(self.path, self._radii, np.atleast_2d(Q), is_plane_first)
         if Q.ndim > 1:
             return found
         return Penetration(float(found.depth[0]), found.direction[0], bool(found.is_unique[0]))
@@ -347,7 +347,7 @@ class Boundary(Value):
         if window is not None:
             window = checked_window(window)
         index = self.robot_coordinates.index(coordinate)
-        table = self.rule.arcs(index, coordinate, points.reshape(-1, len(self.robot_coordinates)), window)
+        table = self.rule.arcs(index, coordinate, np.atleast_2d(points), window)
         return table if points.ndim > 1 else table[0]
 
     def span(

@@ -322,7 +322,7 @@ class BoundarySet(NamedBoundaries):
         """
         array = as_configurations(Q, self._coordinates)
         if array.ndim > 1 or not _as_usual(threads, backend):
-            found = self.signed_kernel.free(array.reshape(-1, len(self._coordinates)), limits, threads, backend)
+            found = self.signed_kernel.free(np.atleast_2d(array), limits, threads, backend)
             return found if array.ndim > 1 else bool(found[0])
         return self.signed_kernel.one_is_free(array, limits)
 
@@ -429,7 +429,7 @@ class BoundarySet(NamedBoundaries):
         """
         if str(coordinate) not in self._coordinates:
             raise UnknownNameError("coordinate", coordinate, self._coordinates)
-        rows = as_configurations(Q, self._coordinates).reshape(-1, len(self._coordinates))
+        rows = np.atleast_2d(as_configurations(Q, self._coordinates))
         if not np.all(np.isfinite(rows)):
             raise DimensionError("Q holds a number that is not finite; give finite numbers")
         index = self._coordinates.index(coordinate)

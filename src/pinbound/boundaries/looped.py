@@ -343,7 +343,7 @@ class LoopBoundarySet(BoundarySet):
 
     def limits_table(self, coordinate: str, Q: ArrayLike) -> tuple[Array, NDArray[np.str_]]:
         """Return how far one coordinate can move from each of many q (N, n), as `limits` does one by one."""
-        rows = as_configurations(Q, self._coordinates).reshape(-1, len(self._coordinates))
+        rows = np.atleast_2d(as_configurations(Q, self._coordinates))
         found = [self.limits(coordinate, row) for row in rows]
         ends = np.array([(one.lower, one.upper) for one in found]).reshape(-1, 2)
         stops = [(one.lower_stop or "", one.upper_stop or "") for one in found]

@@ -182,7 +182,7 @@ def one_angle(chains: Sequence[Chain], n: int) -> OneAngle:
         smallest = np.hypot(axis @ (p + s), lengths[0] - lengths[1])
         rows.append((float(angle), float(smallest), 4.0 * lengths[0] * lengths[1], min(lengths)))
     table = np.array(rows).reshape(-1, 4)
-    coefficients = np.array([chain.coefficients[0] for chain in chains]).reshape(-1, n)
+    coefficients = np.array([chain.coefficients[0] for chain in chains]).reshape(len(rows), n)
     return OneAngle(coefficients, table[:, 0], table[:, 1], table[:, 2], table[:, 3])
 
 
@@ -353,7 +353,7 @@ def box_terms(
     slid = _slid(slides, nothing, half)
     rho, (count, n) = arms[which], half.shape
     if steps is None:
-        steps = np.zeros((n, count, n))  # half across in each coordinate alone, all of them in one go
+        steps = np.zeros((max(n, 1), count, n))  # half across in each coordinate alone, all of them in one go
         steps[np.arange(n), :, np.arange(n)] = half.T
     p = len(steps)
     turns = np.einsum("nki,jni->kjn", C, steps).reshape(len(phi), p * count)

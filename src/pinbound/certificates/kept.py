@@ -168,7 +168,7 @@ class Tables:
             if any(contact.half_width for contact in contacts)
             for contact in contacts
         ]
-        coefficients = np.array([row[1] for row in rows]).reshape(-1, self.n)
+        coefficients = np.array([row[1] for row in rows]).reshape(len(rows), self.n)
         return tuple(row[0] for row in rows), coefficients, np.array([row[2] for row in rows]).reshape(-1, 2)
 
     def beyond(self, q: Array) -> set[str]:
@@ -190,7 +190,7 @@ class Tables:
                     # The two may cancel, their rounding does not.
                     bounds.append((sign * (bound - limit.offset), abs(bound) + abs(limit.offset)))
         table = np.array(bounds).reshape(-1, 2)
-        return tuple(names), np.array(rows).reshape(-1, self.n), table[:, 0], table[:, 1]
+        return tuple(names), np.array(rows).reshape(len(rows), self.n), table[:, 0], table[:, 1]
 
     def _limits(self, farthest: Array, degree: int) -> Limits | GuardedLimits:
         names, C, bounds, sizes = self._limit_rows

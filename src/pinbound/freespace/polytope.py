@@ -13,6 +13,7 @@ from pinbound.certificates.boxes import certify_box
 from pinbound.certificates.records import Budget, Reason, Verdict
 from pinbound.certificates.scope import covered, scope, settled
 from pinbound.certificates.search import Meter
+from pinbound.exceptions import UnsupportedError
 from pinbound.freespace.draft import Draft
 from pinbound.freespace.faces import Face, OneAngleGaps, guarded_choices, limit_faces, outer_box
 from pinbound.freespace.growing import Grower
@@ -78,6 +79,7 @@ def certified_polytope(
     Raises:
         DimensionError: If q is not one finite configuration, or a coordinate has no limits.
         UnknownNameError: If the robot has no boundary, or the window no coordinate, of that name.
+        UnsupportedError: If no joint of the robot moves.
 
     References:
         `docs/free-space.md`.
@@ -94,6 +96,8 @@ def certified_polytope(
     start = one_configuration(q, robot.coordinates).copy()
     chosen = scope(robot, boundaries, True, limits_only)
     meter = Meter(budget or _BUDGET)
+    if not robot.coordinates:
+        raise UnsupportedError(f"no joint of {robot.name!r} moves, so that there is no free space; ask certify()")
     ground = _Ground(robot, start, chosen, dict(window or {}))
     empty = FreePolytope(
         verdict=Verdict.UNDECIDED,

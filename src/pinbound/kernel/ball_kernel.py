@@ -88,7 +88,7 @@ class BallKernel(Kernel):
 
     @cached_property
     def _angles(self) -> Array:
-        return np.array(self.tree.angles).reshape(-1, self.n)
+        return np.array(self.tree.angles).reshape(len(self.tree.angles), self.n)
 
     @cached_property
     def _scale(self) -> float:

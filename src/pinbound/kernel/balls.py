@@ -131,7 +131,7 @@ class BallTree:
     @cached_property
     def turns(self) -> Array:
         """(n,) the sum of all angles' |c_j|."""
-        return np.abs(np.array(self.angles).reshape(-1, self.n)).sum(axis=0)
+        return np.abs(np.array(self.angles).reshape(len(self.angles), self.n)).sum(axis=0)
 
     @cached_property
     def clusters(self) -> list[Cluster]:

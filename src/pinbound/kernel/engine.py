@@ -144,7 +144,7 @@ class Kernel:
         """Return norms or clearances (N, m), or gradients (N, m, n); new arrays have contiguous columns."""
         kind = self._kind(dtype, threads, backend)
         result = rows_buffer(out, Q, len(self.pairs), self.n, mode, kind)
-        if not self.pairs or not len(Q):
+        if not result.size:
             return result
         flat = result.reshape(len(Q), -1)
         if not np.shares_memory(flat, result):
@@ -207,7 +207,7 @@ class Kernel:
     @cached_property
     def _angles(self) -> Array:
         """(k, n) coefficients of all angles."""
-        return np.array(self.program.graph.angles).reshape(-1, self.n)
+        return np.array(self.program.graph.angles).reshape(len(self.program.graph.angles), self.n)
 
     @cached_property
     def _scale(self) -> float:
@@ -245,7 +245,7 @@ class Kernel:
     def _rates(self) -> NDArray[np.float64]:
         """(n,) how far a unit of each coordinate can slide any path, summed over its blocks; 0 where none slides."""
         sums = [np.linalg.norm(pair.minimal.slides, axis=1).sum(axis=0) for pair in self.pairs]
-        return np.max(np.array(sums).reshape(-1, self.n), axis=0, initial=0.0)
+        return np.max(np.array(sums).reshape(len(sums), self.n), axis=0, initial=0.0)
 
     def _regular(self, kind: np.dtype[Any]) -> NDArray[np.float64]:
         """Return the largest |q_j| (used,) that the machine code may take: finite, and no square overflows."""

@@ -101,7 +101,7 @@ class MixedKernel:
     def _farthest(self) -> NDArray[np.float64]:
         """(n,) the largest |q_j| that machine code may take: no square of a slide overflows."""
         sums = [np.linalg.norm(pair.minimal.slides, axis=1).sum(axis=0) for pair in self._searched_pairs]
-        rates = np.max(np.array(sums).reshape(-1, self.n), axis=0, initial=0.0)
+        rates = np.max(np.array(sums).reshape(len(sums), self.n), axis=0, initial=0.0)
         return np.where(rates > 0.0, LONGEST / (self.n * np.maximum(rates, 1e-100)), _FARTHEST)
 
     def one(self, q: NDArray[np.float64], mode: Literal["norms", "clearances"]) -> NDArray[np.float64] | None:
