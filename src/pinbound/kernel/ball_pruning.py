@@ -92,8 +92,7 @@ class Window:
         places = {number: i for i, number in enumerate(self.pairs.tolist())}
         if any(number not in places for number in pairs):
             return np.ones(self.near.shape[1], dtype=np.bool_)
-        found: Flags = np.logical_or.reduce(self.near[[places[number] for number in pairs]], axis=0)
-        return found
+        return np.any(self.near[[places[number] for number in pairs]], axis=0)
 
     def cells(self, tree: BallTree, Q: Array) -> Ints:
         """Return the cell (N,) of each row of Q (N, n) within the limits."""
