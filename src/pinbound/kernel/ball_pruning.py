@@ -91,7 +91,7 @@ class Window:
         """Return in which cells any of some pairs may meet; pairs that it does not know may meet in all."""
         places = {number: i for i, number in enumerate(self.pairs.tolist())}
         if any(number not in places for number in pairs):
-            return np.ones(self.near.shape[1], dtype=np.bool_)
+            return np.ones(len(self.near.T), dtype=np.bool_)
         return np.any(self.near[[places[number] for number in pairs]], axis=0)
 
     def cells(self, tree: BallTree, Q: Array) -> Ints:
