@@ -1,5 +1,6 @@
 """Balls about links: no configuration brings marks nearer than `least_gaps` says, and none could say more of a line."""
 
+import pickle
 from collections.abc import Callable
 
 import numpy as np
@@ -127,3 +128,13 @@ def test_a_hall_of_arms_is_judged_by_pairs_of_links(load_text: Load) -> None:
     number = float(said.text.split("more than ")[1].split(" mm")[0])
     assert said.basis == "proof"
     assert 1199.99 <= number < 1200.0
+    # evidence is made when it is asked for; it is as a dict of all of it, with the keys and the order of `left_out`
+    whole = dict(found.evidence)
+    assert list(whole) == list(found.left_out)
+    assert found.evidence == whole == dict(propose_marks(robot).evidence)
+    assert said is not found.evidence["l0_2", "l1_2", "can never meet"]
+    with pytest.raises(KeyError):
+        found.evidence["l0_2", "l1_2", "neighbours"]
+    again = pickle.loads(pickle.dumps(found.evidence))
+    assert again == whole
+    assert hash(again) == hash(found.evidence)

@@ -6,7 +6,7 @@ import enum
 import pickle
 import types
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -18,7 +18,7 @@ from pinbound.loops.closures import Deviation
 from pinbound.path.chain import Chain
 from pinbound.region.arrangement import Corner, Edge
 from pinbound.region.halfplanes import HalfPlane
-from pinbound.values import FrozenDict, Value, read_only
+from pinbound.values import FrozenDict, MadeMapping, Value, read_only
 
 PLAIN = (str, bytes, int, float, complex, type(None), enum.Enum, type, types.FunctionType, types.BuiltinFunctionType)
 BOXES = """
@@ -91,7 +91,7 @@ def reach(root: Any) -> dict[str, Any]:
             continue
         seen[id(value)] = value  # kept, so that no id is used twice
         found[path] = value
-        if isinstance(value, dict):
+        if isinstance(value, Mapping):
             stack += [(f"{path}[{key!r}]", entry) for key, entry in value.items()]
         elif isinstance(value, (list, tuple, set, frozenset)):
             stack += [(f"{path}[{i}]", entry) for i, entry in enumerate(value)]
@@ -257,6 +257,46 @@ def test_a_frozen_dict_is_a_dict_that_cannot_be_changed() -> None:
     ):
         with pytest.raises(TypeError, match="cannot be changed"):
             change()
+
+
+class Lengths(MadeMapping[str, tuple[int, ...]]):
+    """Of each name, its length; counts how often it is asked."""
+
+    asked = 0
+
+    def make(self, key: str) -> tuple[int, ...]:
+        Lengths.asked += 1
+        return (len(key),)
+
+
+def test_a_made_mapping_is_as_a_frozen_dict_of_the_same_items() -> None:
+    made, plain = Lengths(FrozenDict({"three": 0, "one": 0})), FrozenDict({"three": (5,), "one": (3,)})
+    assert list(made.items()) == list(plain.items())
+    assert made == plain
+    assert plain == made
+    assert made == Lengths(FrozenDict({"one": 1, "three": 1}))
+    assert made != Lengths(FrozenDict({"one": 0}))
+    assert hash(made) == hash(plain)
+    assert repr(made) == repr(plain)
+    for again in (pickle.loads(pickle.dumps(made)), copy.copy(made), copy.deepcopy(made)):
+        assert type(again) is Lengths
+        assert again == made
+    with pytest.raises(KeyError, match="two"):
+        made["two"]
+    with pytest.raises(TypeError):
+        made["one"] = (1,)  # type: ignore[index]
+
+
+def test_a_record_keeps_a_made_mapping_and_makes_nothing() -> None:
+    @dataclasses.dataclass(frozen=True)
+    class Holder(Value):
+        held: Mapping[str, tuple[int, ...]]
+
+    made, before = Lengths(FrozenDict({"one": 0})), Lengths.asked
+    assert Holder(made).held is made
+    assert "one" in made
+    assert len(made) == 1
+    assert Lengths.asked == before
 
 
 def test_a_value_freezes_what_it_is_given() -> None:

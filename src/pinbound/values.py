@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from functools import cache
 from typing import Any, NoReturn, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FrozenDict", "Value", "owned", "read_only"]
+__all__ = ["FrozenDict", "MadeMapping", "Value", "owned", "read_only"]
 
 K = TypeVar("K", bound=Hashable)
 V = TypeVar("V")
@@ -46,6 +46,59 @@ class FrozenDict(dict[K, V]):
     def __reduce__(self) -> tuple[Any, ...]:
         """Return how to make it again, for pickle and copy."""
         return FrozenDict, (dict(self),)
+
+
+class MadeMapping(Mapping[K, V]):
+    """A mapping whose values are made each time that they are asked for, so that millions of them need no memory.
+
+    It cannot be changed, and compares with other mappings, hashes and prints as a `FrozenDict` of the same items. What
+    is made for one key must be equal each time.
+
+    Args:
+        keys: What has the keys, in their order; it is kept, and must not change.
+
+    Example:
+        >>> class Squares(MadeMapping[int, int]):
+        ...     def make(self, key: int) -> int:
+        ...         return key * key
+        >>> squares = Squares(FrozenDict({3: None, 2: None}))
+        >>> squares[3], list(squares), squares == {2: 4, 3: 9}, squares
+        (9, [3, 2], True, {3: 9, 2: 4})
+    """
+
+    def __init__(self, keys: Mapping[K, Any]) -> None:
+        """Keep the keys."""
+        self._keys = keys
+
+    def make(self, key: K) -> V:
+        """Return the value of a key that there is."""
+        raise NotImplementedError
+
+    def __getitem__(self, key: K) -> V:
+        """Return the value of a key; KeyError if there is none."""
+        if key not in self._keys:
+            raise KeyError(key)
+        return self.make(key)
+
+    def __contains__(self, key: object) -> bool:
+        """Return whether there is a key; makes no value."""
+        return key in self._keys
+
+    def __iter__(self) -> Iterator[K]:
+        """Iterate over the keys."""
+        return iter(self._keys)
+
+    def __len__(self) -> int:
+        """Return how many keys there are."""
+        return len(self._keys)
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        """Return a hash of the items, whatever their order."""
+        return hash(frozenset(self.items()))
+
+    def __repr__(self) -> str:
+        """Return the items as a dict shows them."""
+        return repr(dict(self))
 
 
 def read_only(array: A) -> A:
@@ -102,7 +155,7 @@ def _freezer(kind: type) -> Callable[[Any], Any] | None:
     if issubclass(kind, np.ndarray):
         return cast(Callable[[Any], Any], read_only)
     if issubclass(kind, Mapping):
-        return None if issubclass(kind, FrozenDict) else _frozen_mapping
+        return None if issubclass(kind, FrozenDict | MadeMapping) else _frozen_mapping
     if issubclass(kind, list):
         return _frozen_list
     return _frozen_tuple if issubclass(kind, tuple) else None

@@ -16,62 +16,66 @@ from pinbound.marking.judge import (
     RIGID,
     Evidence,
     Judge,
+    Spare,
 )
 from pinbound.marking.narrow import Pair
-from pinbound.robot.robot import Robot
 from pinbound.typing import Array
+from pinbound.values import FrozenDict, MadeMapping, read_only
 
-__all__ = ["evidence_of"]
+__all__ = ["Evidences"]
 
 Key = tuple[str, str, str]
 
 
-def evidence_of(
-    judge: Judge,
-    left_out: Mapping[Key, int],
-    spare: Mapping[tuple[str, str], float],
-    dropped: Mapping[Key, Sequence[Pair]],
-    home: Array,
-) -> dict[Key, Evidence]:
-    """Return what each entry of `left_out` rests on.
+class Evidences(MadeMapping[Key, Evidence]):
+    """What each entry of `left_out` rests on, made when it is asked for: large robots have millions of pairs."""
 
-    Args:
-        judge: The robot and its configurations.
-        left_out: Pairs of links and reasons.
-        spare: How far pairs that can never meet stay apart, by links [m].
-        dropped: The pairs of marks that touch at the proposed home, by links and reason.
-        home: (n,), the home that is proposed.
-    """
-    found: dict[Key, Evidence] = {}
-    for key in left_out:
+    def __init__(
+        self,
+        judge: Judge,
+        left_out: FrozenDict[Key, int],
+        spare: Spare,
+        dropped: Mapping[Key, Sequence[Pair]],
+        home: Array,
+    ) -> None:
+        """Take what is known.
+
+        Args:
+            judge: The robot and its configurations.
+            left_out: Pairs of links and reasons.
+            spare: How far pairs that can never meet stay apart, by links [m].
+            dropped: The pairs of marks that touch at the proposed home, by links and reason.
+            home: (n,), the home that is proposed.
+        """
+        super().__init__(left_out)
+        self._tree, self._samples = judge.robot.tree, len(judge.Q)
+        self._spare, self._home = spare, read_only(home)
+        self._names = {key: tuple((pair.a.name, pair.b.name) for pair in pairs) for key, pairs in dropped.items()}
+        self._always = {
+            key: min(pair.always or 0.0 for pair in pairs) for key, pairs in dropped.items() if key[2] == ALWAYS
+        }
+
+    def make(self, key: Key) -> Evidence:
+        """Return what an entry of `left_out` rests on."""
         a, b, reason = key
-        pairs = dropped.get(key, ())
-        names = tuple((pair.a.name, pair.b.name) for pair in pairs)
+        names = self._names.get(key, ())
         if reason == NEVER:
-            found[key] = Evidence("proof", f"they stay more than {_mm(spare[a, b])} mm apart, for all q")
-        elif reason == ALWAYS:
-            least = min(pair.always or 0.0 for pair in pairs)
-            found[key] = Evidence(
-                "proof", f"balls in them overlap by more than {_mm(least)} mm, for all q", None, names
-            )
-        elif reason.startswith(IN_ALL):
-            found[key] = Evidence("samples", f"seen in {len(judge.Q)} configurations; not proven", None, names)
-        elif reason == AT_HOME:
-            found[key] = Evidence("witness", "in contact at the home that is proposed", home, names)
-        elif reason == RIGID:
-            found[key] = Evidence("proof", "no degree of freedom lies between them")
-        elif reason == NEIGHBOURS:
-            joints = ", ".join(_between(judge.robot, a, b))
-            found[key] = Evidence("granted", f"one degree of freedom between ({joints}); watch them: --neighbours")
-        elif reason == FREE_JOINT:
-            found[key] = Evidence("granted", "no boundary is possible over a free joint")
-        else:
-            found[key] = Evidence("granted", "no mark holds these bodies")
-    return found
-
-
-def _between(robot: Robot, a: str, b: str) -> list[str]:
-    return [joint.name for joint in robot.tree.path_between(a, b) if joint.moves]
+            return Evidence("proof", f"they stay more than {_mm(self._spare.of(a, b))} mm apart, for all q")
+        if reason == ALWAYS:
+            said = f"balls in them overlap by more than {_mm(self._always[key])} mm, for all q"
+            return Evidence("proof", said, None, names)
+        if reason.startswith(IN_ALL):
+            return Evidence("samples", f"seen in {self._samples} configurations; not proven", None, names)
+        if reason == AT_HOME:
+            return Evidence("witness", "in contact at the home that is proposed", self._home, names)
+        if reason == RIGID:
+            return Evidence("proof", "no degree of freedom lies between them")
+        if reason == NEIGHBOURS:
+            joints = ", ".join(joint.name for joint in self._tree.path_between(a, b) if joint.moves)
+            return Evidence("granted", f"one degree of freedom between ({joints}); watch them: --neighbours")
+        if reason == FREE_JOINT:
+            return Evidence("granted", "no boundary is possible over a free joint")
+        return Evidence("granted", "no mark holds these bodies")
 
 
 def _mm(metres: float) -> str:

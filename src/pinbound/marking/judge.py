@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -35,6 +34,7 @@ __all__ = [
     "Basis",
     "Evidence",
     "Judge",
+    "Spare",
     "count_uncovered",
     "listed",
     "moving_pairs",
@@ -44,6 +44,7 @@ Basis = Literal["proof", "witness", "samples", "granted"]
 
 SAMPLES = 500
 _NAMED = 5  # how many pairs a sentence names
+_NONE: dict[str, int] = {}
 
 NEIGHBOURS = "neighbours"
 RIGID = "never move against each other"
@@ -71,6 +72,40 @@ class Evidence(Value):
     q: Array | None = None
     marks: tuple[tuple[str, str], ...] = ()
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether all four are the same."""
+        if not isinstance(other, Evidence):
+            return NotImplemented
+        mine, its = (None if one.q is None else one.q.tolist() for one in (self, other))
+        return (self.basis, self.text, self.marks, mine) == (other.basis, other.text, other.marks, its)
+
+    def __hash__(self) -> int:
+        """Return a hash of the words and the marks."""
+        return hash((self.basis, self.text, self.marks))
+
+
+@dataclass(frozen=True, eq=False)
+class Spare:
+    """How far the marks of two links, that can never meet, stay apart [m].
+
+    Attributes:
+        judged: By the names of two links, where their marks were looked at.
+        places: The row of each link's name in `bounds`.
+        bounds: (k, k) lower bounds for all other links; None if there are none.
+    """
+
+    judged: dict[tuple[str, str], float]
+    places: dict[str, int]
+    bounds: Array | None
+
+    def of(self, a: str, b: str) -> float:
+        """Return the bound of two links."""
+        found = self.judged.get((a, b))
+        if found is not None:
+            return found
+        assert self.bounds is not None  # links are either judged or bounded
+        return float(self.bounds[self.places[a], self.places[b]])
+
 
 class Judge:
     """Judges pairs of links and of marks of one robot, each once."""
@@ -87,12 +122,17 @@ class Judge:
         """Return why no pair on two links is worth checking, or None."""
         if self._parts[link_a] != self._parts[link_b]:
             return FREE_JOINT
-        degrees = self._degrees.get(frozenset((link_a, link_b)), MANY_DEGREES)
+        degrees = self._degrees.get(link_a, _NONE).get(link_b, MANY_DEGREES)
         return RIGID if degrees == 0 else NEIGHBOURS if degrees == 1 and not self.neighbours else None
 
     @cached_property
-    def _degrees(self) -> dict[frozenset[str], int]:
-        return self.robot.tree.degrees_nearby(self.robot.coupling)
+    def _degrees(self) -> dict[str, dict[str, int]]:
+        """The degrees of freedom between links that are near each other, both ways; all others have many."""
+        found: dict[str, dict[str, int]] = {}
+        for (a, b), degrees in self.robot.tree.degrees_nearby(self.robot.coupling).items():
+            found.setdefault(a, {})[b] = degrees
+            found.setdefault(b, {})[a] = degrees
+        return found
 
     @cached_property
     def _parts(self) -> dict[str, int]:
@@ -125,9 +165,9 @@ class Judge:
 
 
 def moving_pairs(
-    judge: Judge, marks: Sequence[Mark], left_out: Counter[tuple[str, str, str]], spare: dict[tuple[str, str], float]
-) -> list[Pair]:
-    """Return the pairs that may meet; count the others by reason, and note how far those never come near [m].
+    judge: Judge, marks: Sequence[Mark], left_out: dict[tuple[str, str, str], int]
+) -> tuple[list[Pair], Spare]:
+    """Return the pairs that may meet, and how far those stay apart that never do; count the others by reason.
 
     Links are looked at in pairs, first by balls about all of their marks (`broad`), which cost nothing a pair.
     """
@@ -135,13 +175,14 @@ def moving_pairs(
     for mark in marks:
         by_link.setdefault(mark.link, []).append(mark)
     if not by_link:
-        return []
+        return [], Spare({}, {}, None)
     radii = np.array([min(mark.shape.radius for mark in own) for own in by_link.values()])
     more = np.maximum(0.0, judge.robot.annotations.contact_tolerance - radii[:, None] - radii)  # of contact, than radii
     is_exact = not any(closure.deviations for closure in judge.robot.closures)
     gaps = least_gaps(judge.robot.tree, by_link) - more if is_exact else None
     place = {mark: place for place, mark in enumerate(marks)}
     pairs: list[Pair] = []
+    spare: dict[tuple[str, str], float] = {}
     row, of_row = list[float](), -1  # numbers of one link at a time: those of all are gigabytes for thousands of links
     for (i, a), (j, b) in combinations(enumerate(by_link), 2):
         ones, others = by_link[a], by_link[b]
@@ -149,28 +190,30 @@ def moving_pairs(
             row, of_row = gaps[i].tolist(), i
         reason = judge.links_reason(a, b)
         if reason is not None:
-            left_out[a, b, reason] += len(ones) * len(others)
+            left_out[a, b, reason] = len(ones) * len(others)
             continue
         if gaps is not None and row[j] > 0.0:
-            left_out[a, b, NEVER] += len(ones) * len(others)
-            spare[a, b] = row[j]
+            left_out[a, b, NEVER] = len(ones) * len(others)
             continue
         judged = [one for row in judge.pairs(ones, others) for one in row]
         pairs += [one for one in judged if isinstance(one, Pair)]
         apart = [one for one in judged if not isinstance(one, Pair)]
         if apart:
-            left_out[a, b, NEVER] += len(apart)
+            left_out[a, b, NEVER] = len(apart)
             spare[a, b] = min(apart)
-    return sorted(pairs, key=lambda pair: (place[pair.a], place[pair.b]))
+    pairs.sort(key=lambda pair: (place[pair.a], place[pair.b]))
+    return pairs, Spare(spare, {link: i for i, link in enumerate(by_link)}, gaps)
 
 
 def count_uncovered(
-    judge: Judge, bodies: Sequence[Body], uncovered: Sequence[Body], left_out: Counter[tuple[str, str, str]]
+    judge: Judge, bodies: Sequence[Body], uncovered: Sequence[Body], left_out: dict[tuple[str, str, str], int]
 ) -> None:
     """Count the pairs of bodies that no boundary can speak of, as one of the two is not covered."""
     of_link: dict[str, list[Body]] = {}
     for body in bodies:
         of_link.setdefault(body.link, []).append(body)
+    if not uncovered:
+        return
     missing = set(uncovered)
     bare = {link: [body for body in found if body in missing] for link, found in of_link.items()}
     for link_a, link_b in combinations(of_link, 2):
@@ -182,7 +225,8 @@ def count_uncovered(
         if reason is None:
             named = [f"{body.name} ({body.shape})" for body in (*bare[link_a], *bare[link_b])]
             reason = f"not covered: {listed(named)}"
-        left_out[link_a, link_b, reason] += pairs
+        key = link_a, link_b, reason
+        left_out[key] = left_out.get(key, 0) + pairs
 
 
 def listed(words: Sequence[str]) -> str:

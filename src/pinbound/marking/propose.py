@@ -18,7 +18,7 @@ from pinbound.coverage.covers import BY, By, Cover, Progress, covers, parts_allo
 from pinbound.coverage.records import hollow_note
 from pinbound.exceptions import Problems, UnknownNameError
 from pinbound.marking.candidates import home_entries
-from pinbound.marking.evidence import evidence_of
+from pinbound.marking.evidence import Evidences
 from pinbound.marking.homes import choose_home, home_note
 from pinbound.marking.judge import (
     ALWAYS,
@@ -33,7 +33,7 @@ from pinbound.marking.judge import (
 from pinbound.marking.kept import kept, known, unused
 from pinbound.marking.narrow import Pair
 from pinbound.robot.robot import Robot
-from pinbound.values import Value
+from pinbound.values import FrozenDict, Value
 
 __all__ = ["ALL_SHAPES", "Proposal", "left_out_marks", "propose_marks"]
 
@@ -213,9 +213,8 @@ def _proposal(judge: Judge, found: Sequence[Cover], read: LinkBodies) -> tuple[P
     taken = {body for one in held for body in one.bodies}
     uncovered = tuple(body for body in read.bodies if body not in taken)
     excess = {mark.name: one.excess for one in held for mark in one.marks}
-    left_out: Counter[tuple[str, str, str]] = Counter()
-    spare: dict[tuple[str, str], float] = {}
-    pairs = moving_pairs(judge, [mark for one in held for mark in one.marks], left_out, spare)
+    left_out: dict[tuple[str, str, str], int] = {}
+    pairs, spare = moving_pairs(judge, [mark for one in held for mark in one.marks], left_out)
     count_uncovered(judge, read.bodies, uncovered, left_out)
     contact = np.array([pair.contact for pair in pairs]).reshape(len(pairs), len(judge.Q))
     always = np.all(contact, axis=1)
@@ -233,7 +232,7 @@ def _proposal(judge: Judge, found: Sequence[Cover], read: LinkBodies) -> tuple[P
                 boundaries.append(BoundaryMark(unused(f"{a.name}-{b.name}", named), a.name, b.name))
         else:
             key = a.link, b.link, _why_in_contact(pair)
-            left_out[key] += 1
+            left_out[key] = left_out.get(key, 0) + 1
             dropped.setdefault(key, []).append(pair)
         if (touches[home.chosen] or touches[0]) and excess[a.name] + excess[b.name] > 0.0:
             touching |= {a.link, b.link}
@@ -248,18 +247,21 @@ def _proposal(judge: Judge, found: Sequence[Cover], read: LinkBodies) -> tuple[P
         home=own.home if robot.annotations.home or not home.can_be_said else home_entries(robot, judge.Q[home.chosen]),
     )
     at_home = [(pair, judge.at_home(pair)) for pair in pairs if pair.contact[0] and not np.all(pair.contact)]
+    reasons = FrozenDict(left_out)
+    del left_out  # these are millions of pairs on large robots
     proposal = Proposal(
         annotations=annotations,
         covers=tuple(held),
         uncovered=uncovered,
-        left_out=dict(left_out),
+        left_out=reasons,
         home_note=home_note(judge, home, at_home),
         touching={(pair.a.name, pair.b.name): gap for pair, gap in at_home},
         notes=read.notes,
-        evidence=evidence_of(judge, left_out, spare, dropped, judge.Q[home.chosen]),
+        evidence=Evidences(judge, reasons, spare, dropped, judge.Q[home.chosen]),
     )
-    stated = dict.fromkeys((*annotations.left_out, *left_out_marks(proposal)))
-    return replace(proposal, annotations=replace(annotations, left_out=tuple(stated))), touching
+    said = dict.fromkeys(annotations.left_out)
+    stated = (*said, *(one for one in left_out_marks(proposal) if not said or one not in said))
+    return replace(proposal, annotations=replace(annotations, left_out=stated)), touching
 
 
 def _why_in_contact(pair: Pair) -> str:
@@ -279,9 +281,12 @@ def left_out_marks(proposal: Proposal) -> tuple[LeftOutMark, ...]:
     annotations = proposal.annotations
     marks = annotations.marks
     watched = {frozenset((marks[one.a].link, marks[one.b].link)) for one in annotations.boundaries}
+    counts = proposal.left_out
+    keys = [key for key in counts if key[2] in (NEVER, ALWAYS) or key[2].startswith(IN_ALL)]
+    keys.sort()
     stated: list[LeftOutMark] = []
-    for (a, b, reason), count in sorted(proposal.left_out.items()):
-        if reason in (NEVER, ALWAYS) or reason.startswith(IN_ALL):
-            some = f"{count} pairs of marks: " if frozenset((a, b)) in watched else ""
-            stated.append(LeftOutMark(a, b, some + reason))
+    for key in keys:
+        a, b, reason = key
+        some = f"{counts[key]} pairs of marks: " if frozenset((a, b)) in watched else ""
+        stated.append(LeftOutMark(a, b, some + reason))
     return tuple(stated)
