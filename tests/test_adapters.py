@@ -145,7 +145,7 @@ def test_a_region_that_holds_what_boundaries_need_is_refused() -> None:
 def test_speeds_are_asked_for(minerva: pb.Robot) -> None:
     view = minerva.on(minerva.model)
     for given, said in (
-        ({"q1": 1.0}, "says nothing of 'q2'"),
+        ({"q1": 1.0}, "has no entry for 'q2'"),
         ({"q9": 1.0}, "q9"),
         ([1.0, 0.0, 1.0], "velocity is"),
         (np.inf, "velocity is"),

@@ -118,16 +118,19 @@ def test_axes_with_factors_and_offsets_are_exact(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('<pinbound:axis name="a" instead_of="J3" coefficients="J2: 1"/>', "stands instead of 'J3' without it"),
+        (
+            '<pinbound:axis name="a" instead_of="J3" coefficients="J2: 1"/>',
+            "replaces 'J3' and has no coefficient of it",
+        ),
         ('<pinbound:axis name="J2" instead_of="J3" coefficients="J3: 1"/>', "has the name of a joint"),
         ('<pinbound:axis name="a" instead_of="J9" coefficients="J9: 1"/>', "'J9', which does not exist"),
-        (TOTAL + TOTAL.replace("from_ground", "other"), "both stand instead of 'J3'"),
+        (TOTAL + TOTAL.replace("from_ground", "other"), "both replace 'J3'"),
         (
             '<pinbound:axis name="a" instead_of="J3" coefficients="J2: 1, J3: 1"/>'
             '<pinbound:axis name="b" instead_of="J2" coefficients="J2: 1, J3: 1"/>',
             "do not determine the joints",
         ),
-        (TOTAL + '<pinbound:home J3="0.1" from_ground="0.5"/>', "its joints say otherwise"),
+        (TOTAL + '<pinbound:home J3="0.1" from_ground="0.5"/>', "the values of its joints at home give another number"),
     ],
 )
 def test_faults_of_axes_are_told(tmp_path: Path, text: str, message: str) -> None:

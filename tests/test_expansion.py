@@ -57,7 +57,7 @@ def test_threads_get_the_arguments_that_they_gave(tmp_path: Path) -> None:
 
 
 HOSTILE = {
-    "a power": ('<xacro:property name="p" value="${9**9**8}"/>${p}', "did not come to an end in 1.5 s"),
+    "a power": ('<xacro:property name="p" value="${9**9**8}"/>${p}', "did not finish within 1.5 s"),
     "doubling macros": (
         '<xacro:macro name="m"><xacro:m/><xacro:m/></xacro:macro><xacro:m/>',
         "did not come to an end|refer to themselves|memory|recursion|without an answer",
@@ -259,7 +259,7 @@ def test_trust_refuses_xacro_and_only_xacro(tmp_path: Path) -> None:
     plain.write_text(f'<robot name="r">{ARM.format(1)}</robot>')
     assert pb.load(plain, trust="urdf-only").upper.tolist() == [1.0]
     assert pb.load("minervabot_v3", trust="urdf-only").coordinates == ("q1", "q2", "q3")
-    with pytest.raises(pb.InputError, match=r"'all' is no kind of trust. Valid: xacro, urdf-only"):
+    with pytest.raises(pb.InputError, match=r"'all' is not a valid value of trust. Valid: xacro, urdf-only"):
         pb.load(plain, trust="all")
 
 

@@ -137,7 +137,7 @@ def test_locked_mimic_joints_whose_primaries_move_are_refused() -> None:
     with pytest.raises(pb.DimensionError, match="locks 'd', but moves 'b'"):
         robot.on(pin.buildReducedModel(full, [full.getJointId("d")], at))
     at[full.joints[full.getJointId("d")].idx_q] += 0.01
-    with pytest.raises(pb.DimensionError, match=r"what it follows puts it at 0\.05"):
+    with pytest.raises(pb.DimensionError, match=r"the joint that it follows puts it at 0\.05"):
         robot.on(pin.buildReducedModel(full, [full.getJointId("b"), full.getJointId("d")], at))
 
 

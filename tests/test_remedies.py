@@ -374,10 +374,10 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     # kinematics
     yield urdf(HINT, '<mimic joint="lift"', '<mimic joint="lif"')
     cycle = 'joint name="lift" type="revolute"><mimic joint="lift_rod"/>'
-    yield urdf("Let one joint of the cycle be free", 'joint name="lift" type="revolute">', cycle)
+    yield urdf("Remove the <mimic> of one joint of the cycle", 'joint name="lift" type="revolute">', cycle)
     two = '<joint name="two" type="fixed"><parent link="base"/><child link="hook"/></joint><pinbound:annotations '
     closed = '<pinbound:closure name="c" link_a="base" xyz_a="0 0 0" link_b="boom" xyz_b="0 0 -0.2"/>'
-    tree = "A URDF is a tree: keep one, and say the other as <pinbound:closure>"
+    tree = "A URDF is a tree: keep one, and write the other as <pinbound:closure>"
     yield urdf(tree, "<pinbound:annotations ", two)
     still = CRANE.replace('xyz="0 0 0.2" rpy="0 0 0"', 'xyz="0 0 0" rpy="0 0 0"')
     said = still.replace("<pinbound:point", closed.replace("0 0 -0.2", "0 0 0") + "<pinbound:point", 1)
@@ -402,7 +402,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     shapes = '<box size="0.1 0.1 0.1"/>'
     each = f'{shapes}</geometry></collision><collision><geometry><sphere radius="1"/>'
     yield urdf("Give each its own <collision>", shapes, f'{shapes}<sphere radius="1"/>', each)
-    out = "Say it inside a <pinbound:annotations> directly below <robot>"
+    out = "Write it inside a <pinbound:annotations> directly below <robot>"
     yield urdf(out, 'name="rod"/>', 'name="rod" pinbound:radius="1"/>')
     yield urdf("Remove the prefix, or the attribute", '<axis xyz="0 1 0"', '<axis xmlns:p="urn:p" p:xyz="0 1 0"')
     yield urdf("Put it below <robot>", '<link name="rod"/>', '<group><link name="rod"><visual/></link></group>')
@@ -431,7 +431,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield urdf(BROKEN, 'name="rod"', 'name="the\nrod"', 'name="rod"')
     dtd = "Remove it: pinbound resolves no entities, neither internal nor external ones"
     yield urdf(dtd, "<robot ", "<!DOCTYPE robot []><robot ")
-    closing = "Mend the XML; every element must be closed, every prefix declared, its encoding be the declared one"
+    closing = "Correct the XML; every element must be closed, every prefix declared, its encoding be the declared one"
     yield urdf(closing, '<link name="rod"/>', '<link name="rod">')
     yield urdf("Save it as UTF-8", '<?xml version="1.0"?>', '<?xml version="1.0" encoding="gbk"?>')
     yield from mesh_entries()
@@ -448,7 +448,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
         lambda folder: pb.load(crane(folder).document.path, xacro_args={"a": "1"}),
         lambda folder: pb.load(crane(folder).document.path),
     )
-    trusted = "Expand it yourself where that may do no harm, or trust it: trust='xacro', --trust xacro"
+    trusted = "Expand it yourself in a safe place, or trust it: trust='xacro', --trust xacro"
 
     def as_xacro(folder: Path) -> Path:
         return Path(shutil.copy(crane(folder).document.path, folder / "crane.urdf.xacro"))
@@ -518,13 +518,15 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield yaml("Give a length in metres, zero or more", "radius: 0.01", "radius: -1")
     yield yaml(HINT, "link: base", "link: bass")
     yield urdf("Give a vector of any length but zero", 'normal="0 0 1"', 'normal="0 0 0"')
-    yield urdf("Give three numbers a way, up to {} ways", 'ways="0.1 0 0 0 0.1 0"', 'ways="0.1 0"')
+    yield urdf("Give three numbers for each way (edge vector), up to {} ways", 'ways="0.1 0 0 0 0.1 0"', 'ways="0.1 0"')
     yield urdf("Leave it out", 'ways="0.1 0 0 0 0.1 0"', 'ways="0.1 0 0 0 0 0"', 'ways="0.1 0 0"')
-    yield urdf("Take marks of two links", 'name="s" link="hook"', 'name="s" link="base"')
-    yield urdf("Give one side a point, a segment or a body", 'a="p" b="s"', 'a="floor" b="wire"', 'a="floor" b="s"')
+    yield urdf("Name marks of two different links", 'name="s" link="hook"', 'name="s" link="base"')
+    yield urdf(
+        "Make one of the two marks a point, a segment or a body", 'a="p" b="s"', 'a="floor" b="wire"', 'a="floor" b="s"'
+    )
     hull = '<pinbound:hull name="h" link="hook" vertices="{}"/>'.format
     corners = "0 0 0 0.1 0 0 0 0.1 0"
-    yield element("Give three numbers a vertex, up to {} vertices", hull("0 0 0 1"), hull(corners))
+    yield element("Give three numbers for each vertex, up to {} vertices", hull("0 0 0 1"), hull(corners))
     yield element("Give metres; lengths up to {} m can be measured", hull("0 0 0 1e80 0 0"), hull(corners))
     of_mesh = '<pinbound:hull name="h" link="hook" {}/>'.format
     both = of_mesh(f'vertices="{corners}" mesh="tip.obj"')
@@ -536,8 +538,9 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield element("Give its two ends", tube("0 0 0"), tube("0 0 0.1"))
     yield urdf("Write true or false", 'a="p" b="s"', 'a="p" b="s" stop="yes"', 'a="p" b="s" stop="false"')
     yield urdf(
-        "A stop is two points without radius and min_distance, where two arms align. Give it such points, or "
-        "remove stop: bodies touch where their distance says so",
+        "A stop is two points of radius 0, without min_distance, whose lever arms align at contact. Give it "
+        "such points, or "
+        "remove stop: other boundaries are in contact where their distance is the threshold",
         'a="p" b="s"',
         'a="p" b="s" stop="true"',
     )
@@ -580,12 +583,12 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield element("Give it a name of its own", axis("lift", "lift", "lift: 1"), axis("up", "lift", "lift: 1"))
     yield element("Add angles only", axis("up", "lift", "lift: 1, reach: 1"), axis("up", "lift", "lift: 1"))
     yield element(
-        "Let each stand instead of another joint",
+        "Let each axis replace a different joint",
         axis("up", "lift", "lift: 1") + axis("down", "lift", "lift: -1"),
         axis("up", "lift", "lift: 1") + axis("out", "reach", "reach: -1"),
     )
     yield Entry(
-        "Let each depend on the joint instead of which it stands",
+        "Give each axis a coefficient of the joint that it replaces (instead_of)",
         load(LOOSE + axis("x", "j1", "j1: 1, j2: 1") + axis("y", "j2", "j1: 1, j2: 1") + END),
         load(LOOSE + axis("x", "j1", "j1: 1, j2: 1") + axis("y", "j2", "j2: 1") + END),
     )
@@ -616,14 +619,17 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     mend = "Mend the two points, or remove stop: as they are they never touch"
     yield Entry(mend, load(declared.format("boom", "0.3 0 0")), arms)
     yield Entry(mend, load(declared.format("boom", "0.3 0 0")), load(turned.format("boom", "0.3 0 0")))
-    pivot = "A stop is where two arms at one pivot align. Remove stop, and give a point a radius or a min_distance"
+    pivot = (
+        "A stop is the alignment of two lever arms about one pivot. Remove stop, and give a point a "
+        "radius or a min_distance"
+    )
     distance = turned.replace('b="s"', 'b="s" min_distance="0.01"')
     yield Entry(pivot, load(declared.format("hook", "0 0 0")), load(distance.format("hook", "0 0 0")))
     fixed = (
         '<link name="bolt"/><joint name="weld" type="fixed"><parent link="base"/><child link="bolt"/></joint></robot>'
     )
     welded = declared.replace("</robot>", fixed)
-    take = "Take points of two links that turn about a joint"
+    take = "Name points of two links with a revolute joint between them"
     yield Entry(take, load(welded.format("bolt", "0.5 0 0")), load(welded.format("boom", "0.5 0 0")))
     # loops
     yield loop("Let home name an assembled pose of {}", '<pinbound:home j1="0" j2="0.5"/>', '<pinbound:home j1="0"/>')
@@ -650,7 +656,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     single = other.replace('passive="j2 j3"', 'passive="j2"')
     again = 'Name two other joints of the loop, passive="...", or couple its joints by <mimic>'
     yield Entry(again, only(single), only(other))
-    counted = "Leave the axes out, or couple the loop by <mimic>"
+    counted = "Remove the axes, or couple the loop by <mimic>"
     axis = '<pinbound:axis name="k" instead_of="j1" coefficients="j1: 1, j4: 1"/>'
     yield Entry(counted, only(posed.format(axis)), only(posed.format("")))
     floating = LOOP.replace('name="j3" type="revolute"', 'name="j3" type="floating"').replace('"j2 j3"', '"j2"')
@@ -667,17 +673,17 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     mimic = "Couple the joints of the loop by <mimic>, or mend its pins"
     yield loop(mimic, pin=("2 0 0.1", "2 0 0"))
     # tables
-    yield csv("Give a line of column names, then one line a configuration", "")
+    yield csv("Give a line of column names, then one line per configuration", "")
     yield csv("Save it as comma-separated text in UTF-8", "lift,reach\n0,0.1\n".encode("utf-16"))
     yield csv("Save it as comma-separated text", "lift;reach\n0;0.1\n")
     yield csv("Give a number", "lift,reach\n0,wide\n")
-    yield csv("Give one cell a column", "lift,reach\n0\n")
+    yield csv("Give one cell per column", "lift,reach\n0\n")
     yield csv("Keep one of each", "lift,reach,lift\n0,0.1,0\n")
     yield csv("Give at least one configuration", "lift,reach\n")
     yield csv(HINT, "lift,reech\n0,0.1\n")
-    yield csv("Give one column a coordinate: {}", "lift\n0\n")
+    yield csv("Give one column per coordinate: {}", "lift\n0\n")
     yield csv("Give finite numbers", "lift,reach\n0,nan\n")
-    yield csv("Sort the rows, one a moment", "time,lift,reach\n1,0,0\n0,0,0\n", "time,lift,reach\n0,0,0\n1,0,0\n")
+    yield csv("Sort the rows, one for each time", "time,lift,reach\n1,0,0\n0,0,0\n", "time,lift,reach\n0,0,0\n1,0,0\n")
     follows = "It should be {}; leave the column out, or mend it"
     yield csv(follows, "lift,reach,lift_rod\n0.5,0,0\n", "lift,reach,lift_rod\n0.5,0,-0.5\n")
     yield csv(follows, "lift,reach,lift_rod\n0.5,0,0\n", "lift,reach\n0.5,0\n")
@@ -692,10 +698,10 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield Entry("Call it .npy, or write it with numpy.savez", motion("m.npz", array(good)), whole)
     yield Entry("Call it .npy, or write it with numpy.savez", motion("m.npz", array(good)), named)
     yield Entry("Write it with numpy.savez(file, time=t, q1=..., ...)", motion("m.npz", text("no")), named)
-    yield Entry("Give one value a configuration", motion("m.npz", archive(lift=[0.0], reach=[0.0, 0.1])), named)
-    yield Entry("Give one array of numbers (N,) a column", motion("m.npz", archive(lift=good)), named)
+    yield Entry("Give one value per configuration", motion("m.npz", archive(lift=[0.0], reach=[0.0, 0.1])), named)
+    yield Entry("Give one array of numbers (N,) per column", motion("m.npz", archive(lift=good)), named)
     yield Entry("Write the archive again", motion("m.npz", wrong_size), named)
-    yield Entry("Give one column a coordinate", motion("m.npz", archive()), named)
+    yield Entry("Give one column per coordinate", motion("m.npz", archive()), named)
     numbers = motion("m.parquet", parquet(lift=[0.0], reach=[0.1]))
     yield Entry("Store it as float64", motion("m.parquet", parquet(lift=["0"], reach=[0.1])), numbers)
     yield Entry("Write it again", motion("m.parquet", damaged(parquet(lift=[0.0], reach=[0.1]), -1)), numbers)
@@ -712,7 +718,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield Entry("Wait for it, or give another folder", locked, job)
     yield Entry("Wait for it, or give another folder", locked, lambda f: job(f, out="new"))
     yield Entry("Give 1 or more of both", lambda f: job(f, chunk_rows=0), job)
-    few = "Give fewer rows, or more rows a file (--chunk-rows)"
+    few = "Give fewer rows, or more rows per file (--chunk-rows)"
     yield Entry(few, lambda f: job(f, rows=10**9, chunk_rows=1), lambda f: job(f, rows=20, chunk_rows=10))
 
     def spoilt(folder: Path) -> None:
@@ -931,7 +937,7 @@ def loop_files() -> Iterator[Entry]:
         "Give the MJCF that was made from this URDF, or write the closure in a sidecar (pinbound.yaml)": good.replace(
             "0.1 0.2", "0.1 0.3"
         ),
-        "Read are <connect> and linear <joint>. {}": mjcf(weld),
+        "pinbound reads <connect> and linear <joint>. {}": mjcf(weld),
         f"Write this coupling in a sidecar, and {away}": mjcf(ANCHOR + '<joint joint1="motor_r"/>'),
         "Write finite numbers": good.replace("0.1 0.2", "0.1 two"),
         "Keep one": good.replace('"rod_r" pos', '"rod_r" zaxis="0 0 1" quat="1 0 0 0" pos'),
@@ -1004,7 +1010,7 @@ NOT_FOLLOWED: dict[str, str] = {
     ),
     "": "no message: a loop that is exact says nothing",
     "Give it equal sides": "said where no limit helps; equal sides are followed with the limit's remedy",
-    "Give the slide limits": "a slide has limits, or `load` refuses it before",
+    "Give the prismatic joint limits": "a slide has limits, or `load` refuses it before",
     "Couple two joints of the loop, or leave them free": LOOPS,
     "Name other passive joints": LOOPS,
     "Give these loops equal sides": LOOPS,

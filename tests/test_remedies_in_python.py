@@ -277,6 +277,7 @@ UNKNOWN = [
     Unknown("boundary", lambda name, _: planar().boundaries.select([name]), "fare"),
     Unknown("boundary", lambda name, _: pb.certify(planar(), ZERO, boundaries=[name]), "fare"),
     Unknown("boundary", lambda name, _: planar().coverage.of([name]), "fare"),
+    Unknown("boundary of the atlas", lambda name, _: pb.pair_atlas(minerva())[name], "beta_44"),
     Unknown("frame", lambda name, _: planar().boundaries["far"].expression(frame=name), "minima"),
     Unknown("backend", lambda name, _: planar().boundaries.norms(ZERO[None], backend=name), "nump"),
     Unknown("group of columns", lambda name, _: evaluation_of(planar(), (name,)), "verdicts"),
@@ -603,7 +604,7 @@ def entries() -> Iterator[Entry]:
     free = [joint("x", "floating", "base", "a"), joint("q", "revolute", "a", "b")]
     one_side = robot_xml(free, {"p": ("a", "0.6 0 0.1"), "s": ("b", "0.3 0 0")}, [("p", "s")])
     yield one(
-        "take points on one side of it, or model it by single joints",
+        "name points on one side of it, or model it by revolute and prismatic joints",
         lambda _: made(robot_xml(free, {}, []), BALLS),
         lambda _: made(one_side),
         lambda _: made(robot_xml([joint("x", "prismatic", "base", "a"), free[1]], {}, []), BALLS),
@@ -611,7 +612,7 @@ def entries() -> Iterator[Entry]:
     # adapters
     yield one("MuJoCo's joint {} does not move in {}. {}", mujoco(first="q11"), mujoco())
     yield one("the MuJoCo model has no joint {}. {}", mujoco(second=False), mujoco())
-    yield one("name bodies as links. {}", mujoco(body="bb"), mujoco())
+    yield one("give each body the name of its link in the URDF. {}", mujoco(body="bb"), mujoco())
     yield one("compile it from the same URDF", mujoco(height="0.5"), mujoco())
 
     def step_limit(**options: Any) -> Do:
@@ -676,7 +677,10 @@ def entries() -> Iterator[Entry]:
         lambda _: pb.StepBounds(spatial()).rows(spatial().home, 0.1),
     )
     yield one(
-        "give one positive number, or {} of them [rad, or m of a slide]", rows(step=0.0), rows(), rows(step=[0.1, 1])
+        "give one positive number, or {} of them [rad, or m of a prismatic joint]",
+        rows(step=0.0),
+        rows(),
+        rows(step=[0.1, 1]),
     )
     yield one("give a share above 0, at most 1", rows(gain=0.0), rows(gain=0.5))
     yield one("give metres, not below 0", rows(margin=-1.0), rows(margin=0.01))
@@ -721,7 +725,7 @@ def entries() -> Iterator[Entry]:
         mark_it, lambda _: evaluation_of(bare(), verdict), lambda _: evaluation_of(planar(), verdict), limits_only
     )
     yield one(
-        "leave the column 'region' out", lambda _: evaluation_of(bare(), ("region",), limits_only=True), limits_only
+        "leave out the column 'region'", lambda _: evaluation_of(bare(), ("region",), limits_only=True), limits_only
     )
     resume = "What is written is kept: run the same command again to resume."
     yield one(resume, full_disk, job)
@@ -752,13 +756,13 @@ def entries() -> Iterator[Entry]:
         lambda _: planar().boundaries.limits_table("q1", [ZERO]),
     )
     nearest = lambda name: lambda _: getattr(hulled().boundaries["hull"], name)(ZERO)
-    yield one("ask nearest_points(q)", nearest("nearest"), nearest("nearest_points"))
+    yield one("call nearest_points(q)", nearest("nearest"), nearest("nearest_points"))
     twice = lambda *names: lambda _: planar().boundaries.select(names)
     yield one("name each boundary once", twice("far", "far"), twice("far"))
     smallest = lambda q, **options: lambda _: planar().boundaries.smallest(q, **options)
-    yield one("leave out= away", smallest(ZERO, out=np.zeros(1)), smallest(ZERO), smallest([ZERO], out=np.zeros(1)))
+    yield one("remove out=", smallest(ZERO, out=np.zeros(1)), smallest(ZERO), smallest([ZERO], out=np.zeros(1)))
     spans = lambda window: lambda _: planar().boundaries.limits("q1", ZERO, window=window)
-    yield one("let the window hold it", spans((1.0, 2.0)), spans((-1.0, 2.0)))
+    yield one("give a window that contains it", spans((1.0, 2.0)), spans((-1.0, 2.0)))
     yield one("give window=(lower, upper)", spans("wide"), spans((-1.0, 2.0)))
     yield one("give window=(lower, upper), the lower end first", spans((2.0, -1.0)), spans((-1.0, 2.0)))
     # kernel
@@ -788,7 +792,7 @@ def entries() -> Iterator[Entry]:
     spin = lambda **options: lambda _: made(fast).boundaries.limits("q", [0.9], **options)
     yield one("give a window of at most {} around it", spin(), spin(window=(0.88, 0.92)))
     listed = lambda window: lambda _: made(fast).boundaries["p_s"].limits("q", [0.9], window=window)
-    most = "give a window of at most {}, or ask BoundarySet.limits, which looks for the nearest ones alone"
+    most = "give a window of at most {}, or call BoundarySet.limits, which finds the nearest ones only"
     yield one(most, listed((-1.0, 1.0)), listed((0.88, 0.92)))
     endless_ = "give window=(lower, upper)"
     turned = lambda mark, name, **more: lambda _: skew(mark).boundaries[name].limits("q1", [0.0], **more)
@@ -803,7 +807,7 @@ def entries() -> Iterator[Entry]:
 
         return done
 
-    yield one("change the distance to keep by more than that", stretch(0.4999999999), stretch(0.4999))
+    yield one("change the threshold by more than that", stretch(0.4999999999), stretch(0.4999))
     # closed forms
     form = lambda robot, name, of="far": lambda _: robot().boundaries[of].limit_expressions(name)
     many = lambda robot, name, of="far": lambda _: robot().boundaries[of].limits(name, ZERO)
@@ -829,11 +833,11 @@ def entries() -> Iterator[Entry]:
     yield one("give at least one", certify(np.zeros((0, 2))), certify([ZERO]))
     yield one(finite, certify([[0.0, np.nan]]), certify([ZERO]))
     pair = [ZERO, ZERO + 0.1]
-    yield one("give one a waypoint, ({},)", certify(pair, times=[0.0]), certify(pair, times=[0.0, 1.0]))
+    yield one("give one per waypoint, ({},)", certify(pair, times=[0.0]), certify(pair, times=[0.0, 1.0]))
     yield one(finite, certify(pair, times=[0.0, np.inf]), certify(pair, times=[0.0, 1.0]))
     late = "give them in seconds"
     yield one(late, certify(pair, times=[-1.7e308, 1.7e308]), certify(pair, times=[0.0, 1.0]))
-    order = "sort the waypoints, one a moment"
+    order = "sort the waypoints, one for each time"
     yield one(order, certify(pair, times=[1.0, 0.0]), certify(pair, times=[0.0, 1.0]))
     nearer = "give a motion that stays nearer to zero"
     yield one(nearer, certify([[0.0, 1e101]]), certify([[0.0, 1.0]]))
@@ -851,7 +855,7 @@ def entries() -> Iterator[Entry]:
         yield one("leave {} out", certify([ZERO], limits_only=True, **asked), certify([ZERO], limits_only=True, **left))
     yield one("give a function of time", bounded(1.0), bounded())
     yield one("give finite times in order", bounded(end=-1.0), bounded())
-    yield one("give one number a coordinate, ({},)", bounded(speed=[1.0]), bounded())
+    yield one("give one number per coordinate, ({},)", bounded(speed=[1.0]), bounded())
     yield one("give finite numbers, 0 or more", bounded(speed=[-1.0, 1.0]), bounded())
     shape = "give (times, coordinates), here {}"
     yield one(shape, bounded(np.asarray), bounded())
@@ -883,7 +887,7 @@ def entries() -> Iterator[Entry]:
         lambda _: pb.certified_box(planar(), ZERO, reach=0.01),
     )
     ndim = lambda _: pb.certify(planar(), interpolate.NdPPoly(np.zeros((1, 1, 2)), [[0.0, 1.0]]))
-    yield one("make one of these of it", ndim, certify(spline))
+    yield one("convert it to one of these", ndim, certify(spline))
     yield one(
         "give it in radians, metres and seconds",
         certify(lambda: spline(c=np.full((2, 2, 2), 1e308), x=(0, 1e9, 2e9))),
@@ -971,13 +975,15 @@ def entries() -> Iterator[Entry]:
     ik = lambda target, **options: lambda _: pb.solve_ik(planar(), "b", target, **options)
     yield one("give (3,) or (N, 3) positions [m]", ik([0.1, 0.2]), ik([0.1, 0.0, 0.4]))
     yield one(
-        "give such a one, or leave start out",
+        "give one within the limits, or leave start out",
         ik([0.1, 0.0, 0.4], start=[9.0, 0.0]),
         ik([0.1, 0.0, 0.4], start=ZERO),
         ik([0.1, 0.0, 0.4]),
     )
     yield one(
-        "give such a one, or leave start out", ik([0.1, 0.0, 0.4], start=[ZERO, ZERO]), ik([0.1, 0.0, 0.4], start=ZERO)
+        "give one within the limits, or leave start out",
+        ik([0.1, 0.0, 0.4], start=[ZERO, ZERO]),
+        ik([0.1, 0.0, 0.4], start=ZERO),
     )
 
     yield from regions()
@@ -1026,16 +1032,6 @@ def regions() -> Iterator[Entry]:
     window = "give window={{}: (lower, upper)} around the start (on the command line --window {}=LOWER..UPPER)"
     turn = {"q1": (-3.0, 3.0)}
     yield one(window, region(endless, coordinates=("q1", "q2")), region(endless, coordinates=("q1", "q2"), window=turn))
-    line = "region HERE/endless.urdf --coordinates q1,q2"
-
-    def written(line: str) -> Do:
-        def done(folder: Path) -> object:
-            (folder / "endless.urdf").write_text(robot_xml(TURNS, {}, []))
-            return command(line)(folder)
-
-        return done
-
-    yield one(window, written(line), written(line + " --window q1=-3..3"))
     numbers = "give two numbers (lower, upper), lower first"
     yield one(numbers, region(window={"q1": (1.0, -1.0)}), region(window={"q1": (-1.0, 1.0)}))
     room = region(window={"q1": (-5.0, -4.0)})
@@ -1078,7 +1074,7 @@ def regions() -> Iterator[Entry]:
         lambda _: swapped().contains(ZERO, order="robot"),
         lambda _: swapped().contains(ZERO, order="region"),
     )
-    slice_ = "derive it again with at=..., or ask for points of the plane, ({})"
+    slice_ = "compute it again with at=..., or give points of the slice, ({})"
     plane = lambda at, q: lambda _: pb.feasible_region(spatial_3(), ("q2", "q3"), at=at).contains(q)
     yield one(slice_, plane(FREE, FREE + 0.1), plane(FREE + 0.1, FREE + 0.1), plane(FREE, FREE[1:]))
     yield one("give numbers", of(lambda r: r.contains(["a", "b"])), of(lambda r: r.contains(ZERO)))
@@ -1122,13 +1118,13 @@ def regions() -> Iterator[Entry]:
     empty = cache(lambda: hexagon().inset(2.0))
     asked = lambda r: None if r.is_empty else projections(r)
     yield one(
-        "ask `is_empty` before", lambda _: projections(empty()), lambda _: asked(empty()), lambda _: asked(hexagon())
+        "check `is_empty` first", lambda _: projections(empty()), lambda _: asked(empty()), lambda _: asked(hexagon())
     )
     yield one("give radians, 0 or more", lambda _: classify([0.1], -1.0), lambda _: classify([0.1], 1e-9))
     # workspaces
     image = lambda r, **more: pb.workspace_section(minerva(), r, "link_6", **more)
     yield one(
-        "ask `is_empty` before",
+        "check `is_empty` first",
         lambda _: image(empty()),
         lambda _: None if empty().is_empty else image(empty()),
         lambda _: image(hexagon()),
@@ -1274,7 +1270,7 @@ def others() -> Iterator[Entry]:
     yield one("give a robot with a joint that moves", explored(still), explored(bare))
     arcs = lambda window: lambda _: linkage().boundaries[0].limits(turned, linkage().home, window=window)
     few_open = lambda window: patched("pinbound.loops.through_loops._MOST_OPEN", 0, arcs(window))
-    yield one("change that distance, or give a smaller window (window=)", few_open((-4.0, 4.0)), few_open(small))
+    yield one("change the threshold, or give a smaller window (window=)", few_open((-4.0, 4.0)), few_open(small))
     slopes = lambda *shape: lambda _: linkage().boundaries.gradients(linkage().home[None], out=np.zeros(shape))
     yield one("give a writeable {} array of shape {}", slopes(2, 1, 1), slopes(1, 1, 1))
     polytope = lambda robot, **more: lambda _: pb.certified_polytope(robot(), robot().home, **more)
@@ -1302,8 +1298,18 @@ def others() -> Iterator[Entry]:
         return lambda _: draw_free(robot, pb.free_volume(robot, names, decided=0.01))
 
     yield one("hold some", drawn(*zoo("spatial_4r").coordinates), drawn("j1", "j2"))
+    paired = lambda robot: lambda _: pb.pair_atlas(robot())
+    yield one("give it marks and boundaries", paired(bare), paired(minerva))
+    rigid = lambda: made('<robot name="r"><link name="a"/></robot>')
+    yield one(
+        "call certify()",
+        lambda _: pb.certified_polytope(rigid(), [], limits_only=True),
+        lambda _: pb.certify(rigid(), [[]], limits_only=True),
+    )
     covered = lambda **more: lambda _: pb.certified_cover(bare(), **more)
-    yield one("give limits_only=True", covered(), covered(limits_only=True))
+    yield one(
+        "give the robot boundaries, or limits_only=True to use joint limits alone", covered(), covered(limits_only=True)
+    )
 
     def planned(robot: pb.Robot) -> Do:
         cover = lambda: pb.certified_cover(robot, limits_only=True)
@@ -1356,10 +1362,10 @@ def others() -> Iterator[Entry]:
     yield one(
         "Use `boundaries.limits_table`", slides, lambda _: crane().boundaries.limits_table("lift", [crane().home])
     )
-    bent = "Trace a region, or leave it out"
+    bent = "Trace a region, or leave this boundary out"
     tabled = lambda **more: lambda _: pb.limit_table(planar(), "q1", "q2", **more)
     yield one(bent, tabled(), region(), tabled(boundaries=[]))
-    joints = "Leave it out, or take other joints"
+    joints = "Leave it out, or name other joints"
 
     def alone(_: Path) -> object:
         chosen = [one_.name for one_ in minerva().boundaries if "q2" not in one_.coordinates]
@@ -1394,7 +1400,7 @@ def others() -> Iterator[Entry]:
     free = lambda _: made(text.replace('<mimic joint="q1" multiplier="2" offset="0.1"/>', ""))
     unled = text.replace('<mimic joint="q1" multiplier="2" offset="0.1"/>', "")
     stray = lambda with_mimic: lambda _: made(unled).on(model_of(text if with_mimic else unled, mimic=with_mimic))
-    yield one("build it anew", stray(True), stray(False))
+    yield one("build the model again", stray(True), stray(False))
     link = "build it from the same URDF. {}"
     yield one(link, view(geared, text.replace('"c"', '"d"')), view(geared, text))
     same = "build the model from the same URDF"
@@ -1454,9 +1460,9 @@ def others() -> Iterator[Entry]:
     yield one("name each column once, in order", written(row, ("q1",)), written(row, ("q1", "q2")))
     turning = lambda kind: made(robot_xml([joint("q1", kind, "base", "l1", xyz="0 0 1", limit="-1 1")], {}, []))
     rows_of = lambda kind: lambda _: placo_rows(turning(kind), place_of, [[1.0]], [1.0])
-    yield one("Make it revolute, with limits", rows_of("continuous"), rows_of("revolute"))
+    yield one("Make the joint revolute, with limits", rows_of("continuous"), rows_of("revolute"))
     # robots
-    kept = "Leave the condition out: the rule is then kept everywhere"
+    kept = "Remove the condition: the rule then applies everywhere"
     stepped = lambda where: lambda _: pb.StepBounds(ruled(where))
     yield one(kept, stepped(WHERE), stepped(""))
     orphan = lambda: replace(planar(), again=None)
@@ -1582,6 +1588,15 @@ def test_a_remedy_that_is_followed_helps(entry: Entry, tmp_path: Path) -> None:
     assert re.search(found, str(caught.value), re.DOTALL), str(caught.value)
     for mended in entry.mended:
         mended(tmp_path)
+
+
+def test_a_terminal_names_the_option_of_a_window(tmp_path: Path) -> None:
+    """In a terminal the message names `--window`; typing it helps."""
+    (tmp_path / "endless.urdf").write_text(robot_xml(TURNS, {}, []))
+    line = "region HERE/endless.urdf --coordinates q1,q2"
+    with pytest.raises(pb.PinboundError, match=r"add --window .* \(on the command line --window q1=LOWER\.\.UPPER\)"):
+        command(line)(tmp_path)
+    command(line + " --window q1=-3..3")(tmp_path)
 
 
 @pytest.mark.parametrize("unknown", UNKNOWN, ids=[f"{i}: {one.kind}" for i, one in enumerate(UNKNOWN)])

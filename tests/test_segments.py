@@ -448,7 +448,7 @@ FAULTS = {
     "no normal": ('<pinbound:plane name="l" link="a" xyz="0 0 0" normal="0 0 0"/>', "normal of plane 'l' is zero"),
     "two numbers a way": (
         '<pinbound:sweep name="l" link="a" xyz="0 0 0" ways="0 1"/>',
-        "ways of sweep 'l' are 2 numbers. Give three numbers a way, up to 9 ways",
+        "ways of sweep 'l' are 2 numbers. Give three numbers for each way (edge vector), up to 9 ways",
     ),
     "a way of no length": (
         '<pinbound:sweep name="l" link="a" xyz="0 0 0" ways="0 1 0 0 0 0"/>',
@@ -464,7 +464,7 @@ FAULTS = {
         '<pinbound:plane name="l" link="a" xyz="0 0 0" normal="0 0 1"/>'
         '<pinbound:line name="m" link="base" xyz="0 0 0" direction="0 0 1"/>'
         '<pinbound:boundary name="x" a="l" b="m"/>',
-        "'l' and 'm' are lines or planes without ends",
+        "'l' and 'm' are infinite lines or planes",
     ),
 }
 

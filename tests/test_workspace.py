@@ -263,7 +263,7 @@ def test_scaled_area_shrinks_but_not_by_the_square(minerva: pb.Robot, hexagon: p
 def test_refusals_say_why(minerva: pb.Robot, hexagon: pb.Region, load_text: Callable[..., pb.Robot]) -> None:
     with pytest.raises(pb.UnknownNameError, match="link_6"):
         workspace_section(minerva, hexagon, "link_9")
-    with pytest.raises(pb.UnsupportedError, match="does not turn the section"):
+    with pytest.raises(pb.UnsupportedError, match="does not rotate the whole section"):
         workspace_section(minerva, hexagon, "link_6", turn="q2")
     with pytest.raises(pb.UnsupportedError, match="along a line, or not at all"):
         workspace_section(minerva, hexagon, "link_1")

@@ -56,7 +56,9 @@ def _compare(robot: Robot, mujoco: Any, model: Any, joints: ModelJoints) -> None
     for joint in robot.tree.moving_joints:
         if joint.child not in bodies:
             hint = name_hint(joint.child, bodies)
-            raise DimensionError(f"the MuJoCo model has no body {joint.child!r}; name bodies as links. {hint}")
+            raise DimensionError(
+                f"the MuJoCo model has no body {joint.child!r}; give each body the name of its link in the URDF. {hint}"
+            )
     data = mujoco.MjData(model)
     size = 1.0 + sum(float(np.linalg.norm(joint.translation)) for joint in robot.tree.kinematics.joints)
     allowed = SAME_ROBOT * np.array([1.0, 1.0, 1.0, size])

@@ -43,7 +43,7 @@ def half_spaces(robot: Robot, wrapper: Any, A: Any, b: ArrayLike | None = None) 
         if not np.any(rows[:, column]):
             continue
         if name in endless:
-            said = f"joint {name!r} is continuous, and placo keeps its cos and sin"
-            raise UnsupportedError(f"{said}: no row can say an angle. Make it revolute, with limits")
+            said = f"joint {name!r} is continuous, and placo stores its cos and sin"
+            raise UnsupportedError(f"{said}: a linear row cannot bound the angle. Make the joint revolute, with limits")
         found[:, int(wrapper.get_joint_offset(name))] = rows[:, column]
     return found, bound

@@ -130,7 +130,7 @@ def _of_region(robot: Robot, region: Region) -> tuple[Array, Array]:
         said = (
             f"boundaries depend on {', '.join(sorted(held))}, which the region of {', '.join(region.coordinates)} holds"
         )
-        raise UnsupportedError(f"{said}: it says nothing once they move. Use step-safe rows")
+        raise UnsupportedError(f"{said}: its half-planes do not hold when these coordinates change. Use step-safe rows")
     edges, bounds = region.halfspaces()
     A = np.zeros((len(edges), len(robot.coordinates)))
     A[:, [robot.coordinates.index(name) for name in region.coordinates]] = edges

@@ -219,7 +219,9 @@ class StepBounds:
             UnsupportedError: If joint limits are left out though bounds of the boundaries hold within them only.
         """
         if not limits and any(one.place_error for one in self.boundaries):
-            said = "where sides of closed loops differ, links are where the coupling puts them within joint limits only"
+            said = (
+                "the sides of a closed loop differ, so the places of its links are proven within the joint limits only"
+            )
             raise UnsupportedError(f"{said}; leave limits=True")
         point = one_configuration(q, self.robot.coordinates)
         asked = self._checked(step, gain, margin, reserve, most)
@@ -256,7 +258,9 @@ class StepBounds:
     def _checked(self, step: ArrayLike, gain: float, margin: float, reserve: float, most: int | None) -> Array:
         given, n = real_array(step, "step"), len(self.robot.coordinates)
         if given.shape not in ((), (n,)) or not np.all(np.isfinite(given)) or not np.all(given > 0.0):
-            raise DimensionError(f"step is {step!r}; give one positive number, or {n} of them [rad, or m of a slide]")
+            raise DimensionError(
+                f"step is {step!r}; give one positive number, or {n} of them [rad, or m of a prismatic joint]"
+            )
         if not 0.0 < gain <= 1.0:
             raise DimensionError(f"gain is {gain}; give a share above 0, at most 1")
         if not (0.0 <= margin < np.inf and 0.0 <= reserve < np.inf):

@@ -83,8 +83,8 @@ class _Reader:
             elif element.tag == "joint":
                 items += self._follower(element, name)
             else:
-                what = f"equality {name!r} is a <{element.tag}>, of which no closed form is known here"
-                self._fault(what, f"Read are <connect> and linear <joint>. {_AWAY}", element)
+                what = f"equality {name!r} is a <{element.tag}>, for which pinbound has no closed form"
+                self._fault(what, f"pinbound reads <connect> and linear <joint>. {_AWAY}", element)
         loops = sum(item.kind == "closure" for item in items)
         if loops:
             what = "loop is" if loops == 1 else "loops are"

@@ -50,7 +50,7 @@ def read_axis(item: RawItem, fault: Fault, known: Callable[[str], bool]) -> Axis
     if pairs is None or not known(joint):
         return None
     if not pairs.get(joint):
-        fault(f"axis {name!r} stands instead of {joint!r} without it", f"Give {joint!r} a coefficient")
+        fault(f"axis {name!r} replaces {joint!r} and has no coefficient of it", f"Give {joint!r} a coefficient")
         return None
     return Axis(name, joint, pairs, item.line)
 
@@ -72,7 +72,7 @@ def _condition(what: str, fields: Mapping[str, Any], fault: Fault, known: Callab
     if pairs is None:
         return None
     if not any(pairs.values()):
-        fault(f"{what} has no coefficient other than zero", "Give coefficients: {J3: 1, J2: -1}")
+        fault(f"{what} has only coefficients of zero", "Give coefficients: {J3: 1, J2: -1}")
         return None
     if not ends:
         fault(f"{what} has neither lower nor upper", "Give one of them, or both, in radians or metres")
@@ -93,7 +93,7 @@ def _pairs(what: str, given: Any, fault: Fault, known: Callable[[str], bool]) ->
     for raw, text in cast("Sequence[tuple[str, str]]", given):
         name, number = raw.strip(), parse_floats(text, 1)
         if isinstance(number, str) or not name or printable(name) != name:
-            said = number if isinstance(number, str) else f"{name!r} is no name of a joint"
+            said = number if isinstance(number, str) else f"{name!r} is not the name of a joint"
             fault(f"coefficients of {what}: {said}", 'Write {J3: 1, J2: -1}, in XML coefficients="J3: 1, J2: -1"')
             sound = False
         elif name in found:

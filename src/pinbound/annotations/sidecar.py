@@ -142,7 +142,7 @@ class _Sidecar:
                 items += self._list(key, value)
             else:
                 hint = name_hint(key, valid)
-                self.problems.add(f"{key!r} is no key of a sidecar", hint, line, self.source)
+                self.problems.add(f"{key!r} is not a key of a sidecar", hint, line, self.source)
         return items
 
     def _list(self, key: str, node: yaml.Node) -> list[RawItem]:
@@ -160,7 +160,9 @@ class _Sidecar:
 
     def _mapping(self, node: yaml.Node, what: str) -> dict[str, yaml.Node]:
         if not isinstance(node, yaml.MappingNode):
-            self.problems.add(f"an entry of {what} is no mapping", "Write {key: value}", _node_line(node), self.source)
+            self.problems.add(
+                f"an entry of {what} is not a mapping", "Write {key: value}", _node_line(node), self.source
+            )
             return {}
         found: dict[str, yaml.Node] = {}
         for key, value in node.value:

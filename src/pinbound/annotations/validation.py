@@ -144,7 +144,7 @@ class _Validator:
                 self._fault(f"{what} has the unknown attribute {key!r}", name_hint(key, valid))
         for key, value in item.fields.items():
             if key != "text" and printable(f"{key} {value}") != f"{key} {value}":
-                self._fault(f"{what} has {key!r} = {value!r}, which holds characters that nobody can see", _SEEN)
+                self._fault(f"{what} has {key!r} = {value!r}, which holds invisible characters", _SEEN)
         missing = [key for key in required if not str(item.fields.get(key, "")).strip()]
         if missing:
             needs = f"{', '.join(required)}{' (or mesh)' if required[-1] == 'vertices' else ''}"
@@ -231,7 +231,7 @@ class _Validator:
         xyz, words = self._vector("xyz"), str(self.item.fields["ways"]).split()
         if len(words) % 3 or len(words) > 3 * _MOST_WAYS:
             said = f"ways of sweep {name!r} are {len(words)} numbers"
-            self._fault(said, f"Give three numbers a way, up to {_MOST_WAYS} ways")
+            self._fault(said, f"Give three numbers for each way (edge vector), up to {_MOST_WAYS} ways")
             return None
         numbers = self._numbers("ways", len(words))
         if link is None or xyz is None or numbers is None:
@@ -260,7 +260,7 @@ class _Validator:
         words = str(self.item.fields["vertices"]).split()
         if len(words) % 3 or len(words) > 3 * _MOST_VERTICES:
             said = f"vertices of hull {name!r} are {len(words)} numbers"
-            self._fault(said, f"Give three numbers a vertex, up to {_MOST_VERTICES} vertices")
+            self._fault(said, f"Give three numbers for each vertex, up to {_MOST_VERTICES} vertices")
             return None
         numbers = self._numbers("vertices", len(words))
         if link is None or numbers is None:
@@ -299,13 +299,14 @@ class _Validator:
         if marks[a].link == marks[b].link:
             self._fault(
                 f"boundary {name!r}: both marks are on link {marks[a].link!r}, so their distance never changes",
-                "Take marks of two links",
+                "Name marks of two different links",
             )
             return None
         if marks[a].shape.is_unbounded and marks[b].shape.is_unbounded:
             self._fault(
-                f"boundary {name!r}: {a!r} and {b!r} are lines or planes without ends, which meet nearly everywhere",
-                "Give one side a point, a segment or a body",
+                f"boundary {name!r}: {a!r} and {b!r} are infinite lines or planes, which intersect in almost "
+                "every configuration",
+                "Make one of the two marks a point, a segment or a body",
             )
             return None
         return BoundaryMark(name, a, b, distance, self._stop(name, (marks[a], marks[b]), distance), item.line)
@@ -326,8 +327,9 @@ class _Validator:
         if why:
             self._fault(
                 f"boundary {name!r} is declared as a stop, but {why}",
-                "A stop is two points without radius and min_distance, where two arms align. Give it such points, or "
-                "remove stop: bodies touch where their distance says so",
+                "A stop is two points of radius 0, without min_distance, whose lever arms align at contact. "
+                "Give it such points, or remove stop: "
+                "other boundaries are in contact where their distance is the threshold",
             )
         return not why
 
@@ -416,7 +418,7 @@ class _Validator:
         home: dict[str, float] = {}
         for name in item.fields:
             if printable(name) != name:
-                self._fault(f"home has the name {name!r}, which holds characters that nobody can see", _SEEN)
+                self._fault(f"home has the name {name!r}, which holds invisible characters", _SEEN)
             numbers = self._numbers(name, 1)
             if numbers is not None:
                 home[name] = numbers[0]

@@ -229,7 +229,7 @@ def evaluation_of(
         raise UnsupportedError(f"{robot.name} has no boundary to check; mark it, or ask for limits_only=True")
     region, note = None, "joint limits alone are checked" if limits_only else ""
     if limits_only and "region" in columns:
-        raise UnsupportedError("limits_only=True knows no region; leave the column 'region' out")
+        raise UnsupportedError("limits_only=True computes no region; leave out the column 'region'")
     if not limits_only and ("region" in columns or "verdict" in columns):
         try:
             region = feasible_region(robot)

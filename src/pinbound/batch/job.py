@@ -103,7 +103,7 @@ def run(
     count = -(-source.rows // chunk_rows)
     if count > MOST_CHUNKS:
         message = f"{source.rows:.3g} rows make {count:.3g} files of {chunk_rows:,} rows; the most are {MOST_CHUNKS:,}"
-        raise files.bad(folder, message, "Give fewer rows, or more rows a file (--chunk-rows)")
+        raise files.bad(folder, message, "Give fewer rows, or more rows per file (--chunk-rows)")
     files.make_folder(folder)
     manifest = _manifest(evaluation, source, chunk_rows)
     _look(folder, manifest)

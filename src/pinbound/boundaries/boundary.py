@@ -164,7 +164,8 @@ class Boundary(Value):
         """
         if not self.path.difference.is_zonotope:
             raise UnsupportedError(
-                f"{self.name!r} has a hull or cylinder, whose nearest point is no t in [0, 1]; ask nearest_points(q)"
+                f"{self.name!r} has a hull or cylinder, whose nearest point is not given by t in [0, 1]; "
+                "call nearest_points(q)"
             )
         return self._each(q, lambda Q: separation.parameters(self.path, Q))
 

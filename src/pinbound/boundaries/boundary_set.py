@@ -287,7 +287,7 @@ class BoundarySet(NamedBoundaries):
         if array.ndim == 1:
             if out is not None:
                 raise DimensionError(
-                    "the smallest clearance of one q is a float, and out is for many q (N, n); leave out= away"
+                    "the smallest clearance of one q is a float, and out= is for many q (N, n); remove out="
                 )
             clearances = self.signed_clearances(array, threads=threads, backend=backend, dtype=dtype)
             if not len(clearances):
@@ -380,7 +380,7 @@ class BoundarySet(NamedBoundaries):
             window = checked_window(window)
             if not window[0] <= value <= window[1]:
                 raise DimensionError(
-                    f"{coordinate!r} is {value:.9g}, outside the window {window}; let the window hold it"
+                    f"{coordinate!r} is {value:.9g}, outside the window {window}; give a window that contains it"
                 )
         spans = [(limit.joint, linear_span(limit, index, point)) for limit in self._limits]
         spans += [(one.rule, guarded_span(one, index, point)) for one in self._guarded]

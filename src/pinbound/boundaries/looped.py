@@ -335,7 +335,7 @@ class LoopBoundarySet(BoundarySet):
         index = self._coordinates.index(coordinate)
         window = (-np.inf, np.inf) if window is None else checked_window(window)
         if not window[0] <= point[index] <= window[1]:
-            said = f"{coordinate!r} is {point[index]:.9g}, outside the window {window}; let the window hold it"
+            said = f"{coordinate!r} is {point[index]:.9g}, outside the window {window}; give a window that contains it"
             raise DimensionError(said)
         opened = self.opened
         given = (self.lift, list(opened), opened._limits, opened._guarded)

@@ -128,8 +128,8 @@ def _proven(curves: _Curves, name: str, value: float, within: tuple[float, float
             found.append((curves[which].source, (reached, math.inf) if side == 0 else (-math.inf, reached)))
         elif end not in within:
             raise UnsupportedError(
-                f"{name!r} meets nothing through its loops within two turns of {value:.6g}, and further on it is not "
-                "looked for; give window=(lower, upper), or the joint limits"
+                f"{name!r} meets no contact through its loops within two turns of {value:.6g}, and contacts "
+                "further away are not searched; give window=(lower, upper), or the joint limits"
             )
     return found
 

@@ -235,7 +235,5 @@ def checked_window(window: Any) -> tuple[float, float]:
     except (TypeError, ValueError) as error:
         raise DimensionError(f"the window {window!r} is not two numbers; give window=(lower, upper)") from error
     if not low < high:  # also if one is NaN
-        raise DimensionError(
-            f"the window ({low}, {high}) holds nothing; give window=(lower, upper), the lower end first"
-        )
+        raise DimensionError(f"the window ({low}, {high}) is empty; give window=(lower, upper), the lower end first")
     return low, high

@@ -92,7 +92,7 @@ class BoundedTrajectory:
     def _bound(given: ArrayLike | None, name: str, n: int) -> Array:
         bound = real_array(given, f"the bound of {name}")
         if bound.shape != (n,):
-            raise DimensionError(f"the bound of {name} has shape {bound.shape}; give one number a coordinate, ({n},)")
+            raise DimensionError(f"the bound of {name} has shape {bound.shape}; give one number per coordinate, ({n},)")
         if not np.all(np.isfinite(bound)) or np.any(bound < 0.0):
             raise DimensionError(f"the bounds of {name} are {bound.tolist()}; give finite numbers, 0 or more")
         return bound.copy()
@@ -106,7 +106,7 @@ class BoundedTrajectory:
     def notes(self) -> tuple[str, ...]:
         """That the bounds are the caller's."""
         what = "speed and acceleration" if self.has_slopes else "speed"
-        return (f"as good as the caller's bounds of {what}; {self.count:,} samples do not contradict them",)
+        return (f"true only if the caller's bounds of {what} are true; {self.count:,} samples do not contradict them",)
 
     @property
     def starts(self) -> Array:

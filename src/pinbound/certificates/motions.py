@@ -27,8 +27,8 @@ from pinbound.typing import Array
 __all__ = ["certify"]
 
 _NOT_PLACED = (
-    "the sides of a closed loop differ, and where its links are is proven within the joint limits only, which this "
-    "motion does not keep: nothing is said of the boundaries that they carry"
+    "the sides of a closed loop differ, so the places of its links are proven within the joint limits only; this "
+    "motion leaves the joint limits, so nothing is proven of the boundaries of these links"
 )
 
 
@@ -168,8 +168,8 @@ def _notes(tables: Tables, found: Findings, first_q: Array) -> tuple[str, ...]:
     if not names:
         return ()
     return (
-        f"clear, but beyond contact as seen from home, so not reachable from there: {', '.join(names)}; "
-        "see whether the motion's signs and zeros are the robot's",
+        f"free of contact, but on the other side of contact from home, so not reachable from home: {', '.join(names)}; "
+        "check that the motion has the robot's signs and zero positions",
     )
 
 

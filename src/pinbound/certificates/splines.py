@@ -46,7 +46,7 @@ def from_spline(spline: Any, coordinates: Sequence[str]) -> Polynomials:
         controls, knots, size = _of_pieces(spline, len(coordinates), isinstance(spline, interpolation.BPoly))
     else:
         raise UnsupportedError(
-            f"a {type(spline).__name__} is no PPoly, BPoly or BSpline of SciPy; make one of these of it"
+            f"a {type(spline).__name__} is not a PPoly, BPoly or BSpline of SciPy; convert it to one of these"
         )
     is_exact = isinstance(spline, interpolation.BPoly)
     if not np.all(np.isfinite(controls)) or not np.all(np.isfinite(size)):
@@ -149,7 +149,7 @@ def _notes(spline: Any, controls: Array, knots: tuple[Array, Array], coordinates
     if getattr(spline, "extrapolate", None) != "periodic":
         return ()
     starts, durations = knots
-    span = f"one period of the spline is looked at, t = {starts[0]:.9g} to {starts[-1] + durations[-1]:.9g}"
+    span = f"one period of the spline is checked, t = {starts[0]:.9g} to {starts[-1] + durations[-1]:.9g}"
     jump = np.abs(controls[0, 0] - controls[-1, -1])
     column = int(np.argmax(jump))
     if jump[column] > CONVERSION * controls.shape[1] * UNIT_ROUNDOFF * np.abs(controls).max():

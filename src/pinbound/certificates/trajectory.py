@@ -42,7 +42,7 @@ def as_trajectory(motion: Any, coordinates: Sequence[str], times: ArrayLike | No
         return found
     if callable(motion):
         raise UnsupportedError(
-            f"a {type(motion).__name__} says nothing about what lies between two of its times; wrap it as "
+            f"a {type(motion).__name__} does not say how it moves between two times; wrap it as "
             "pb.BoundedMotion(function, start, end, speed=...) with bounds of its derivatives"
         )
     Q = as_configurations(motion, coordinates)
@@ -67,7 +67,7 @@ def _times(times: ArrayLike | None, count: int) -> Array:
         return np.arange(count, dtype=np.float64)
     knots = real_array(times, "the list of times")
     if knots.shape != (count,):
-        raise DimensionError(f"times have shape {knots.shape}; give one a waypoint, ({count},)")
+        raise DimensionError(f"times have shape {knots.shape}; give one per waypoint, ({count},)")
     if not np.all(np.isfinite(knots)):
         raise DimensionError(f"time {int(np.flatnonzero(~np.isfinite(knots))[0])} is not finite; give finite numbers")
     with np.errstate(over="ignore"):
@@ -80,7 +80,7 @@ def _times(times: ArrayLike | None, count: int) -> Array:
     if falling.size:
         row = int(falling[0])
         said = f"t[{row + 1}] = {knots[row + 1]:g} comes after t[{row}] = {knots[row]:g}"
-        raise DimensionError(f"times must increase, and {said}; sort the waypoints, one a moment")
+        raise DimensionError(f"times must increase, and {said}; sort the waypoints, one for each time")
     return knots
 
 

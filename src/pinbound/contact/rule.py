@@ -271,7 +271,10 @@ class ContactRule(Value):
         least = _millimetres(self.distance)
         if self.error:
             off = _millimetres(self.error)
-            return f"{measured}, which is not above {least}: its loops' sides differ, so that it may be off by {off}"
+            return (
+                f"{measured}, which is not above {least}: the sides of its loops differ, so the value may "
+                f"be wrong by {off}"
+            )
         if self.distance > self.threshold:
             return f"{measured}, which is below contact_tolerance, {least}"
         return f"{measured}, which is not above its threshold of {least} (radii and min_distance)"
@@ -284,11 +287,19 @@ def stop_fault(rule: ContactRule) -> tuple[str, str] | None:
     """
     path = rule.path
     if not path.minimal.rotations and not np.any(path.minimal.slides):
-        return "no joint moves its two points against each other", "Take points of two links that turn about a joint"
+        remedy = "Name points of two links with a revolute joint between them"
+        return "no joint moves its two points relative to each other", remedy
     if rule._arms is None:
         slides = bool(np.any(path.minimal.slides))
-        what = "a joint slides between its two points" if slides else "its two points turn by several effective angles"
-        remedy = "A stop is where two arms at one pivot align. Remove stop, and give a point a radius or a min_distance"
+        what = (
+            "a prismatic joint is between its two points"
+            if slides
+            else "its two points rotate by several effective angles"
+        )
+        remedy = (
+            "A stop is the alignment of two lever arms about one pivot. Remove stop, and give a point a "
+            "radius or a min_distance"
+        )
         return what, remedy
     _, strip, arms = rule._arms
     if not strip.smallest <= STOP_MISS * min(arms):

@@ -96,7 +96,7 @@ def covers(
         raise DimensionError(f"the accuracy {accuracy} is not a positive length; give metres above 0")
     most = parts_allowed(accuracy, most)
     if most < 1:
-        raise DimensionError(f"most = {most} leaves no part to a link; give 1 or more")
+        raise DimensionError(f"most = {most} allows no mark for a link; give 1 or more")
     if meshes is not None:
         found += _of_meshes([body for body in bodies if body.shape == "mesh"], accuracy, by, meshes, most, progress)
         taken |= {body for body in bodies if body.shape == "mesh"}

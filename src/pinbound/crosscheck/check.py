@@ -157,7 +157,9 @@ def cross_check(
     if isinstance(robot, LoopRobot):
         names = ", ".join(repr(one.name) for one in robot.lift.linkages)
         for level in ("boundaries", "region"):
-            questions[level] = lambda: f"limits and regions are not derived through loop {names}, no parallelogram"
+            questions[level] = lambda: (
+                f"limits and regions are not available through loop {names}, which is not a parallelogram"
+            )
     answers = {level: questions[level]() if level in levels else None for level in LEVELS}
     reasons = {level: answer for level, answer in answers.items() if isinstance(answer, str)}
     checked = {level: None if level in reasons else answer for level, answer in answers.items()}

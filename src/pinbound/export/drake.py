@@ -32,7 +32,7 @@ def half_spaces(given: Any) -> tuple[Array, Array]:
     elif hasattr(given, "A") and hasattr(given, "b"):
         verdict = getattr(given, "verdict", None)
         if verdict is not None and verdict.name != "CERTIFIED":
-            said = f"the polytope is {verdict.name}, and nothing is proven of its A and b"
+            said = f"the polytope is {verdict.name}, so its A and b are not proven free"
             raise UnsupportedError(f"{said}; give certified_polytope a larger budget, or another q")
         A, b = given.A, given.b
     else:

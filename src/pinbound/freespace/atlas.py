@@ -77,7 +77,9 @@ def pair_atlas(
         raise DimensionError(f"the share {decided} is not in (0, 1]; give above 0, at most 1")
     chosen = scope(robot, boundaries, True, False)
     if not chosen:
-        raise UnsupportedError("there is no boundary, so that there is no pair to pave; give the robot marks")
+        raise UnsupportedError(
+            "the robot has no boundary, so there is nothing to compute; give it marks and boundaries"
+        )
     meter = Meter(budget or _BUDGET)
     given = {name: (float(low), float(high)) for name, (low, high) in (window or {}).items()}
     ends = _box(robot, chosen, given)

@@ -48,7 +48,9 @@ def load_atlas(path: str | Path, robot: Robot) -> PairAtlas:
     missing = [name for name in header["boundaries"] if name not in robot.boundaries.names]
     chosen = () if missing else select(robot, header["boundaries"])
     if missing or robot_digest(robot, chosen) != header["digest"]:
-        what = f"the atlas is of {header['robot']!r} with other limits or marks than {robot.name!r} has now"
+        what = (
+            f"the atlas is of {header['robot']!r} whose limits or marks differ from those that {robot.name!r} has now"
+        )
         raise ATLAS.refused(Path(path), what)
     known = read_sets(header["sets"], given)
     own, groups = iter(known), list[AtlasGroup]()

@@ -77,6 +77,13 @@ class AtlasGroup(_Shares, Value):
         columns: Which entries of q these are.
         known: What is proven, over these coordinates.
         shared_with: Number of the group that it was computed for, if it is the same but for names; else None.
+
+    Example:
+        >>> import pinbound as pb
+        >>> atlas = pb.pair_atlas(pb.load("minervabot_v3"))
+        >>> group = atlas["beta_4"].group
+        >>> group.kind, group.coordinates
+        ('exact', ('q2', 'q3'))
     """
 
     names: tuple[str, ...]
@@ -132,6 +139,12 @@ class AtlasPair(_Shares):
         name: Of the boundary.
         group: The group that it is in.
         slot: Which of its boundaries it is.
+
+    Example:
+        >>> import pinbound as pb
+        >>> pair = pb.pair_atlas(pb.load("minervabot_v3"))["beta_4"]
+        >>> pair.name, pair.kind, pair.coordinates
+        ('beta_4', 'exact', ('q2', 'q3'))
     """
 
     name: str
@@ -175,7 +188,7 @@ class PairAtlas(Value):
         boundaries: Names of the boundaries that were asked for, in the robot's order.
         coverage: What they watch of the robot, and what they do not.
         groups: Boundaries that turn alike, and what is proven of them.
-        window: Ends that were given, by coordinate.
+        window: The (lower, upper) ends that were given, by coordinate [rad, or m of a prismatic joint].
         reason: Why less than what was asked for is decided; None if all is.
         digest: SHA-256 of what was proven about: coordinates, limits, paths, thresholds.
         work: How many boxes times boundaries, or groups of boundaries, were bounded.

@@ -92,7 +92,10 @@ def certified_cover(
         raise DimensionError(f"the share {share} is not in (0, 1]; give above 0, at most 1")
     chosen = scope(robot, boundaries, True, limits_only)
     if not chosen and not limits_only:
-        raise UnsupportedError("there is no boundary, so that nothing is known of contact; give limits_only=True")
+        raise UnsupportedError(
+            "there is no boundary, so contact cannot be checked; give the robot "
+            "boundaries, or limits_only=True to use joint limits alone"
+        )
     meter = Meter(budget or _BUDGET)
     n = len(robot.coordinates)
     if coordinates is not None:

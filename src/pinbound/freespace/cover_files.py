@@ -47,7 +47,9 @@ def load_cover(robot: Robot, path: str | Path) -> FreeCover:
     missing = [name for name in header["boundaries"] if name not in robot.boundaries.names]
     chosen = () if missing or not header["boundaries"] else select(robot, header["boundaries"])
     if missing or robot_digest(robot, chosen) != header["digest"]:
-        what = f"the cover is of {header['robot']!r} with other limits or marks than {robot.name!r} has now"
+        what = (
+            f"the cover is of {header['robot']!r} whose limits or marks differ from those that {robot.name!r} has now"
+        )
         raise COVER.refused(Path(path), what)
     k, rows = len(header["coordinates"]), given["rows"]
     parts = np.split(rows, np.cumsum(given["counts"])[:-1]) if len(given["counts"]) else []

@@ -22,6 +22,8 @@ __all__ = ["AngleSet", "BoxTree", "PairSet", "Where"]
 class Where(IntEnum):
     """What is proven of a configuration.
 
+    FREE: no boundary is in contact. CONTACT: at least one boundary is in contact. UNDECIDED: neither is proven.
+
     Example:
         >>> import pinbound as pb
         >>> robot = pb.load("minervabot_v3")

@@ -168,7 +168,10 @@ def plan(
         notes = (f"every motion touches {between!r}: its angle takes all values between those of start and goal",)
         return _said(nothing, meter, verdict=Verdict.VIOLATED, separated_by=between, notes=notes)
     if cover is not None and _is_apart(cover, first, last):
-        notes = ("no boxes that may be free connect start and goal, whatever the other coordinates do",)
+        notes = (
+            "start and goal are not connected: no chain of boxes that may be free joins them, for any "
+            "values of the other coordinates",
+        )
         return _said(nothing, meter, verdict=Verdict.VIOLATED, separated_by="cover", notes=notes)
     search = _Search(robot, chosen, (first, last), window, cover, np.random.default_rng(seed), meter)
     for how, waypoints in search.ways():
@@ -179,7 +182,7 @@ def plan(
         contact = proof.first_contact
         if contact is not None:
             search.bad.append(contact.q)
-    notes = (*search.notes, "no motion was found within the budget; that proves nothing")
+    notes = (*search.notes, "no motion was found within the budget; this does not prove that there is none")
     return _said(nothing, meter, notes=notes)
 
 
@@ -206,7 +209,12 @@ def _timed(
         proof = _proof(robot, motion, names, meter, limits_only)
         if proof.verdict is found.verdict:
             return changes | {"motion": motion, "motion_certificate": proof}
-    return changes | {"notes": (*found.notes, "no smooth motion was certified within the budget; the straight one is")}
+    return changes | {
+        "notes": (
+            *found.notes,
+            "no smooth motion was certified within the budget; the motion of straight pieces is certified",
+        )
+    }
 
 
 class _Search:
@@ -255,10 +263,15 @@ class _Search:
         first, last = self.ends
         held = np.isfinite(cover.at)
         if not cover.is_whole and np.any(first[held] != last[held]):
-            self.notes.append("start and goal differ where the cover holds coordinates: its sets were not used")
+            self.notes.append(
+                "start and goal differ in coordinates that the cover keeps fixed, so its sets were not used"
+            )
             return
         if not cover.is_whole and np.any(first[held] != cover.at[held]):
-            self.notes.append("the cover holds coordinates at other values than start and goal: its sets were not used")
+            self.notes.append(
+                "the cover keeps coordinates fixed at other values than those of start and "
+                "goal, so its sets were not used"
+            )
             return
         axes, best = list(cover.axes), list[tuple[float, Array]]()
         for start in cover.graph.entries(first[axes]):

@@ -117,7 +117,7 @@ def _vertices(A: Array, b: Array) -> Array:
         return np.array([[low], [high]]) if low < high else np.empty((0, 1))
     if k > _EXACT:
         raise UnsupportedError(
-            f"vertices are listed of polytopes in up to {_EXACT} coordinates that faces tie together, and here are "
+            f"vertices are listed of polytopes in up to {_EXACT} coordinates that are coupled by faces, and here are "
             f"{k}; take .A and .b, or sampled_volume()"
         )
     centre, radius = centre_of(A, b)

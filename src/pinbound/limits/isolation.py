@@ -105,7 +105,7 @@ def arcs(
     period = listed_period(used, window) if len(used) and not np.any(line.slides) else None
     if period is None and (window is None or not all(map(math.isfinite, window))):
         raise UnsupportedError(
-            f"{name!r} turns the path in angles without a common period, or turns and slides it; without joint "
+            f"{name!r} rotates the path by angles without a common period, or rotates and translates it; without joint "
             "limits its contacts never repeat: give window=(lower, upper)"
         )
     low, high = (-period / 2, period / 2) if period is not None else window or everywhere
@@ -192,8 +192,8 @@ def outward(
             return found if period is None else _within(found, met, (a, b), domain, period)
         if reach > MOST_TURNS * turn:
             raise UnsupportedError(
-                f"{name!r} meets no contact within {MOST_TURNS:.0f} turns from {value:.6g}, and further ones are not "
-                f"looked for; give a window of at most {2.0 * MOST_TURNS * turn:.6g} around it"
+                f"{name!r} meets no contact within {MOST_TURNS:.0f} turns from {value:.6g}, and contacts "
+                f"further away are not searched; give a window of at most {2.0 * MOST_TURNS * turn:.6g} around it"
             )
         reach *= 4.0
 
@@ -223,9 +223,9 @@ def check_turns(name: str, coefficients: Array, low: float, high: float) -> None
     turns = float(np.abs(coefficients).max(initial=0.0)) * (high - low) / (2.0 * math.pi)
     if turns > MOST_TURNS:
         raise UnsupportedError(
-            f"from {low:.6g} to {high:.6g} {name!r} turns the path {turns:.3g} times, and its contacts are too many to "
-            f"list; give a window of at most {MOST_TURNS * (high - low) / turns:.6g}, or ask BoundarySet.limits, which "
-            "looks for the nearest ones alone"
+            f"from {low:.6g} to {high:.6g} {name!r} rotates the path {turns:.3g} times, and its contacts are "
+            f"too many to list; give a window of at most {MOST_TURNS * (high - low) / turns:.6g}, or call "
+            "BoundarySet.limits, which finds the nearest ones only"
         )
 
 

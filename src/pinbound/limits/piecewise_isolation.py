@@ -56,7 +56,8 @@ def arcs(
         period = 2.0 * math.pi  # it changes nothing: all or nothing is free
     if period is None and (window is None or not all(map(math.isfinite, window))):
         raise UnsupportedError(
-            f"{name!r} slides the path, or turns it in angles without a common period, and without joint limits its "
+            f"{name!r} translates the path, or rotates it by angles without a common period, and without "
+            "joint limits its "
             "contacts cannot all be listed: give window=(lower, upper)"
         )
     low, high = (-period / 2, period / 2) if period is not None else window or (-math.inf, math.inf)
@@ -188,7 +189,7 @@ def _free(
             gap, place = float(np.median(np.abs(found.value[left] - threshold))), float(middle[left][0])
             raise UnsupportedError(
                 f"around {place:.6g} the separation stays within {gap:.1e} m of the contact distance over a whole "
-                f"stretch of {name!r}, too near to be told from contact; change the distance to keep by more than that"
+                f"interval of {name!r}, too near to contact to decide; change the threshold by more than that"
             )
         cuts = next((cuts for most, cuts in _CUTS if len(row) <= most and size >> cuts), 1)
         size >>= cuts

@@ -34,8 +34,8 @@ class Form(Enum):
     """What closes a loop."""
 
     ARMS = "two arms"
-    SLIDE = "an arm and a slide"
-    TELESCOPE = "an arm with a slide in it"
+    SLIDE = "an arm and a prismatic joint"
+    TELESCOPE = "an arm with a prismatic joint in it"
 
 
 @dataclass(frozen=True, eq=False)

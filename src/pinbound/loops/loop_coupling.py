@@ -28,7 +28,7 @@ def refuse_linear(what: str, lift: Lift) -> NoReturn:
         UnsupportedError: Always, with the names of the loops.
     """
     names = ", ".join(repr(one.name) for one in lift.linkages)
-    message = f"{what}: loop {names} is no parallelogram, so that its passive joints are no linear functions of q"
+    message = f"{what}: loop {names} is no parallelogram, so that its passive joints are not linear functions of q"
     raise UnsupportedError(
         f"{message}. Supported through it are: values, gradients, Hessians, signed clearances, free, certify, "
         "certify_box, certified_box, feasible_region, limits, cross_check of points and bodies, coupling.expand, "

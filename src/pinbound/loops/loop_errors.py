@@ -130,7 +130,7 @@ class _Linkage:
         order = sorted(follow, key=lambda joint: (-depth[joint], -self.coupling.joints.index(joint)))
         given = self.settled.passive.get(name) or tuple(joint for joint in mark.passive if joint in follow)
         pairs = [given] if len(given) == 2 else list(combinations(order, 2))
-        refusal = Refusal("it has no two joints that follow", "Couple two joints of the loop, or leave them free")
+        refusal = Refusal("it has no two passive joints", "Couple two joints of the loop, or leave them free")
         for pair in pairs:
             first, second = pair
             responses = self._responses(first, second)
@@ -382,7 +382,7 @@ def _flat_note(linkage: _Linkage, closure: Closure, shape: _Shape) -> list[str]:
     where = _where(linkage, shape, flats)
     return [
         f"closure {closure.name!r} passes through its flat pose within the joint limits{where}: there the linkage can "
-        "change to its other assembly; what is said here is about the parallelogram"
+        "change to its other assembly; the results are for the parallelogram only"
     ]
 
 

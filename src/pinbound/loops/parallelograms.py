@@ -159,7 +159,7 @@ def _refuse_carried_welds(closures: Sequence[Closure], annotations: Annotations,
         if not one.is_exact:
             message = f"closure {one.name!r} has sides that differ, and closure {welds[0]!r} holds an orientation"
             remedy = f"Give closure {one.name!r} equal sides, or {welds[0]!r} the pin alone (without weld)"
-            message += ": how the error of the one turns the other is not bounded"
+            message += ": the effect of one loop's error on the other's orientation has no bound"
             source = annotations.sources.get(f"closure {one.name}")
             problems.add(message, remedy, one.mark.line, source)
 

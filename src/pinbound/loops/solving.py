@@ -144,9 +144,9 @@ def _solved(
     slid = [bool(np.any(terms.slides[:, index])) for index in pair]
     turned = [bool(np.any(np.abs(terms.angles[:, index]) > REDUCTION)) for index in pair]
     if any(a == b for a, b in zip(slid, turned, strict=True)):
-        return Refusal(f"{said} do not each turn or slide in it", _REMEDY)
+        return Refusal(f"{said} are not each revolute or prismatic in it", _REMEDY)
     if all(slid):
-        return Refusal(f"{said} both slide: an arm that turns must close it", _REMEDY)
+        return Refusal(f"{said} are both prismatic: a revolute arm must close it", _REMEDY)
     for index, slides in zip(pair, slid, strict=True):
         found = {float(c) for c in terms.angles[:, index] if c}
         if not slides and found not in ({1.0}, {-1.0}):
@@ -207,10 +207,10 @@ def _with_slide(terms: _Terms, turning: int, sliding: int) -> _Closed | Refusal:
     p, along = terms.angles[:, turning], terms.slides[:, sliding]
     (places,) = np.nonzero(along)
     if len(places) != 1 or abs(abs(along[places[0]]) - 1.0) > REDUCTION:
-        return Refusal("the slide moves other joints of the loop with it (<mimic>)", _REMEDY)
+        return Refusal("the prismatic joint moves other joints of the loop with it (<mimic>)", _REMEDY)
     unit, own = complex(along[places[0]]), (p != 0.0) == (p[places[0]] != 0.0)
     if np.all(own):
-        return Refusal("the turning joint is at the pin, or beside the slide", _REMEDY)
+        return Refusal("the revolute joint is at the pin, or at the prismatic joint", _REMEDY)
     sign = float(p[p != 0.0][0])
     bare = _without(terms, turning, sliding)
     base, here, there = bare.angles[places[0]], bare.take(own), bare.take(~own)
@@ -261,7 +261,7 @@ def _assembled(closure: Closure, closed: _Closed, names: Sequence[str], guess: A
     }[closed.form]
     passive = ", ".join(repr(names[index]) for index in closed.passive)
     if abs(lead) <= FLAT:
-        message = f"at home {passive} are as near to one of its assemblies as to the other"
+        message = f"at home {passive} are equally near to both of its assemblies"
         return Refusal(message, f"Let home name values of {passive} (roughly) in the assembly that is meant")
     inverse = np.linalg.inv(closed.turns)
     sizes = np.abs(moved.vectors)
@@ -299,8 +299,13 @@ def _reach(found: Linkage, w: float) -> str:
         far = math.sqrt(max(0.0, first**2 + second**2 + 2.0 * first * second * w))
         return f"arms of {1e3 * first:.6g} and {1e3 * second:.6g} mm do not span {1e3 * far:.6g} mm"
     if found.form is Form.SLIDE:
-        return f"its arm of {1e3 * first:.6g} mm is {1e3 * abs(w * first):.6g} mm beside the line of its slide"
-    return f"the slide passes its pivot at {1e3 * abs(first):.6g} mm, more than {1e3 * math.sqrt(w):.6g} mm away"
+        return (
+            f"its arm of {1e3 * first:.6g} mm is {1e3 * abs(w * first):.6g} mm away from the line of its "
+            "prismatic joint"
+        )
+    return (
+        f"the prismatic joint passes its pivot at {1e3 * abs(first):.6g} mm, more than {1e3 * math.sqrt(w):.6g} mm away"
+    )
 
 
 def _merged(terms: _Terms) -> _Terms:

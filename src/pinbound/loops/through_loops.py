@@ -395,8 +395,8 @@ def free_parts(bounds: LoopBounds, low: float, high: float, name: str) -> Array:
             break
         if len(start) > _MOST_OPEN:
             raise UnsupportedError(
-                f"along {name!r} a contact through loops stays within rounding of the distance to keep over a whole "
-                "stretch; change that distance, or give a smaller window (window=)"
+                f"along {name!r} a contact through loops stays within rounding of the threshold over a whole "
+                "interval; change the threshold, or give a smaller window (window=)"
             )
         fewest = min(fewest, len(start))
         if half <= _NOISY and len(start) > 4 * fewest:  # no longer a place a contact: what is left is rounding

@@ -34,7 +34,7 @@ Touches = Callable[[tuple[str, str], Array], int | None]
 
 CAN_TOUCH = "can touch"
 NOT_SEEN = "no contact found"
-COVERS_TOUCH = "their marks can touch, their bodies were not seen to"
+COVERS_TOUCH = "their marks can touch; no contact of their bodies was found"
 
 _STARTS, _STEPS, _WIDTH = 4, 20, 32  # of the random search: from how many samples, how many steps, how many tries each
 _FIRST, _LAST = 0.3, 0.003  # of the limits' width: the first steps of the search and the last
@@ -157,7 +157,7 @@ class _Finder:
                 return f"{link!r} is no link", "granted", "the robot does not have it", None
         for link in (a, b):
             if link not in self.with_bodies:
-                return f"{link} has no body", "proof", "there is nothing that could touch", None
+                return f"{link} has no body", "proof", "no body could touch", None
         why = self.judge_of.links_reason(a, b)
         if why == RIGID:
             return RIGID, "proof", "no degree of freedom lies between them", None

@@ -168,7 +168,7 @@ class _Reader:
             said = f"<{_name(element)}> has {len(found)} numbers, not {count}"
             refuse(self.source, said, _MEND, element.sourceline)
         if not np.all(np.isfinite(found)):
-            refuse(self.source, f"<{_name(element)}> holds what is not finite", _MEND, element.sourceline)
+            refuse(self.source, f"<{_name(element)}> holds a number that is not finite", _MEND, element.sourceline)
         return found
 
     def _drawn(self, element: etree._Element, mesh: etree._Element) -> Piece:
@@ -218,7 +218,10 @@ class _Reader:
     def _indices(self, element: etree._Element, stride: int) -> Ints:
         found = numbers(self.source, element.text, f"<{_name(element)}>", element.sourceline)
         if len(found) % stride or not np.all((found >= 0) & (found < 2.0**31) & (found == np.floor(found))):
-            said = f"<{_name(element)}> holds what is no index, or no whole number of corners of {stride}"
+            said = (
+                f"<{_name(element)}> holds something that is not an index, or an incomplete corner (each "
+                f"has {stride} numbers)"
+            )
             refuse(self.source, said, _MEND, element.sourceline)
         too_many(self.source, len(found) // (9 * stride))
         return found.astype(np.int64).reshape(-1, stride)

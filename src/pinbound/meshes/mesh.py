@@ -107,4 +107,4 @@ def numbers(source: str, text: str | None, what: str, line: int | None = None) -
             return np.array(words.split(), dtype=np.float64)
     except ValueError:
         pass
-    refuse(source, f"{what} holds what is no number", "Export the mesh again", line)
+    refuse(source, f"{what} holds something that is not a number", "Export the mesh again", line)

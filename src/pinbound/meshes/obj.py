@@ -52,7 +52,12 @@ def read_obj(data: bytes, source: str) -> tuple[Array, Ints, Ints, tuple[str, ..
         elif words[0] in _FREE_FORM:
             refuse(source, f"holds a free-form surface ({words[0]})", "Export the surface as triangles", number)
         else:
-            refuse(source, f"the line starts with {words[0][:20]!r}, which is no word of an OBJ file", _MEND, number)
+            refuse(
+                source,
+                f"the line starts with {words[0][:20]!r}, which no line of an OBJ file starts with",
+                _MEND,
+                number,
+            )
     shape = np.array(triangles, dtype=np.int64).reshape(-1, 3)
     notes = (f"polygons of fewer than three corners are not used ({short})",) if short else ()
     return np.array(vertices, dtype=np.float64).reshape(-1, 3), shape, np.array(polygons, dtype=np.int64), notes

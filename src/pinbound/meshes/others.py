@@ -105,7 +105,7 @@ def _off_faces(data: bytes, source: str) -> int:
 
 def _glb_faces(data: bytes, source: str) -> int:
     if data[:4] != b"glTF" or int.from_bytes(data[8:12], "little") != len(data):
-        refuse(source, "is no GLB file of the length that it says", _MEND)
+        refuse(source, "is not a GLB file, or its length differs from the length in its header", _MEND)
     return 0
 
 

@@ -77,7 +77,7 @@ def _of_text(data: bytes, source: str) -> Array:
         refuse(source, "is cut off: no 'endsolid' stands behind its last facet", _MEND)
     words = [word for triangle in found for word in triangle]
     if any(b"_" in word for word in words):
-        refuse(source, "a vertex holds what is no number", _MEND)
+        refuse(source, "a vertex holds something that is not a number", _MEND)
     try:
         return np.array([float(word) for word in words]).reshape(-1, 3)
     except ValueError as error:
@@ -85,7 +85,7 @@ def _of_text(data: bytes, source: str) -> Array:
             (number for number, row in enumerate(data.split(b"\n"), 1) if b"vertex" in row and not _is_vertex(row)),
             None,
         )
-        refuse(source, f"a vertex holds what is no number ({error})", _MEND, line)
+        refuse(source, f"a vertex holds something that is not a number ({error})", _MEND, line)
 
 
 def _is_vertex(row: bytes) -> bool:
@@ -100,5 +100,9 @@ def _stray(data: bytes, place: int, source: str) -> NoReturn:
     said = data[place : place + 40].split(b"\n")[0].decode("ascii", "replace").strip()
     line = data.count(b"\n", 0, place) + 1
     if place == 0:
-        refuse(source, "is no STL: it starts neither with 'solid' nor has it the size that it says", _MEND)
+        refuse(
+            source,
+            "is no STL file: it does not start with 'solid', and its size differs from the size in its header",
+            _MEND,
+        )
     refuse(source, f"expected a facet of three vertices, or 'endsolid', found {said!r}", _MEND, line)

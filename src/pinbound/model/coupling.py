@@ -321,7 +321,7 @@ def real_array(values: Any, what: str) -> Array:
             raise DimensionError(f"{what} is complex; give real numbers")
         is_text = raw.dtype.kind in "SUmM" or (raw.dtype == object and any(isinstance(x, str) for x in raw.flat))
         if is_text:
-            raise DimensionError(f"{what} is no array of numbers, for its type is {raw.dtype}; give numbers")
+            raise DimensionError(f"{what} is no array of numbers: its type is {raw.dtype}; give numbers")
         return np.asarray(raw, dtype=np.float64)
     except (TypeError, ValueError) as error:
         if isinstance(error, DimensionError):

@@ -98,13 +98,13 @@ def read_document(
         InputError: If there is no such file, or if it is not well-formed XML, or if xacro refuses it.
     """
     if trust not in TRUST:
-        raise refusal("trust", f"{trust!r} is no kind of trust", f"Valid: {', '.join(TRUST)}")
+        raise refusal("trust", f"{trust!r} is not a valid value of trust", f"Valid: {', '.join(TRUST)}")
     if isinstance(robot, str) and robot.lstrip().startswith("<"):
         return _from_text(robot, xacro_args)
     path = _locate(robot)
     if path.suffix.lower() == ".xacro":
         if trust == "urdf-only" and path not in packaged_robots().values():
-            remedy = "Expand it yourself where that may do no harm, or trust it: trust='xacro', --trust xacro"
+            remedy = "Expand it yourself in a safe place, or trust it: trust='xacro', --trust xacro"
             raise refusal(path.name, "is a xacro file, which can run code, and trust is 'urdf-only'", remedy)
         parse_file(path)  # what is wrong with the file itself is said with its own lines
         ours = next(

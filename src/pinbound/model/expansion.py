@@ -132,7 +132,7 @@ def _fault(answer: dict[str, Any], path: Path, seconds: float) -> Problem:
     error = str(answer["error"])
     by_hand = "Expand it with xacro yourself and load the .urdf"
     known = {
-        "time": (f"xacro did not come to an end in {seconds:g} s", f"{by_hand}, or set PINBOUND_XACRO_SECONDS"),
+        "time": (f"xacro did not finish within {seconds:g} s", f"{by_hand}, or set PINBOUND_XACRO_SECONDS"),
         "memory": (f"xacro needs more than {XACRO_MEMORY / 2**30:g} GiB of memory", by_hand),
         "size": ("it expands to more than 64 MiB", by_hand),
         "end": ("the process that expanded it ended without an answer", by_hand),
@@ -228,7 +228,7 @@ def _ask(request: dict[str, Any], path: Path) -> dict[str, Any]:
     """Ask the child; one that died between two questions is started again once."""
     question = json.dumps(request).encode()
     if not sys.executable:
-        message = "xacro is expanded in a Python process of its own, and this program does not know its Python"
+        message = "xacro is expanded in a separate Python process, and this program cannot find a Python interpreter"
         raise refusal(path.name, message, "Expand it with xacro yourself and load the .urdf")
     with _THE_CHILD.lock:
         for attempt in range(2):

@@ -51,15 +51,17 @@ def check_mimics(
         notes.append(f"a <mimic> of a joint that is fixed, floating or planar does nothing: {listed(still)}")
     for name, joint in joints.items():
         if name in _followed(joint, joints):
-            message = f"joint {name!r} follows itself, through other followers"
-            problems.add(message, "Let one joint of the cycle be free", *places.get(name, (joint.line, None)))
+            message = f"joint {name!r} follows itself, through other mimic joints"
+            problems.add(message, "Remove the <mimic> of one joint of the cycle", *places.get(name, (joint.line, None)))
     return notes
 
 
 def _note_follower(joint: Joint, primary: Joint, notes: list[str]) -> None:
     """Say what stock readers refuse or get wrong about a follower, and pinbound does not."""
     if primary.mimic is not None:
-        notes.append(f"joint {joint.name!r} follows {primary.name!r}, itself a follower: the chain is flattened")
+        notes.append(
+            f"joint {joint.name!r} follows {primary.name!r}, which is itself a mimic joint: the chain is flattened"
+        )
     if (joint.type == "continuous") != (primary.type == "continuous"):
         notes.append(f"{joint.type} joint {joint.name!r} follows {primary.type} joint {primary.name!r}")
     if joint.mimic is not None and joint.mimic.multiplier == 0.0:
@@ -83,7 +85,7 @@ def check_tree(links: Mapping[str, Link], joints: Mapping[str, Joint], problems:
         first = parent_joint.setdefault(joint.child, joint)
         if first is not joint:
             message = f"link {joint.child!r} is the child of two joints, {first.name!r} and {joint.name!r}"
-            remedy = "A URDF is a tree: keep one, and say the other as <pinbound:closure>"
+            remedy = "A URDF is a tree: keep one, and write the other as <pinbound:closure>"
             problems.add(message, remedy, joint.line)
     roots = [name for name in links if name not in parent_joint]
     if links and len(roots) != 1:
@@ -96,7 +98,9 @@ def check_tree(links: Mapping[str, Link], joints: Mapping[str, Joint], problems:
         while name in parent_joint:
             name = parent_joint[name].parent
             if name in seen:
-                problems.add(f"link {link.name!r} hangs on a cycle of joints", "Cut the cycle", link.line)
+                problems.add(
+                    f"link {link.name!r} is part of a cycle of joints, or below one", "Cut the cycle", link.line
+                )
                 break
             seen.add(name)
 

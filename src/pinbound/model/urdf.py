@@ -117,7 +117,7 @@ class _Reader:
             self.problems.add(f"a <{what}> has no name", "Name it", line)
             return None
         if printable(name) != name:
-            message = f"the name {name!r} of a {what} holds characters that nobody can see"
+            message = f"the name {name!r} of a {what} holds invisible characters"
             self.problems.add(message, "Use letters, digits and signs; no control or formatting characters", line)
         if name in known:
             first = known[name].line

@@ -152,7 +152,7 @@ def check_vocabulary(root: etree._Element, problems: Problems) -> list[str]:
         >>> problems = Problems("arm.urdf")
         >>> root = etree.fromstring('<robot name="r"><joint name="q"><limit uper="1"/><spring k="2"/></joint></robot>')
         >>> check_vocabulary(root, problems)
-        ['<spring> in <joint> is no word of URDF and is ignored (on line 1)']
+        ['<spring> in <joint> is not a part of URDF and is ignored (on line 1)']
         >>> print(problems.found[0])
         arm.urdf, line 1: <limit> of joint 'q' has 'uper', which URDF does not have. Did you mean 'upper'?
     """
@@ -173,7 +173,7 @@ class _Checker:
         said: list[str] = []
         for what, (count, line) in self.ignored.items():
             times = f"({count} times, first on line {line})" if count > 1 else f"(on line {line})"
-            said.append(f"{what} is no word of URDF and is ignored {times}")
+            said.append(f"{what} is not a part of URDF and is ignored {times}")
         return said
 
     def _ignore(self, what: str, element: etree._Element) -> None:
@@ -226,9 +226,9 @@ class _Checker:
             return
         elif _OURS in name.namespace:
             message = f"{said} has the attribute pinbound:{name.localname}"
-            self._fault(message, "Say it inside a <pinbound:annotations> directly below <robot>", element)
+            self._fault(message, "Write it inside a <pinbound:annotations> directly below <robot>", element)
         elif name.localname in word.read and element.getparent() is not None:
-            message = f"{said} has {name.localname!r} in the namespace {name.namespace!r}, where no reader sees it"
+            message = f"{said} has {name.localname!r} in the namespace {name.namespace!r}, where no reader finds it"
             self._fault(message, "Remove the prefix, or the attribute", element)
         else:
             self._ignore(f"the attribute {name.localname!r} of the namespace {name.namespace!r}", element)
@@ -239,9 +239,9 @@ class _Checker:
         if name.namespace is not None:
             self._foreign(child, word, said)
         elif tag in ("link", "joint"):
-            self._fault(f"a <{tag}> stands inside {said}, where no reader sees it", "Put it below <robot>", child)
+            self._fault(f"a <{tag}> stands inside {said}, where no reader finds it", "Put it below <robot>", child)
         elif meant := _meant(tag, word, word.read):
-            self._fault(f"<{tag}> in {said} is no word of URDF", f"Did you mean <{meant}>?", child)
+            self._fault(f"<{tag}> in {said} is not a part of URDF", f"Did you mean <{meant}>?", child)
         else:
             self._hidden(child)
             self._ignore(f"<{tag}> in <{local_name(element)}>", child)
@@ -273,7 +273,7 @@ class _Checker:
             parts = ("visual", "collision", "inertial") if inner.tag == "link" else ("parent", "child")
             if any(inner.find(part) is not None for part in parts):
                 message = f"{inner.tag} {inner.get('name')!r} stands inside <{local_name(element)}>"
-                self._fault(f"{message}, where no reader sees it", "Put it below <robot>", inner)
+                self._fault(f"{message}, where no reader finds it", "Put it below <robot>", inner)
 
 
 def looks_like_ours(element: etree._Element) -> bool:

@@ -56,7 +56,9 @@ def parse_bytes(data: bytes, label: str) -> etree._Element:
     except etree.XMLSyntaxError as error:
         line = error.lineno if error.lineno else None
         message = f"is not well-formed XML: {error.msg}"
-        remedy = "Mend the XML; every element must be closed, every prefix declared, its encoding be the declared one"
+        remedy = (
+            "Correct the XML; every element must be closed, every prefix declared, its encoding be the declared one"
+        )
         raise refusal(label, message, remedy, line) from error
     except (ValueError, LookupError) as error:
         raise refusal(label, f"cannot be read as XML: {error}", "Save it as UTF-8") from error

@@ -190,7 +190,7 @@ def _check_names(robot: Robot, columns: Sequence[str], problems: Problems) -> No
     missing = [name for name in robot.coordinates if name not in columns]
     if missing:
         needed = ", ".join(robot.coordinates)
-        problems.add(f"there is no column for {', '.join(missing)}", f"Give one column a coordinate: {needed}")
+        problems.add(f"there is no column for {', '.join(missing)}", f"Give one column per coordinate: {needed}")
 
 
 def _check_numbers(
@@ -210,7 +210,7 @@ def _check_numbers(
             row = int(falling[0]) + 1
             message = f"time does not increase in row {row + 1}: {times[row]:g} after {times[row - 1]:g}"
             more = f" (and in {len(falling) - 1} more)" if len(falling) > 1 else ""
-            problems.add(message + more, "Sort the rows, one a moment", _line(lines, row))
+            problems.add(message + more, "Sort the rows, one for each time", _line(lines, row))
 
 
 def _check_followers(

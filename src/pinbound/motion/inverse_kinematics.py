@@ -39,7 +39,7 @@ class Ending(Enum):
 
     REACHED = "reached"
     HELD_BY_LIMITS = "held back by joint limits"
-    OUT_OF_REACH = "no nearer configuration around here"
+    OUT_OF_REACH = "no nearer configuration in the neighbourhood"
     ITERATIONS = "out of iterations"
     NO_TARGET = "the target is not finite"
 
@@ -138,7 +138,7 @@ def solve_ik(
     inside = q.ndim == 1 and np.all(solver.A @ q <= solver.b + LIMIT) and _broken(robot, q) is None
     if not inside:
         said = f"the start {q.tolist()} is not one configuration within all joint limits"
-        raise DimensionError(f"{said}; give such a one, or leave start out")
+        raise DimensionError(f"{said}; give one within the limits, or leave start out")
     starts = [q, *_random_starts(robot, q, max(restarts - 1, 0), seed)][:restarts]
     answers, tried = list[_Answer](), list[int]()
     for goal in goals.reshape(-1, 3):

@@ -391,7 +391,9 @@ class _Builder:
             if self.held:
                 return
             message = f"joint {joint.name!r} is {joint.type} and lies between the two points of a boundary"
-            raise UnsupportedError(f"{message}; take points on one side of it, or model it by single joints")
+            raise UnsupportedError(
+                f"{message}; name points on one side of it, or model it by revolute and prismatic joints"
+            )
         coefficients, offset = self.coupling.row(joint.name)
         axis = self.rotation @ joint.axis
         if joint.type == "prismatic":

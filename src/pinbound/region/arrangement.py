@@ -212,8 +212,9 @@ def arrange(
         if len(slice_.curves) == len(searched):
             break
     raise UnsupportedError(
-        f"the start point {slice_.start.tolist()} is free, but nearer to contact than the accuracy of {finest:.3g} "
-        "can tell; give a smaller accuracy, or start elsewhere"
+        f"the start point {slice_.start.tolist()} is free, but it is nearer to contact than the accuracy of "
+        f"{finest:.3g} "
+        "can decide; give a smaller accuracy, or start elsewhere"
     )
 
 

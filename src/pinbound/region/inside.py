@@ -124,8 +124,8 @@ def refuse_elsewhere(slice_: Slice, reading: Reading) -> None:
     name, value = slice_.robot.coordinates[index], float(slice_.at[index])
     raise DimensionError(
         f"the region is the slice at {name} = {value:.9g}, and {slice_.users(index)[0]} depends on {name}: {len(rows)} "
-        f"configuration(s) with another {name} are not answered by it (first: row {rows[0]}); derive it again "
-        f"with at=..., or ask for points of the plane, ({', '.join(slice_.coordinates)})"
+        f"configuration(s) have another {name}, so it does not apply to them (first: row {rows[0]}); compute it again "
+        f"with at=..., or give points of the slice, ({', '.join(slice_.coordinates)})"
     )
 
 

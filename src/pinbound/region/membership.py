@@ -116,7 +116,7 @@ def projections(region: Region) -> tuple[Array, Array]:
         [70.001229, 68.981699]
     """
     if region.is_empty:
-        raise DimensionError("the region is empty, so it has no projection; ask `is_empty` before")
+        raise DimensionError("the region is empty, so it has no projection; check `is_empty` first")
     west, south, east, north = region.polygon.bounds
     return np.array([west, south]), np.array([east, north])
 

@@ -110,7 +110,7 @@ def obstacle_sides(obstacle: Obstacle, wide: Array, scales: Array) -> list[tuple
         grown = [side.inset(-1e3 * VERTEX) for side in sides]
         if len(intersect([*box, *grown])[0]):
             raise UnsupportedError(
-                f"what the rule {obstacle.name!r} forbids in the plane of the region has no width; give its conditions "
+                f"what the rule {obstacle.name!r} forbids in the slice has no width; give its conditions "
                 "a width, or take a window beside it"
             )
         return []

@@ -368,7 +368,7 @@ class TracedRegion(Region):
 def _check_factor(factor: float) -> None:
     if not 0.0 < factor <= 1.0:
         raise DimensionError(
-            f"the factor is {factor}, and beyond 1 the region leaves the feasible one; give above 0, at most 1"
+            f"the factor is {factor}, and a factor above 1 leaves the feasible region; give above 0, at most 1"
         )
 
 

@@ -310,7 +310,7 @@ def _two_coordinates(robot: Robot, coordinates: Sequence[str] | None) -> tuple[s
             continue
         if name in robot.coupling.joints:
             raise UnsupportedError(
-                f"{name!r} is no coordinate of its own: it is a mimic joint, {robot.coupling.text(name)}; "
+                f"{name!r} is not an active coordinate: it is a mimic joint, {robot.coupling.text(name)}; "
                 f"give coordinates=(..., ...) out of: {', '.join(robot.coordinates)}"
             )
         raise UnknownNameError("coordinate", name, robot.coordinates)

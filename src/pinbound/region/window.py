@@ -65,7 +65,7 @@ def box_of(
         lower, upper = _at(ends[axis, -1], axis), _at(ends[axis, 1], axis)
         if not lower < upper:
             raise DimensionError(
-                f"{name!r} has no room: its window and limits leave [{lower}, {upper}]; give a wider window"
+                f"{name!r} has no range: its window and limits leave [{lower}, {upper}]; give a wider window"
             )
     return ends[0, 1], ends[1, 1], ends[0, -1], ends[1, -1]
 

@@ -301,7 +301,7 @@ def workspace_section(
     if link not in robot.tree.links:
         raise UnknownNameError("link", link, robot.tree.links)
     if region.is_empty:
-        raise DimensionError("the region is empty, so it has no image; ask `is_empty` before")
+        raise DimensionError("the region is empty, so it has no image; check `is_empty` first")
     x, y, z = (float(value) for value in xyz)
     chain = absolute_chain(robot.tree, robot.coupling, link, (x, y, z))
     indices = [robot.coordinates.index(name) for name in region.coordinates]
@@ -329,7 +329,7 @@ def _turn(robot: Robot, chain: Chain, indices: Sequence[int], region: Region, na
     )
     if index in indices or len(uses) != 1 or np.any(chain.slides[:, :, index]) or before:
         raise UnsupportedError(
-            f"{name!r} does not turn the section as a whole: it must turn the frame exactly once, before "
+            f"{name!r} does not rotate the whole section: it must come once in the path to the frame, before "
             f"{' and '.join(region.coordinates)} do; name another coordinate, or leave turn= out"
         )
     alone = hold(chain, region.at, [index])

@@ -104,12 +104,17 @@ def new_coordinates(
             problems.add(f"axis {axis.name!r} names {name!r}, which is no coordinate", hint, axis.line, source)
             continue
         if len({name in lengths for name, c in axis.coefficients.items() if c}) > 1:
-            problems.add(f"axis {axis.name!r} adds angles and lengths", "Add angles only", axis.line, source)
+            problems.add(
+                f"axis {axis.name!r} adds angles and lengths, which have different units",
+                "Add angles only",
+                axis.line,
+                source,
+            )
             continue
         place = coupling.coordinates.index(axis.instead_of)
         if names[place] != axis.instead_of:
-            said = f"axes {names[place]!r} and {axis.name!r} both stand instead of {axis.instead_of!r}"
-            problems.add(said, "Let each stand instead of another joint", axis.line, source)
+            said = f"axes {names[place]!r} and {axis.name!r} both replace {axis.instead_of!r}"
+            problems.add(said, "Let each axis replace a different joint", axis.line, source)
             continue
         names[place] = axis.name
         rows = [(Fraction(c), coupling.joints.index(joint)) for joint, c in axis.coefficients.items()]
@@ -119,7 +124,7 @@ def new_coordinates(
     if back is None:
         if len(problems.found) == faults:
             said = f"the axes {', '.join(axis.name for axis in axes)} do not determine the joints"
-            problems.add(said, "Let each depend on the joint instead of which it stands", axes[0].line)
+            problems.add(said, "Give each axis a coefficient of the joint that it replaces (instead_of)", axes[0].line)
         return None
     matrix = np.array([[float(one) for one in row] for row in T])
     return NewCoordinates(tuple(names), matrix, np.array([float(one) for one in t]), back)
@@ -156,6 +161,9 @@ def joint_home(
         rest = sum(c * found.get(joint, 0.0) for joint, c in axis.coefficients.items() if joint != axis.instead_of)
         value = (home[axis.name] - rest) / axis.coefficients[axis.instead_of]
         if abs(found.setdefault(axis.instead_of, value) - value) > HOME:
-            said = f"home has {axis.name!r} at {home[axis.name]:.9g}, but its joints say otherwise"
+            said = (
+                f"home has {axis.name!r} at {home[axis.name]:.9g}, but the values of its joints at home "
+                "give another number"
+            )
             problems.add(said, f"Leave {axis.name!r} or {axis.instead_of!r} out", line, source)
     return found

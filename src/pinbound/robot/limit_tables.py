@@ -86,12 +86,12 @@ def limit_table(
     angles = _angles(planes, low, high, spacing, grid)
     angles, lower, upper = _entries(planes, angles, whole)
     if not len(angles):
-        said = f"no multiple of {spacing:g} deg of {target!r} leaves {dependent!r} anything"
+        said = f"no multiple of {spacing:g} deg of {target!r} leaves {dependent!r} a range"
         said += f", for the range of {target!r} is {_degrees(low)} .. {_degrees(high)}"
         raise DimensionError(f"{said}; give a smaller spacing, or leave whole out")
     notes = [
-        f"keep {target!r} within {_degrees(float(angles[0]))} .. {_degrees(float(angles[-1]))}: readers hold the last "
-        f"entries beyond them, where they need not be safe; the true range is {_degrees(low)} .. {_degrees(high)}"
+        f"keep {target!r} within {_degrees(float(angles[0]))} .. {_degrees(float(angles[-1]))}: beyond them readers "
+        f"repeat the last entry, which need not be safe there; the true range is {_degrees(low)} .. {_degrees(high)}"
     ]
     others = [name for name in robot.boundaries.names if name not in chosen.names]
     if others:
@@ -105,7 +105,9 @@ def _pair(robot: Robot, target: str, dependent: str, spacing: float) -> tuple[in
         if name not in robot.coordinates:
             raise UnknownNameError("coordinate", name, robot.coordinates)
         if not robot.turns(name):
-            raise UnsupportedError(f"{name!r} slides: these tables are of angles. Use `boundaries.limits_table`")
+            raise UnsupportedError(
+                f"{name!r} is prismatic, and these tables are of angles. Use `boundaries.limits_table`"
+            )
     if target == dependent:
         raise DimensionError(f"target and dependent are both {target!r}; name two joints")
     if not 0.0 < spacing <= 90.0:
@@ -125,8 +127,10 @@ def _half_planes(robot: Robot, boundaries: Sequence[Boundary], pair: tuple[int, 
         if not set(used) & set(pair):
             continue
         if one.contacts is None:
-            said = f"boundary {one.name!r} has several effective angles, so that its contact is no straight line"
-            raise UnsupportedError(f"{said}: between entries nothing is proved. Trace a region, or leave it out")
+            said = f"boundary {one.name!r} has several effective angles, so that its contact is not a straight line"
+            raise UnsupportedError(
+                f"{said}: nothing can be proven between entries. Trace a region, or leave this boundary out"
+            )
         for contact in one.contacts:
             gap = contact.gap(float(contact.coefficients @ robot.home))
             stop = one.rule.stop
@@ -150,8 +154,8 @@ def _add(
     if not a and not c:
         return
     if others:
-        said = f"{name!r} depends on {robot.coordinates[others[0]]!r}, too"
-        raise UnsupportedError(f"{said}: a table of two joints cannot say it. Leave it out, or take other joints")
+        said = f"{name!r} also depends on {robot.coordinates[others[0]]!r}"
+        raise UnsupportedError(f"{said}: a table of two joints cannot represent it. Leave it out, or name other joints")
     for end, sign in ((ends[1], 1.0), (ends[0], -1.0)):
         if math.isfinite(end):
             rows.append((sign * a, sign * c, sign * end))
@@ -223,7 +227,9 @@ def _range(planes: Array, dependent: str) -> tuple[float, float]:
     """Return the range of x over the polygon: the ends lie at corners."""
     a, c, b = planes.T
     if not (np.any(c > 0.0) and np.any(c < 0.0)):
-        raise UnsupportedError(f"nothing limits {dependent!r} on both sides: a table cannot say it; give it limits")
+        raise UnsupportedError(
+            f"nothing limits {dependent!r} on both sides: a table needs a finite range; give it limits"
+        )
     corners = _breaks(planes)
     straight = c == 0.0
     fits = [
@@ -233,7 +239,7 @@ def _range(planes: Array, dependent: str) -> tuple[float, float]:
     ]
     if len(fits) < 2:
         raise UnsupportedError(
-            "the target has no range with limits on both sides: a table cannot say it; give it limits"
+            "the target has no range with limits on both sides: a table needs a finite range; give it limits"
         )
     return min(fits), max(fits)
 

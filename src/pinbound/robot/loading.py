@@ -236,7 +236,7 @@ def _excesses(marks: Annotations) -> list[str]:
     if not widest:
         return []
     names = ", ".join(f"{name} {1e3 * excess:.3g} mm" for name, excess in widest.items())
-    return [f"round marks are held by prisms around them, which lead outside them at their edges by at most: {names}"]
+    return [f"each round mark is replaced by a prism around it, whose edges are outside the mark by at most: {names}"]
 
 
 def _given_items(
@@ -359,9 +359,11 @@ def _boundaries(
             problems.add(f"boundary {mark.name!r}: {refused}", "Choose other points", mark.line, source)
             continue
         if not math.isfinite(error):
-            message = f"boundary {mark.name!r} lies across a slide without limits and a loop whose sides differ"
-            remedy = "Give the slide limits"
-            problems.add(f"{message}: how far its marks may be off has no bound", remedy, mark.line, source)
+            message = (
+                f"boundary {mark.name!r} depends on a prismatic joint without limits and on a loop whose sides differ"
+            )
+            remedy = "Give the prismatic joint limits"
+            problems.add(f"{message}: the error of the places of its marks has no bound", remedy, mark.line, source)
             continue
         boundary = Boundary(
             name=mark.name,
@@ -415,7 +417,7 @@ def _stop_notes(boundary: Boundary) -> list[str]:
         return []
     said = f"{names} miss each other by {1e3 * miss:.3g} mm"
     if boundary.is_stop:
-        return [f"{said} where their arms align: contact is there all the same, they are declared as a stop"]
+        return [f"{said} where their arms align; this is contact all the same, because they are declared as a stop"]
     return [f'{said}; if this is a stop, declare it: stop="true"'] if miss <= NEAR_STOP else []
 
 

@@ -30,10 +30,13 @@ def opened_loops(tree: Tree, settled: Settled, marks: Annotations, problems: Pro
         if not one.is_exact:
             message = f"closure {one.name!r} has sides that differ, and loop {name!r} is no parallelogram"
             remedy = f"Give closure {one.name!r} equal sides, or couple loop {name!r} by <mimic>"
-            problems.add(f"{message}: how the error of the one moves the other is not bounded", remedy, one.mark.line)
+            problems.add(f"{message}: the effect of one loop's error on the other has no bound", remedy, one.mark.line)
     if marks.axes:
-        message = f"axes are counted anew, and loop {name!r} is no parallelogram: its closed form speaks of joints"
-        problems.add(message, "Leave the axes out, or couple the loop by <mimic>", marks.closures[0].line)
+        message = (
+            f"the file defines axes, and loop {name!r} is no parallelogram: its closed form needs the "
+            "joints themselves as coordinates"
+        )
+        problems.add(message, "Remove the axes, or couple the loop by <mimic>", marks.closures[0].line)
     problems.raise_if_any()
     linked = tuple(close(tree, coupling, one.mark) for one in settled.linked)
     return replace(settled, coupling=coupling, closures=closures, linked=linked), lift

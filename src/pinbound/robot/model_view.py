@@ -96,7 +96,9 @@ def read_model(tree: Tree, coupling: Coupling, model: Any, home: Array) -> Model
             places[name] = int(joint.idx_q), int(joint.nq), int(joint.idx_v)
     stray = [name for name in driven if name not in coupling.joints or name in coupling.coordinates]
     if stray:
-        raise DimensionError(f"the model's joint {stray[0]!r} is a mimic joint, which it is not here; build it anew")
+        raise DimensionError(
+            f"the model's joint {stray[0]!r} is a mimic joint, which it is not in this robot; build the model again"
+        )
     frames = _frames(tree, model)
     theta = dict(zip(coupling.joints, coupling.expand(home).tolist(), strict=True))
     still = _placed(model, frames, _neutral(model))
@@ -163,7 +165,7 @@ def _check_locked(coupling: Coupling, locked: Mapping[str, float]) -> None:
             if primary in used
         )
         if abs(value - expected) > COUPLED:
-            said = f"the model locks {name!r} at {value:.9g}, but what it follows puts it at {expected:.9g}"
+            said = f"the model locks {name!r} at {value:.9g}, but the joint that it follows puts it at {expected:.9g}"
             raise DimensionError(f"{said}; lock mimic joints where the robot's `to_pinocchio` puts them")
 
 
@@ -224,7 +226,7 @@ class ModelView(Value):
             UnsupportedError: If loops that are no parallelograms make joints nonlinear functions of q.
         """
         if isinstance(coupling, LoopCoupling):
-            refuse_linear("gradients over the v of a model are not derived", coupling.lift)
+            refuse_linear("gradients with respect to the v of a model are not available", coupling.lift)
         E = np.zeros((len(coupling.coordinates), joints.nv))
         for row, name in enumerate(coupling.coordinates):
             if name in joints.places:

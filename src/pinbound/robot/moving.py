@@ -81,7 +81,7 @@ def _checked(pose: ArrayLike) -> tuple[Array, Array]:
         raise DimensionError(f"a pose has shape {given.shape}; give finite numbers (4, 4): a rotation, and metres")
     R = given[:3, :3]
     if np.abs(R @ R.T - np.eye(3)).max() > SAME_ROBOT or np.linalg.det(R) < 0.0:
-        raise DimensionError("a pose turns by what is no rotation; give an orthonormal right-handed matrix")
+        raise DimensionError("the rotation part of a pose is not a rotation; give an orthonormal right-handed matrix")
     return R, given[:3, 3]
 
 

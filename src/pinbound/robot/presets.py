@@ -109,7 +109,7 @@ class Model(Value):
                 )
         said += [f"rule {rule['name']!r}: {rule['basis']}" for rule in facts["rules"]]
         if not facts["rules"] and facts["third_axis"] == "absolute":
-            said.append("no rule between J2 and J3 was found, and none is kept: give one with annotations=")
+            said.append("no rule between J2 and J3 is known, so none is checked: give one with annotations=")
         if facts["third_axis"] == "absolute" and "drive" not in given:
             said.append("the crank that drives the forearm is not published, its loop is not modelled; give drive [m]")
         if "level_pivot_mm" not in facts and "level_x" not in given:

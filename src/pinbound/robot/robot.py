@@ -420,5 +420,5 @@ def refuse_conditions(robot: Robot, answer: str) -> None:
     """
     if robot.guarded_limits:
         first = robot.guarded_limits[0].rule
-        message = f"{answer} cannot say that rule {first!r} holds only where its condition does"
-        raise UnsupportedError(f"{message}. Leave the condition out: the rule is then kept everywhere")
+        message = f"{answer} cannot express that rule {first!r} applies only where its condition holds"
+        raise UnsupportedError(f"{message}. Remove the condition: the rule then applies everywhere")

@@ -34,7 +34,9 @@ def largest_speeds(robot: Robot, velocity: ArrayLike | Mapping[str, float]) -> A
                 raise UnknownNameError("coordinate", name, names)
         missing = [name for name in names if name not in velocity]
         if missing:
-            raise DimensionError(f"velocity says nothing of {missing[0]!r}; give the largest speed of every coordinate")
+            raise DimensionError(
+                f"velocity has no entry for {missing[0]!r}; give the largest speed of every coordinate"
+            )
         velocity = [float(velocity[name]) for name in names]
     given = real_array(velocity, "velocity")
     if given.shape not in ((), (len(names),)) or not np.all((given > 0.0) & np.isfinite(given)):

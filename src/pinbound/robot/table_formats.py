@@ -86,7 +86,7 @@ def _whole_degrees(table: LimitTable, reader: str) -> tuple[Array, Array, Array]
     angles, lower, upper = table.in_degrees()
     if not np.array_equal(angles, np.round(angles)) or np.any(np.diff(angles) != 1.0):
         said = "make the table with grid='multiples' and spacing=1 (--grid multiples --spacing 1)"
-        raise UnsupportedError(f"{reader} takes one entry a whole degree; {said}")
+        raise UnsupportedError(f"{reader} takes one entry per whole degree; {said}")
     return angles, lower, upper
 
 

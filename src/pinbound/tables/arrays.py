@@ -192,7 +192,7 @@ class NpzTable:
                         header = _header(stream)
                     if len(header.shape) != 1 or not header.is_numeric:
                         what = f"{_named(info)!r} is an array {header.shape} of {header.dtype}"
-                        faults.append(Problem(what, "Give one array of numbers (N,) a column", path.name))
+                        faults.append(Problem(what, "Give one array of numbers (N,) per column", path.name))
                     elif info.file_size != header.size + header.bytes:
                         what = f"{_named(info)!r} has {info.file_size} bytes, not {header.size + header.bytes}"
                         faults.append(Problem(what, "Write the archive again", path.name))
@@ -206,11 +206,11 @@ class NpzTable:
         if len(set(lengths.values())) > 1:
             sizes = ", ".join(f"{name}: {length}" for name, length in lengths.items())
             what = f"the columns have different lengths ({sizes})"
-            faults.append(Problem(what, "Give one value a configuration", path.name))
+            faults.append(Problem(what, "Give one value per configuration", path.name))
         if faults:
             raise InputError(faults)
         if not lengths:
-            raise bad(path, "there is no column", "Give one column a coordinate")
+            raise bad(path, "there is no column", "Give one column per coordinate")
         return cls(path, names, next(iter(lengths.values())))
 
     def count(self, columns: Sequence[str]) -> int:

@@ -103,7 +103,7 @@ class ParquetTable:
             pass_on(error)
             raise _damaged(self.path, error) from error
         if found != self.rows:
-            raise bad(self.path, f"it promises {self.rows} rows and holds {found}", "Write it again")
+            raise bad(self.path, f"its header says {self.rows} rows, and it has {found}", "Write it again")
 
 
 def _damaged(path: Path, error: BaseException) -> InputError:

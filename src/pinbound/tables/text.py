@@ -60,7 +60,7 @@ class TextTable:
                 raise bad(path, "the columns are not separated by commas", "Save it as comma-separated text", line)
             check_names(path, names)
             return cls(path, names, line)
-        raise bad(path, "the file is empty", "Give a line of column names, then one line a configuration")
+        raise bad(path, "the file is empty", "Give a line of column names, then one line per configuration")
 
     def count(self, columns: Sequence[str]) -> int:
         """Return the number of rows; the file is read through, so that every fault in these columns is found."""
@@ -97,7 +97,7 @@ class TextTable:
                 continue
             if len(cells) != len(self.names):
                 message = f"{len(cells)} cells for {len(self.names)} columns"
-                faults.append(Problem(message, "Give one cell a column", self.path.name, line))
+                faults.append(Problem(message, "Give one cell per column", self.path.name, line))
             else:
                 held.append([self._number(cells, place, line, faults) for place in places])
             if len(faults) >= _MOST_FAULTS:
