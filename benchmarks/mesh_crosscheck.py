@@ -36,7 +36,7 @@ import numpy as np
 
 import pinbound as pb
 from pinbound.annotations import Box, Hull, Mark
-from pinbound.coverage.covers import MOST_PARTS
+from pinbound.coverage.covers import parts_allowed
 from pinbound.crosscheck.inside import Insides
 from pinbound.crosscheck.raw import RawBodies
 from pinbound.marking.candidates import draw
@@ -348,7 +348,7 @@ def main() -> int:
     parser.add_argument("--samples", type=int, default=1_000_000, help="configurations a robot, by blocks of 20,000")
     parser.add_argument("--seconds", type=float, default=3600.0, help="CPU seconds a robot, in this run")
     parser.add_argument("--accuracy", type=float, default=0.002, help="of the marks [m]")
-    parser.add_argument("--most", type=int, default=MOST_PARTS, help="marks of a link that hold its meshes")
+    parser.add_argument("--most", type=int, help="marks of a link that hold its meshes; default: as `pinbound mark`")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", default=",".join(NAMES), help="robots, separated by commas")
     parser.add_argument("--shrink", type=float, default=0.0, help="break hulls and boxes by so much [mm]")
@@ -358,7 +358,8 @@ def main() -> int:
     rows: list[tuple[Any, ...]] = []
     missed = 0
     for name in options.only.split(","):
-        one = Compared(name, options.accuracy, options.most, options.folder, 1e-3 * options.shrink)
+        most = parts_allowed(options.accuracy, options.most)
+        one = Compared(name, options.accuracy, most, options.folder, 1e-3 * options.shrink)
         lines = run(one, options)
         missed += sum(line["misses"] - rounded(line) for line in lines)
         rows.append(row_of(one, lines))
