@@ -76,6 +76,28 @@ def test_the_page_counts_edges(load_text: Load, tmp_path: Path) -> None:
     assert "<b>0 of 4</b>" in page.read_text(encoding="utf-8")
 
 
+def test_a_volume_of_three_coordinates_is_drawn_with_its_proven_interval(load_text: Load, tmp_path: Path) -> None:
+    robot = arm(load_text)
+    page, _ = write_report(robot, tmp_path / "three")
+    text = page.read_text(encoding="utf-8")
+    volume = pb.free_volume(robot, ("q1", "q2", "q3"), decided=0.97)
+    assert (tmp_path / "three" / "free.png").stat().st_size > 10_000
+    assert "of the box of limits of q1, q2, q3 is free, proven" in text
+    found = re.search(r"At least ([0-9.]+) % and at most\s+([0-9.]+) %", text)
+    assert found is not None
+    assert 100 * volume.lower / volume.volume - 3.0 < float(found[1]) <= 100 * volume.upper / volume.volume
+    assert float(found[2]) - float(found[1]) < 3.0
+    page, _ = write_report(robot, tmp_path / "two", free=("q2", "q1"))
+    assert "of the box of limits of q2, q1 is free" in page.read_text(encoding="utf-8")
+    with pytest.raises(pb.UnknownNameError):
+        write_report(robot, tmp_path / "none", free=("q2", "q9"))
+    plain = load_text(
+        robot_xml(ARM[:2], {}, [], MARKS[: MARKS.index('<pinbound:point name="high"')] + pair("tip", "near"))
+    )
+    page, _ = write_report(plain, tmp_path / "plane")
+    assert 'id="free"' not in page.read_text(encoding="utf-8")  # two coordinates: the region says it
+
+
 def saddle(folder: Path) -> Path:
     """The outstretched tip is exactly on the post's rim at q = 0."""
     marks = '<pinbound:home q1="1.5" q2="0.3"/><pinbound:point name="tip" link="b" xyz="0.5 0 0"/>'

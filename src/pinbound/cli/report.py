@@ -30,6 +30,13 @@ def report(
     frame: Annotated[
         str | None, typer.Option(help="Link whose origin is the tool point. Default: the deepest link of the tree.")
     ] = None,
+    free: Annotated[
+        str | None,
+        typer.Option(
+            help="Two or three coordinates whose free volume is drawn, e.g. q2,q3,q4. Default: the three that most "
+            "boundaries depend on."
+        ),
+    ] = None,
     require_coverage_: RequireCoverage = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
@@ -38,8 +45,9 @@ def report(
     """Write an HTML page with the kinematic tree, boundaries, region, workspace image and assumptions."""
     require("report", "a report")
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    drawn = None if free is None else [name.strip() for name in free.split(",")]
     with working("region, figures, page"):
-        page, rows = write_report(loaded, out, frame)
+        page, rows = write_report(loaded, out, frame, drawn)
     table = [
         (row.boundary.name, row.boundary.kind.value, row.boundary.ancestor, row.contact, row.where) for row in rows
     ]

@@ -14,6 +14,7 @@ import numpy as np
 from pinbound import units
 from pinbound.annotations import Mark
 from pinbound.boundaries.boundary import Boundary
+from pinbound.certificates import Budget
 from pinbound.coverage.bodies import Body, collision_bodies
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.extras import require
@@ -21,9 +22,12 @@ from pinbound.figures import plots
 from pinbound.figures.canvas import save
 from pinbound.figures.colours import PALETTE, order_of, style_of
 from pinbound.figures.cover_figure import CoverPicture, draw_cover, picture_of
+from pinbound.figures.free_figure import draw_free
+from pinbound.freespace import FreeVolume, free_volume
 from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
 
+_FREE_SECONDS, _FREE_SHARE = 5.0, 0.97  # of the volume of three coordinates: how long, or how much of it, is enough
 _MOST_ROTATIONS = 3  # in a formula that is printed: a longer one takes pages
 _MOST_FORMULAS = 200
 _MOST_BYTES = 400_000  # of all formulas
@@ -115,19 +119,24 @@ def tool_link(robot: Robot, frame: str | None = None) -> str:
     return frame or max(robot.tree.walk(), key=lambda step: step[2])[0].name
 
 
-def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Path, list[BoundaryRow]]:
+def write_report(
+    robot: Robot, out: Path, frame: str | None = None, free: Sequence[str] | None = None
+) -> tuple[Path, list[BoundaryRow]]:
     """Write `index.html` and its figures (SVG and PNG) into a folder.
 
     Args:
         robot: The robot.
         out: The folder; made if it is not there. Files of the same names are replaced, others are left alone.
         frame: The link whose origin is the tool point; the deepest leaf by default.
+        free: Two or three coordinates whose free volume is drawn, the others at home. By default the three with limits
+            that most boundaries depend on; none if there are fewer.
 
     Returns:
         The page, and the rows of its boundary table.
 
     Raises:
-        UnsupportedError: If the extra `report` is not installed.
+        UnsupportedError: If the extra `report` is not installed, or more than three coordinates are to be drawn.
+        UnknownNameError: If the robot has no coordinate of that name.
     """
     require("report", "a report")
     import jinja2
@@ -140,8 +149,11 @@ def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Pat
     if region is not None:
         figures["region"] = plots.draw_region(region, _in_plane(region, robot.home), implied)
         figures["workspace"] = plots.draw_workspace(robot, region, tool)
+    volume, no_volume = _volume(robot, free)
     for name, figure in figures.items():
         save(figure, out / name)
+    if volume is not None:
+        draw_free(robot, volume).savefig(out / "free.png", dpi=130)  # thousands of faces: no SVG
     covers = list(write_covers(robot, out))
     rows = boundary_rows(robot, region)
     environment = jinja2.Environment(
@@ -152,6 +164,9 @@ def write_report(robot: Robot, out: Path, frame: str | None = None) -> tuple[Pat
         robot=robot,
         region=region,
         reason=reason,
+        volume=volume,
+        no_volume=no_volume,
+        volume_unit="" if volume is None else _volume_unit(robot, volume),
         rows=rows,
         tool=tool,
         covers=covers,
@@ -255,6 +270,34 @@ def _region(robot: Robot) -> tuple[Region | None, str]:
         return feasible_region(robot), ""
     except (DimensionError, UnsupportedError) as error:
         return None, str(error)
+
+
+def _volume(robot: Robot, names: Sequence[str] | None) -> tuple[FreeVolume | None, str]:
+    """Return the free volume that is drawn; or why there is none, empty if none was to be expected."""
+    asked = names if names is not None else _most_used(robot)
+    if not asked:
+        return None, ""
+    try:
+        return free_volume(robot, asked, budget=Budget(seconds=_FREE_SECONDS), decided=_FREE_SHARE), ""
+    except (DimensionError, UnsupportedError) as error:
+        if names is not None:
+            raise
+        return None, str(error)
+
+
+def _most_used(robot: Robot) -> list[str]:
+    """Return the three coordinates with limits that most boundaries depend on, in the robot's order; [] if fewer."""
+    used = Counter(name for boundary in robot.boundaries for name in boundary.coordinates)
+    held = np.isfinite(robot.lower) & np.isfinite(robot.upper) & (robot.lower < robot.upper)
+    bounded = [name for name, one in zip(robot.coordinates, held.tolist(), strict=True) if one and used[name]]
+    most = sorted(bounded, key=lambda name: -used[name])[:3]
+    return [name for name in bounded if name in most] if len(most) == 3 else []
+
+
+def _volume_unit(robot: Robot, volume: FreeVolume) -> str:
+    kinds = Counter("rad" if robot.turns(name) else "m" for name in volume.coordinates)
+    powers = {1: "", 2: "²", 3: "³"}
+    return " ".join(f"{unit}{powers[count]}" for unit, count in kinds.items())
 
 
 def _in_plane(region: Region, q: Any) -> Any:
