@@ -25,7 +25,7 @@ def test_chains_are_flattened_and_noted_whatever_the_order(load_text: Load) -> N
         assert robot.coupling.joints == ("a_first", "m_middle", "z_last", "free")
         assert robot.coupling.S.tolist() == [[1, 0], [0.1, 0], [-0.2, 0], [0, 1]]
         assert np.allclose(robot.coupling.offset, [0, -0.2, 0.9, 0], atol=1e-16)
-        assert any("'z_last' follows 'm_middle', itself a follower" in note for note in robot.notes)
+        assert any("'z_last' follows 'm_middle', which is itself a mimic joint" in note for note in robot.notes)
         assert any("continuous joint 'z_last' follows prismatic" in note for note in robot.notes)
         assert any("floating joint 'float' is held at its origin" in note for note in robot.notes)
 

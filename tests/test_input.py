@@ -193,7 +193,7 @@ def test_a_sidecar_says_the_same_as_inline_annotations(load_text: Load) -> None:
         ("points:", "poinst:", 4, "Did you mean 'points'"),
         ("[1, 0, 0]", "[1, .nan, 0]", 4, "is not 3 numbers|not finite"),
         ("{q1: 0.0}", "{q1: 0.0, q1: 1.0}", 2, "given twice"),
-        ("{q1: 0.0}", "[0.0]", 2, "no mapping"),
+        ("{q1: 0.0}", "[0.0]", 2, "not a mapping"),
         ("home: {q1: 0.0}", "home: {q1: 0.0", 3, "not YAML"),
         ("xyz: [0, 0, 1], radius", "xyz: [0, 0], radius", 5, "holds 2 numbers"),
     ],

@@ -436,7 +436,7 @@ def test_choices_are_checked_however_few_rows_there_are(robots: dict[str, Robot]
                     ask(Q, threads=threads)
             with pytest.raises(pb.UnknownNameError, match="backend"):
                 ask(Q, backend="fortran")
-    with pytest.raises(pb.DimensionError, match="out is for many q"):
+    with pytest.raises(pb.DimensionError, match="out= is for many q"):
         B.smallest(np.zeros(4), out=np.zeros(1))
     assert B.norms(np.zeros((0, 4)), out=np.zeros((0, len(B)))).shape == (0, len(B))
 

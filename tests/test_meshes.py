@@ -283,7 +283,7 @@ BAD: dict[str, tuple[bytes | str, str]] = {
     "many.ply": (ply().replace(b"face 4", b"face 40000000"), "has 40000000 triangles"),
     "cut.ply": (ply()[:-20], "is cut off"),
     "cut.off": (off()[:-10], "is cut off"),
-    "text.glb": (b"glTF", "is no GLB file"),
+    "text.glb": (b"glTF", "is not a GLB file"),
     "text.3mf": (b"PK", "is no archive"),
     "bomb.3mf": (bomb(), "unpacks to"),
     "part.fbx": (b"x", "ends in '.fbx' is not read"),
