@@ -296,7 +296,7 @@ def robot_axes(robot: Robot, q: Array, axes: Any = None, region: Region | None =
     if few:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     if is_new:
-        axes.figure.draw_without_rendering()
+        without_math(axes).figure.draw_without_rendering()
     names = Names(axes)
     for name, (spot, colour) in places.items():
         names.beside(name, spot, colour)
