@@ -242,7 +242,7 @@ def test_files_come_back_and_stale_or_damaged_ones_are_refused(
     path = pb.pair_atlas(post, budget=pb.Budget(500, 1000.0)).save(tmp_path / "post.npz")
     assert len(pb.load_atlas(path, load(POST.replace("<robot ", "<!-- a comment --><robot "), tmp_path))) == 1
     for robot in (load(POST.replace('radius="0.1"', 'radius="0.10000000000000002"'), tmp_path), several):
-        with pytest.raises(pb.InputError, match=r"other limits or marks.*Make it again with pb\.pair_atlas"):
+        with pytest.raises(pb.InputError, match=r"limits or marks differ.*Make it again with pb\.pair_atlas"):
             pb.load_atlas(path, robot)
     with np.load(path) as file:
         given = dict(file)

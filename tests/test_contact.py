@@ -102,7 +102,7 @@ FAULTS = {
         POINT.format("p", "base", "0 0 -0.2", 0),
         "0 0 0.2",
         "",
-        "slides",
+        "prismatic",
     ),
     "another point": (HINGE, POINT.format("p", "base", "0 0 -0.2", 0), "0 0 0.23", "", "30 mm where they align"),
     "no arm": (HINGE, POINT.format("p", "base", "0 0.1 0", 0), "0 0 0.2", "", "no joint moves"),

@@ -218,7 +218,7 @@ def test_what_a_table_cannot_say_is_refused(minerva: pb.Robot) -> None:
     arm = robot_with(["spheres"])
     for robot, names, options, said in (
         (arm, ("a", "b"), {}, "several effective angles"),
-        (arm, ("a", "c"), {}, "'c' slides"),
+        (arm, ("a", "c"), {}, "'c' is prismatic"),
         (arm, ("a", "d"), {"boundaries": []}, "nothing limits 'd'"),
         (minerva, ("q2", "q2"), {}, "name two joints"),
         (minerva, ("q2", "q9"), {}, "q9"),

@@ -107,8 +107,8 @@ def test_what_cannot_move_is_refused() -> None:
         moving.at({"pont": np.eye(4)})
     for pose, said in (
         (np.eye(3), "shape"),
-        (np.diag([1.0, 1.0, 2.0, 1.0]), "no rotation"),
-        (np.diag([1.0, 1, -1, 1]), "no rotation"),
+        (np.diag([1.0, 1.0, 2.0, 1.0]), "is not a rotation"),
+        (np.diag([1.0, 1, -1, 1]), "is not a rotation"),
     ):
         with pytest.raises(pb.DimensionError, match=said):
             moving.at({"point": pose})

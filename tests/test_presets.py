@@ -132,7 +132,7 @@ def test_what_is_not_published_is_said_until_it_is_given() -> None:
     robot = pb.load("palletizers/gsk_rmd08")
     said = " ".join(robot.annotations.assumptions)
     assert "the range of J2 is not known" in said
-    assert "no rule between J2 and J3 was found" in said
+    assert "no rule between J2 and J3 is known" in said
     assert "widths of bodies are not published" in said
     assert "sign of J3 is not published" in " ".join(pb.load("palletizers/kawasaki_cp180l").annotations.assumptions)
     assert robot.upper[1] == math.pi

@@ -165,7 +165,7 @@ def test_limits_that_are_none_are_refused_at_once_with_a_remedy_that_works(
         ({"q1": (0.0, 1.0, 2.0)}, "two numbers"),
         ({"q1": 3.0}, "two numbers"),
         ({"q1": (0.2, 0.9)}, "q1 window lower"),
-        ({"q1": (1.5, 2.5)}, "no room"),
+        ({"q1": (1.5, 2.5)}, "has no range"),
         ({"q9": (0.0, 1.0)}, "coordinate of the window"),
     ],
 )

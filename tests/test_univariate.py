@@ -421,7 +421,7 @@ def test_a_joint_that_turns_and_slides_is_searched_outwards(load_text: Any) -> N
     assert boundary.clearance(np.linspace(high.lower, 400.0, 50_001)[1:, None]).min() > 0.0
     ends, _ = robot.boundaries.limits_table("q", [[0.5], [5e7]])
     np.testing.assert_allclose(ends, [[found.lower, found.upper], [high.lower, high.upper]], rtol=1e-15)
-    with pytest.raises(pb.UnsupportedError, match=r"turns the path 1\.91e\+07 times"):
+    with pytest.raises(pb.UnsupportedError, match=r"rotates the path 1\.91e\+07 times"):
         boundary.limits("q", [0.5], window=(-6e7, 6e7))
 
 
