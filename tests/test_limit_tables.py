@@ -223,7 +223,7 @@ def test_what_a_table_cannot_say_is_refused(minerva: pb.Robot) -> None:
         (minerva, ("q2", "q2"), {}, "name two joints"),
         (minerva, ("q2", "q9"), {}, "q9"),
         (minerva, ("q2", "q3"), {"spacing": 0.0}, "spacing"),
-        (minerva, ("q1", "q3"), {}, "depends on 'q2', too"),
+        (minerva, ("q1", "q3"), {}, "also depends on 'q2'"),
     ):
         with pytest.raises(pb.PinboundError, match=said):
             pb.limit_table(robot, *names, **options)
