@@ -478,3 +478,5 @@ def test_limits_with_its_arguments_exchanged_says_what_a_coordinate_is() -> None
     robot = pb.load("minervabot_v3")
     with pytest.raises(pb.UnknownNameError, match="q1, q2, q3"):
         robot.boundaries.limits(robot.home, "q2")  # type: ignore[arg-type]
+    with pytest.raises(pb.UnknownNameError, match="q1, q2, q3"):
+        robot.boundaries["beta_4"].limits(robot.home, "q2")  # type: ignore[arg-type]

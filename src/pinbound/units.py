@@ -9,7 +9,7 @@ import numpy as np
 
 from pinbound.typing import Array
 
-__all__ = ["amount", "area_name", "factors", "names", "shown"]
+__all__ = ["amount", "area_name", "factors", "names", "product", "shown"]
 
 _SHOWN = {"rad": (180.0 / math.pi, "deg"), "m": (1e3, "mm")}
 
@@ -52,11 +52,22 @@ def amount(value: float, unit: str, digits: int = 6) -> str:
     return f"{factor * value:.{digits}f} {name}"
 
 
-def area_name(unit: str) -> str:
-    """Return a region's unit of area as a formula says it.
+def product(units: Sequence[str]) -> str:
+    """Return the unit of an area, or of a volume, whose sides are in these units.
 
     Example:
-        >>> area_name("rad^2"), area_name("m rad")
-        ('rad²', 'm rad')
+        >>> product(("rad", "rad")), product(("rad", "m")), product(("rad", "m", "rad"))
+        ('rad^2', 'm rad', 'm rad^2')
     """
-    return unit.replace("^2", "\N{SUPERSCRIPT TWO}")
+    counts = {unit: units.count(unit) for unit in sorted(units)}
+    return " ".join(unit if count == 1 else f"{unit}^{count}" for unit, count in counts.items())
+
+
+def area_name(unit: str) -> str:
+    """Return a unit of area, or of volume, as a formula says it.
+
+    Example:
+        >>> area_name("rad^2"), area_name("m rad"), area_name("rad^3")
+        ('rad²', 'm rad', 'rad³')
+    """
+    return unit.replace("^2", "\N{SUPERSCRIPT TWO}").replace("^3", "\N{SUPERSCRIPT THREE}")

@@ -18,14 +18,12 @@ from pinbound.evaluate import depth, separation
 from pinbound.evaluate.depth import Penetration
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.limits import outwards, univariate
-from pinbound.model.coupling import as_configurations, linear_text
+from pinbound.model.coupling import as_configurations, coordinate_index, linear_text
 from pinbound.path.kind import Kind
 from pinbound.path.relative import RelativePath
 from pinbound.tolerances import ROOT
 from pinbound.typing import Array, Flags
 from pinbound.values import Value
-
-_MOST_ROTATIONS = 3  # of a formula that a notebook shows
 
 __all__ = ["Boundary", "ContactAngle", "Penetration", "checked_window", "one_configuration"]
 
@@ -302,7 +300,7 @@ class Boundary(Value):
 
     def _repr_latex_(self) -> str | None:
         """Return the vector between the marks for a notebook; None if it is too long, or SymPy is not installed."""
-        if not self.path.difference.is_zonotope or self.path.minimal.rotations > _MOST_ROTATIONS:
+        if not self.path.is_short:
             return None
         try:
             return rf"$\displaystyle r = {self.latex()}\ \mathrm{{m}}$"
@@ -340,14 +338,12 @@ class Boundary(Value):
             >>> np.degrees(arcs.intervals).round(6)
             array([[ 38.158698, 398.158698]])
         """
-        if coordinate not in self.robot_coordinates:
-            raise UnknownNameError("coordinate", coordinate, self.robot_coordinates)
+        index = coordinate_index(coordinate, self.robot_coordinates)
         points = as_configurations(q, self.robot_coordinates)
         if not np.all(np.isfinite(points)):
             raise DimensionError("q holds a number that is not finite; give finite numbers")
         if window is not None:
             window = checked_window(window)
-        index = self.robot_coordinates.index(coordinate)
         table = self.rule.arcs(index, coordinate, np.atleast_2d(points), window)
         return table if points.ndim > 1 else table[0]
 
@@ -413,9 +409,7 @@ class Boundary(Value):
         """
         from pinbound.evaluate import symbolic
 
-        if coordinate not in self.robot_coordinates:
-            raise UnknownNameError("coordinate", coordinate, self.robot_coordinates)
-        index = self.robot_coordinates.index(coordinate)
+        index = coordinate_index(coordinate, self.robot_coordinates)
         return symbolic.limit_expressions(self.path, index, self.robot_coordinates, self.threshold)
 
 

@@ -23,8 +23,8 @@ from pinbound.boundaries.spans import (
     tighten,
 )
 from pinbound.contact import SignedKernel
-from pinbound.exceptions import DimensionError, UnknownNameError
-from pinbound.model.coupling import GuardedLimit, LinearLimit, as_configurations
+from pinbound.exceptions import DimensionError
+from pinbound.model.coupling import GuardedLimit, LinearLimit, as_configurations, coordinate_index
 from pinbound.typing import Array
 
 if TYPE_CHECKING:
@@ -371,10 +371,8 @@ class BoundarySet(NamedBoundaries):
             >>> found.lower_stop, round(float(np.degrees(found.lower)), 6)
             ('beta_10', -10.145751)
         """
-        if str(coordinate) not in self._coordinates:
-            raise UnknownNameError("coordinate", coordinate, self._coordinates)
+        index = coordinate_index(coordinate, self._coordinates)
         point = one_configuration(q, self._coordinates)
-        index = self._coordinates.index(coordinate)
         value = float(point[index])
         if window is not None:
             window = checked_window(window)
@@ -427,12 +425,10 @@ class BoundarySet(NamedBoundaries):
             >>> stops[0].tolist(), np.degrees(ends[0]).round(6).tolist()
             (['beta_10', 'beta_8'], [-10.145751, 68.504624])
         """
-        if str(coordinate) not in self._coordinates:
-            raise UnknownNameError("coordinate", coordinate, self._coordinates)
+        index = coordinate_index(coordinate, self._coordinates)
         rows = np.atleast_2d(as_configurations(Q, self._coordinates))
         if not np.all(np.isfinite(rows)):
             raise DimensionError("Q holds a number that is not finite; give finite numbers")
-        index = self._coordinates.index(coordinate)
         ends = np.tile([-math.inf, math.inf], (len(rows), 1))
         stops = np.full((len(rows), 2), "", dtype=object)
         for limit in self._limits:

@@ -15,11 +15,11 @@ from pinbound.boundaries.boundary import Boundary, checked_window, one_configura
 from pinbound.boundaries.boundary_set import BoundarySet
 from pinbound.boundaries.spans import CoordinateLimits, Smallest
 from pinbound.evaluate.depth import Penetration
-from pinbound.exceptions import DimensionError, UnknownNameError
+from pinbound.exceptions import DimensionError
 from pinbound.limits.univariate import AllowedArcsTable
 from pinbound.loops.lift import Lift
 from pinbound.loops.loop_coupling import refuse_linear
-from pinbound.model.coupling import LinearLimit, as_configurations
+from pinbound.model.coupling import LinearLimit, as_configurations, coordinate_index
 from pinbound.path.kind import Kind
 from pinbound.typing import Array
 
@@ -196,9 +196,8 @@ class LoopBoundary(Boundary):
         """
         from pinbound.boundaries.looped_limits import allowed_arcs, moved_by
 
-        if coordinate not in self.robot_coordinates:
-            raise UnknownNameError("coordinate", coordinate, self.robot_coordinates)
-        Q, index = as_configurations(q, self.robot_coordinates), self.robot_coordinates.index(coordinate)
+        index = coordinate_index(coordinate, self.robot_coordinates)
+        Q = as_configurations(q, self.robot_coordinates)
         if not np.any(moved_by(self.lift, index)[list(self.opened.path.minimal.coordinates)]):
             return self.opened.limits(coordinate, self.lift(Q), window)
         if window is None:
@@ -329,10 +328,8 @@ class LoopBoundarySet(BoundarySet):
         """
         from pinbound.boundaries.looped_limits import coordinate_limits
 
-        if coordinate not in self._coordinates:
-            raise UnknownNameError("coordinate", coordinate, self._coordinates)
+        index = coordinate_index(coordinate, self._coordinates)
         point = one_configuration(q, self._coordinates)
-        index = self._coordinates.index(coordinate)
         window = (-np.inf, np.inf) if window is None else checked_window(window)
         if not window[0] <= point[index] <= window[1]:
             said = f"{coordinate!r} is {point[index]:.9g}, outside the window {window}; give a window that contains it"

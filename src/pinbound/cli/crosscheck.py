@@ -22,6 +22,7 @@ from pinbound.cli.shared import (
     millimetres,
     parse_window,
     print_table,
+    typed,
     working,
 )
 from pinbound.crosscheck import (
@@ -38,7 +39,6 @@ from pinbound.crosscheck import (
 from pinbound.exceptions import InputError, Problem
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import REGION_ACCURACY
-from pinbound.typing import Array
 
 __all__ = ["crosscheck"]
 
@@ -166,7 +166,7 @@ def _print_bodies(robot: Robot, level: BodyLevel) -> None:
             said.print(f"{' - '.join(pair.links)} ({', '.join(pair.boundaries)}):", markup=False)
             for what, q in (("miss", pair.miss_q), ("needless refusal", pair.refusal_q)):
                 if q is not None:
-                    said.print(f"  worst {what} at {_place(robot, q)}", markup=False)
+                    said.print(f"  worst {what} at {typed(robot, q)}", markup=False)
     meshed = [pair for pair in level.pairs if pair.meshes]
     if meshed:
         text = f"{len(meshed)} pairs have meshes: coal says yes or no on their triangles, no way is swept, refusals are"
@@ -186,20 +186,16 @@ def _print_inside(robot: Robot, pair: LinkPair) -> None:
     text = f"Wholly inside a mesh ({pair.within}), so that no triangles touch"
     if pair.inside_q is not None:
         said.print(
-            f"{text}: {pair.inside} places that the marks refuse, e.g. {_place(robot, pair.inside_q)}. "
+            f"{text}: {pair.inside} places that the marks refuse, e.g. {typed(robot, pair.inside_q)}. "
             "They do not count as needless refusals.",
             markup=False,
         )
     if pair.hidden_q is not None:
         said.print(
-            f"{text}: {pair.hidden} samples that the marks call CLEAR, e.g. {_place(robot, pair.hidden_q)}. "
+            f"{text}: {pair.hidden} samples that the marks call CLEAR, e.g. {typed(robot, pair.hidden_q)}. "
             "A motion gets there only through a contact.",
             markup=False,
         )
-
-
-def _place(robot: Robot, q: Array) -> str:
-    return ",".join(f"{name}={value:.9g}" for name, value in zip(robot.coordinates, q.tolist(), strict=True))
 
 
 def _print_region(robot: Robot, level: RegionLevel) -> None:

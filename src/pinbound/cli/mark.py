@@ -25,6 +25,7 @@ from pinbound.cli.shared import (
     load_robot,
     millimetres,
     print_table,
+    typed,
 )
 from pinbound.coverage.covers import By, Cover
 from pinbound.exceptions import InputError, Problem
@@ -138,21 +139,16 @@ def _print_disabled(robot: Robot, disabled: Sequence[DisabledPair], files: Seque
     counts = Counter((one.verdict, _BASES[one.basis]) for one in disabled)
     rows = [(verdict, basis, count) for (verdict, basis), count in counts.items()]
     print_table(f"Pairs of links that {sources} disables", ("found", "rests on", "pairs []"), rows)
-    seen = [one for one in disabled if one.q is not None]
-    rows = [(*one.links, one.reason, f"{one.verdict}: {one.text}") for one in seen[:_MOST_LINES]]
+    seen = [(one, one.q) for one in disabled if one.q is not None]
+    rows = [(*one.links, one.reason, f"{one.verdict}: {one.text}") for one, _ in seen[:_MOST_LINES]]
     print_table(
         "Disabled, and in contact at the configurations below", ("link", "link", "file's reason", "found"), rows
     )
-    for one in seen[:_MOST_LINES]:
-        at = ",".join(f"{name}={value:.6g}" for name, value in zip(robot.coordinates, _floats(one.q), strict=True))
-        said.print(f"{' - '.join(one.links)}: at {at}", markup=False, soft_wrap=True)
+    for one, q in seen[:_MOST_LINES]:
+        said.print(f"{' - '.join(one.links)}: at {typed(robot, q, 6)}", markup=False, soft_wrap=True)
     if len(seen) > _MOST_LINES:
         said.print(f"... and {len(seen) - _MOST_LINES} more: --json lists all.", markup=False)
     said.print("A pair that a file disables is still watched, unless a reason above leaves it out.", markup=False)
-
-
-def _floats(q: Array | None) -> list[float]:
-    return [] if q is None else q.tolist()
 
 
 def _disabled_record(one: DisabledPair) -> dict[str, object]:

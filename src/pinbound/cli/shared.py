@@ -25,6 +25,7 @@ from pinbound.exceptions import InputError, MachineError, PinboundError, Problem
 from pinbound.model.document import TRUST
 from pinbound.robot.loading import load
 from pinbound.robot.robot import Robot
+from pinbound.typing import Array
 
 __all__ = [
     "Annotations",
@@ -43,6 +44,7 @@ __all__ = [
     "parse_configuration",
     "parse_window",
     "print_table",
+    "typed",
     "working",
 ]
 
@@ -291,3 +293,8 @@ def degrees(angle: float | None, digits: int = 6) -> str:
 def millimetres(length: float, digits: int = 4) -> str:
     """Return a length [m] in millimetres for people."""
     return f"{1e3 * length:.{digits}f}"
+
+
+def typed(robot: Robot, q: Array, digits: int = 9) -> str:
+    """Return q (n,) as options of commands take it: names and values in radians or metres."""
+    return ",".join(f"{name}={value:.{digits}g}" for name, value in zip(robot.coordinates, q.tolist(), strict=True))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.coverage.cuts import cut_by_plane
-from pinbound.meshes import Mesh
+from pinbound.meshes import Mesh, pieces
 from pinbound.values import Value
 
 __all__ = ["Group", "group_of"]
@@ -109,9 +109,6 @@ def group_of(mesh: Mesh) -> Group:
         >>> np.unique(group_of(two).solids).tolist()
         [0, 1]
     """
-    from scipy import sparse
-    from scipy.sparse import csgraph
-
     corners = mesh.vertices[mesh.triangles]
     vertices, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
     rows: Ints = index.ravel()[mesh.triangles]
@@ -120,10 +117,7 @@ def group_of(mesh: Mesh) -> Group:
         corners, rows, volumes = corners[:, ::-1], rows[:, ::-1], -volumes
     count = len(vertices)
     start, end = rows.ravel(), np.roll(rows, -1, axis=1).ravel()
-    library: Any = sparse
-    links: Any = library.coo_array((np.ones(len(start)), (start, end)), shape=(count, count))
-    library = csgraph
-    labels: Ints = np.asarray(library.connected_components(links, directed=False)[1], dtype=np.int64)[rows[:, 0]]
+    labels = pieces(rows, count)[rows[:, 0]]
     owner = np.repeat(labels, 3)
     there, back = start * count + end, end * count + start
     order = np.argsort(there, kind="stable")

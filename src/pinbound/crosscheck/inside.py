@@ -14,11 +14,11 @@ says that more than half of the directions from p meet the mesh from behind.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, cast
 
 import numpy as np
 
 from pinbound.crosscheck.engine import Engine
+from pinbound.meshes import pieces
 from pinbound.typing import Array, Flags, Ints
 from pinbound.values import Value
 
@@ -82,15 +82,10 @@ class Insides:
 
 def _one_of_each_piece(corners: Array, triangles: Ints) -> Array:
     """Return a corner (k, 3) of every connected piece; corners at the same place are one."""
-    from scipy import sparse
-
     same, of = np.unique(corners, axis=0, return_inverse=True)
     rows = of.reshape(-1)[triangles]
-    ends = np.concatenate((rows[:, :2], rows[:, 1:]))
-    graph = cast(Any, sparse).coo_array((np.ones(len(ends), dtype=bool), ends.T), (len(same), len(same)))
-    labels = cast(Any, sparse.csgraph).connected_components(graph, directed=False)[1]
     used = np.unique(rows)
-    _, first = np.unique(labels[used], return_index=True)
+    _, first = np.unique(pieces(rows, len(same))[used], return_index=True)
     return same[used[first]]
 
 

@@ -43,6 +43,11 @@ def without_math(figure: Any) -> Any:
     return figure
 
 
+def lay_out(axes: Any) -> None:
+    """Give axes of a figure of ours the size that they will have, so that names can be placed by it."""
+    without_math(axes).figure.draw_without_rendering()
+
+
 def save(figure: Any, path: Path) -> list[Path]:
     """Write a figure as SVG and as PNG, the same bytes on every run; return the two paths."""
     import matplotlib as mpl_untyped

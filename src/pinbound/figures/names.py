@@ -14,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 import shapely
 
-from pinbound.figures.canvas import without_math
+from pinbound.figures.canvas import lay_out
 from pinbound.figures.colours import ink
 from pinbound.typing import Array
 
@@ -163,7 +163,7 @@ def name_edges(
         is_new: Whether the figure is ours, and may be laid out first.
     """
     if is_new:
-        without_math(axes).figure.draw_without_rendering()  # before its layout, axes have another size
+        lay_out(axes)  # before its layout, axes have another size
     names, edges = Names(axes), list(edges)
     names.taken += [gis.buffer(gis.LineString(names.points(points)), _LINE_WIDTH) for _, points, _ in edges]
     all_of = sorted(edges, key=lambda edge: -_length(edge[1]))
@@ -203,4 +203,4 @@ def legend_of_short_edges(axes: Any, handles: Sequence[Any], is_new: bool) -> No
     if first is not None:
         axes.add_artist(first)
     if is_new:
-        without_math(axes).figure.draw_without_rendering()  # an equal aspect takes two layouts
+        lay_out(axes)  # an equal aspect takes two layouts

@@ -16,7 +16,7 @@ from pinbound import units
 from pinbound.annotations import Mark
 from pinbound.boundaries.boundary import Boundary
 from pinbound.exceptions import UnsupportedError
-from pinbound.figures.canvas import new_axes, without_math
+from pinbound.figures.canvas import lay_out, new_axes, without_math
 from pinbound.figures.colours import PALETTE, order_of, style_of
 from pinbound.figures.names import Names, draw_edge, legend_of_short_edges, name_edges, resampled
 from pinbound.marking.candidates import configuration_text
@@ -296,7 +296,7 @@ def robot_axes(robot: Robot, q: Array, axes: Any = None, region: Region | None =
     if few:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     if is_new:
-        without_math(axes).figure.draw_without_rendering()
+        lay_out(axes)
     names = Names(axes)
     for name, (spot, colour) in places.items():
         names.beside(name, spot, colour)

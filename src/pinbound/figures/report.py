@@ -28,7 +28,6 @@ from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
 
 _FREE_SECONDS, _FREE_SHARE = 5.0, 0.97  # of the volume of three coordinates: how long, or how much of it, is enough
-_MOST_ROTATIONS = 3  # in a formula that is printed: a longer one takes pages
 _MOST_FORMULAS = 200
 _MOST_BYTES = 400_000  # of all formulas
 
@@ -220,11 +219,7 @@ def _said_of(robot: Robot, link: str, bodies: Sequence[Body], marks: Sequence[Ma
 
 def _formulas(robot: Robot, edges: set[str]) -> dict[str, dict[str, tuple[str, ...]]]:
     """Return the formulas that are printed, by boundary: short ones of points and segments, those of edges first."""
-    plain = [
-        one
-        for one in robot.boundaries
-        if one.path.difference.is_zonotope and one.path.minimal.rotations <= _MOST_ROTATIONS
-    ]
+    plain = [one for one in robot.boundaries if one.path.is_short]
     found: dict[str, dict[str, tuple[str, ...]]] = {}
     left = _MOST_BYTES
     for boundary in sorted(plain, key=lambda one: one.name not in edges)[:_MOST_FORMULAS]:
@@ -295,9 +290,7 @@ def _most_used(robot: Robot) -> list[str]:
 
 
 def _volume_unit(robot: Robot, volume: FreeVolume) -> str:
-    kinds = Counter("rad" if robot.turns(name) else "m" for name in volume.coordinates)
-    powers = {1: "", 2: "²", 3: "³"}
-    return " ".join(f"{unit}{powers[count]}" for unit, count in kinds.items())
+    return units.area_name(units.product(["rad" if robot.turns(name) else "m" for name in volume.coordinates]))
 
 
 def _in_plane(region: Region, q: Any) -> Any:

@@ -7,13 +7,11 @@ from typing import cast
 
 import numpy as np
 
-from pinbound.certificates.constraints import select
 from pinbound.certificates.records import Reason
 from pinbound.certificates.scope import covered
 from pinbound.freespace.atlas_format import read_sets
 from pinbound.freespace.atlas_records import AtlasGroup, PairAtlas
-from pinbound.freespace.cover_format import ATLAS, read_file
-from pinbound.freespace.digest import robot_digest
+from pinbound.freespace.proven_files import ATLAS, read_file
 from pinbound.robot.robot import Robot
 
 __all__ = ["load_atlas"]
@@ -44,14 +42,7 @@ def load_atlas(path: str | Path, robot: Robot) -> PairAtlas:
         >>> again.where(robot.home).name
         'FREE'
     """
-    header, given = read_file(Path(path), ATLAS)
-    missing = [name for name in header["boundaries"] if name not in robot.boundaries.names]
-    chosen = () if missing else select(robot, header["boundaries"])
-    if missing or robot_digest(robot, chosen) != header["digest"]:
-        what = (
-            f"the atlas is of {header['robot']!r} whose limits or marks differ from those that {robot.name!r} has now"
-        )
-        raise ATLAS.refused(Path(path), what)
+    header, given, chosen = read_file(Path(path), ATLAS, robot)
     known = read_sets(header["sets"], given)
     own, groups = iter(known), list[AtlasGroup]()
     said = cast(list[tuple[list[str], list[int], int | None]], header["groups"])

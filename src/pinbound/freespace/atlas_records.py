@@ -15,8 +15,8 @@ from pinbound.certificates.records import Reason
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import UnknownNameError
 from pinbound.freespace.atlas_format import written_sets
-from pinbound.freespace.cover_format import ATLAS, write_file
 from pinbound.freespace.pair_sets import AngleSet, BoxTree, PairSet, Where
+from pinbound.freespace.proven_files import ATLAS, write_file
 from pinbound.model.coupling import as_configurations
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import UNIT_ROUNDOFF

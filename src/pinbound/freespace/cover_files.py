@@ -7,12 +7,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from pinbound.certificates.constraints import select
 from pinbound.certificates.records import Reason
 from pinbound.certificates.scope import covered
-from pinbound.freespace.cover_format import COVER, read_file
 from pinbound.freespace.cover_records import NUMBERS, TEXTS, ConvexSet, FreeCover
-from pinbound.freespace.digest import robot_digest
+from pinbound.freespace.proven_files import COVER, read_file
 from pinbound.robot.robot import Robot
 
 __all__ = ["load_cover"]
@@ -43,14 +41,7 @@ def load_cover(robot: Robot, path: str | Path) -> FreeCover:
         >>> again.contains(robot.home)
         True
     """
-    header, given = read_file(Path(path), COVER)
-    missing = [name for name in header["boundaries"] if name not in robot.boundaries.names]
-    chosen = () if missing or not header["boundaries"] else select(robot, header["boundaries"])
-    if missing or robot_digest(robot, chosen) != header["digest"]:
-        what = (
-            f"the cover is of {header['robot']!r} whose limits or marks differ from those that {robot.name!r} has now"
-        )
-        raise COVER.refused(Path(path), what)
+    header, given, chosen = read_file(Path(path), COVER, robot)
     k, rows = len(header["coordinates"]), given["rows"]
     parts = np.split(rows, np.cumsum(given["counts"])[:-1]) if len(given["counts"]) else []
     reason = None if header["reason"] is None else Reason[header["reason"]]

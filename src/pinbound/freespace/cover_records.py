@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from pinbound.certificates.records import Reason
 from pinbound.coverage import CoverageRecord
-from pinbound.freespace.cover_format import COVER, write_file
+from pinbound.freespace.proven_files import COVER, write_file
 from pinbound.freespace.set_graph import SetGraph, components
 from pinbound.model.coupling import as_configurations
 from pinbound.tolerances import UNIT_ROUNDOFF

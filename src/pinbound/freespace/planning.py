@@ -40,7 +40,7 @@ _BUDGET = Budget(boxes=20_000_000, seconds=30.0)
 _ANGLES = 257
 """Angles between start and goal at which contact is looked for, beside the middles of its strips."""
 _SLIDES = 1.0
-"""Metres: how far beyond start and goal a motion may take a joint that slides and has no limits."""
+"""Metres: how far at least a prismatic joint without limits is searched beyond start and goal."""
 _PACES = (1.0, 0.5, 0.2, 0.0)
 """How fast a smooth motion passes its waypoints: the first that is certified is taken. The last one stops at each."""
 
@@ -112,7 +112,8 @@ def plan(
     The straight motion is tried first. Where all boundaries have one effective angle, what is free is a union of
     polytopes, one for each choice that rules with conditions leave: the shortest path through it is next. Then a chain
     of the sets of a cover, then two trees that grow from both ends through free samples. Every path is certified anew.
-    A joint without limits may go one turn, or where it slides one metre, beyond start and goal.
+    A joint without limits is searched one turn beyond start and goal. A prismatic joint without limits is searched one
+    metre beyond them, or as far as they are apart if that is more.
 
     Args:
         robot: The robot.
@@ -306,9 +307,10 @@ def _is_apart(cover: FreeCover, first: Array, last: Array) -> bool:
 
 
 def _window(robot: Robot, first: Array, last: Array) -> dict[str, tuple[float, float]]:
-    """Return where motions are looked for of coordinates without limits, by name: both ends, and room around them.
+    """Return by name the range in which a coordinate without limits is searched: start, goal, and room beyond them.
 
-    One turn of a joint that turns; the way between the ends, or `_SLIDES`, of one that slides.
+    The room is one turn of a revolute joint. Of a prismatic one it is the distance of start and goal, `_SLIDES` at
+    least.
     """
     found: dict[str, tuple[float, float]] = {}
     for name in without_limits(robot):

@@ -15,6 +15,7 @@ from typing import cast
 
 import numpy as np
 
+from pinbound.geometry.rotations import rotate
 from pinbound.kernel.balls import BallTree
 from pinbound.tolerances import STAYS_APART
 from pinbound.typing import Array, Flags, Ints
@@ -256,6 +257,5 @@ def _turned(tree: BallTree, number: int, x: Array, angles: dict[int, Array], sig
     """Return points (k, 3, cells) turned by a node's rotation, or back."""
     if number not in angles:
         return x
-    u, cos, sin = tree.nodes[number].axis[:, None], np.cos(angles[number]), sign * np.sin(angles[number])
-    along = u * np.einsum("i,kic->kc", tree.nodes[number].axis, x)[:, None]
-    return along + (x - along) * cos + np.cross(tree.nodes[number].axis, x, axisa=0, axisb=1, axisc=1) * sin
+    cos, sin = np.cos(angles[number]), sign * np.sin(angles[number])
+    return np.stack(rotate(tree.nodes[number].axis, cos, sin, (x[:, 0], x[:, 1], x[:, 2])), axis=1)

@@ -5,7 +5,7 @@ What is read is what Pinocchio's loader reads: the nodes of a DAE are placed, it
 """
 
 from pinbound.meshes.finding import find_mesh
-from pinbound.meshes.mesh import MOST_BYTES, MOST_TRIANGLES, Mesh
+from pinbound.meshes.mesh import MOST_BYTES, MOST_TRIANGLES, Mesh, pieces
 from pinbound.meshes.reading import SUFFIXES, read_mesh
 
-__all__ = ["MOST_BYTES", "MOST_TRIANGLES", "SUFFIXES", "Mesh", "find_mesh", "read_mesh"]
+__all__ = ["MOST_BYTES", "MOST_TRIANGLES", "SUFFIXES", "Mesh", "find_mesh", "pieces", "read_mesh"]

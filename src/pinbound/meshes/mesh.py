@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from pinbound.exceptions import InputError, Problem
 from pinbound.tolerances import LARGEST_BODY
 from pinbound.values import Value
 
-__all__ = ["MOST_BYTES", "MOST_TRIANGLES", "Mesh", "checked", "numbers", "refuse", "too_many"]
+__all__ = ["MOST_BYTES", "MOST_TRIANGLES", "Mesh", "checked", "numbers", "pieces", "refuse", "too_many"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -108,3 +108,18 @@ def numbers(source: str, text: str | None, what: str, line: int | None = None) -
     except ValueError:
         pass
     refuse(source, f"{what} holds something that is not a number", "Export the mesh again", line)
+
+
+def pieces(triangles: Ints, count: int) -> Ints:
+    """Return the number of the connected piece that each of `count` vertices is in; those of no triangle are alone.
+
+    Example:
+        >>> pieces(np.array([[0, 1, 2], [2, 1, 3], [4, 5, 6]]), 7).tolist()
+        [0, 0, 0, 0, 1, 1, 1]
+    """
+    from scipy import sparse
+    from scipy.sparse import csgraph
+
+    ends = np.concatenate((triangles[:, :2], triangles[:, 1:]))
+    graph = cast(Any, sparse).coo_array((np.ones(len(ends), dtype=np.bool_), ends.T), (count, count))
+    return np.asarray(cast(Any, csgraph).connected_components(graph, directed=False)[1], dtype=np.int64)

@@ -12,7 +12,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinbound.exceptions import DimensionError, UnsupportedError
+from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.model.urdf import Joint, Mimic
 from pinbound.tolerances import FOLLOWS, LIMIT, UNIT_ROUNDOFF
 from pinbound.typing import Array, Flags
@@ -25,6 +25,7 @@ __all__ = [
     "LinearLimit",
     "as_configurations",
     "combination",
+    "coordinate_index",
     "couple",
     "linear_limits",
     "linear_text",
@@ -346,6 +347,17 @@ def as_configurations(Q: ArrayLike, coordinates: Sequence[str]) -> Array:
         n = len(coordinates)
         raise DimensionError(f"q has shape {array.shape}; give ({n},) or (N, {n}), the last axis being: {names}")
     return array
+
+
+def coordinate_index(name: str, coordinates: Sequence[str]) -> int:
+    """Return the place of a coordinate.
+
+    Raises:
+        UnknownNameError: If there is none of that name; also for what is no name, an array given by mistake, say.
+    """
+    if str(name) not in coordinates:
+        raise UnknownNameError("coordinate", name, coordinates)
+    return coordinates.index(str(name))
 
 
 def couple(joints: Sequence[Joint]) -> Coupling:

@@ -34,6 +34,7 @@ from pinbound.values import Value
 
 __all__ = ["RelativePath", "absolute_chain", "direction_chain", "minimal_chain", "relative_path"]
 
+_MOST_ROTATIONS = 3  # in a formula that fits a page
 _CLOSED = 2  # directions up to which the nearest points have a closed form, over parallelograms
 
 
@@ -155,6 +156,11 @@ class RelativePath(Value):
     def is_expression(self) -> bool:
         """Whether the separation is a closed form over t in [0, 1]: that of boxes, prisms and hulls is searched for."""
         return self.is_plain or (self.form is not Form.SEARCHED and self.difference.is_zonotope)
+
+    @property
+    def is_short(self) -> bool:
+        """Whether its formula fits a page: of points and segments, by three rotations at most."""
+        return self.difference.is_zonotope and self.minimal.rotations <= _MOST_ROTATIONS
 
 
 def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:

@@ -16,6 +16,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
+from pinbound import units
 from pinbound.region import inside
 from pinbound.region.arrangement import Corner, Edge, Unresolved
 from pinbound.region.halfplanes import Support
@@ -95,8 +96,7 @@ class PlanarShape(ABC):
     @property
     def area_unit(self) -> str:
         """The unit of `area`: ``"rad^2"``, ``"m^2"``, or ``"m rad"`` of an angle and a prismatic joint."""
-        first, second = sorted(self.units)
-        return f"{first}^2" if first == second else f"{first} {second}"
+        return units.product(self.units)
 
     @property
     def coordinates(self) -> tuple[str, str]:

@@ -11,16 +11,16 @@ from typing import Any, Final, cast
 
 import numpy as np
 
+from pinbound.boundaries.boundary import Boundary
+from pinbound.certificates.constraints import select
 from pinbound.exceptions import InputError, Problem
-from pinbound.freespace.digest import content_digest
+from pinbound.freespace.digest import content_digest, robot_digest
+from pinbound.robot.robot import Robot
 from pinbound.tables.arrays import DAMAGE
 from pinbound.tables.rules import pass_on
 from pinbound.typing import AnyArray
 
 __all__ = ["ATLAS", "COVER", "Sort", "read_file", "write_file"]
-
-_AGAIN = "Make it again with pb.certified_cover(robot) and .save(path)"
-_ATLAS_AGAIN = "Make it again with pb.pair_atlas(robot) and .save(path)"
 
 
 @dataclass(frozen=True)
@@ -30,27 +30,30 @@ class Sort:
     Attributes:
         kind: What it says that it is, with the version of its format.
         name: What people call it.
+        made_by: The call that makes what it holds.
         arrays: Names of its arrays.
     """
 
     kind: str
     name: str
+    made_by: str
     arrays: tuple[str, ...]
 
     def refused(self, path: Path, what: str) -> InputError:
         """Return the error that says why a file is not taken."""
-        remedy = _AGAIN if self.name == "cover" else _ATLAS_AGAIN
-        return InputError([Problem(what, remedy, str(path))])
+        return InputError([Problem(what, f"Make it again with {self.made_by} and .save(path)", str(path))])
 
 
 COVER: Final = Sort(
     "pinbound cover 1",
     "cover",
+    "pb.certified_cover(robot)",
     ("at", "boxes", "open", "share", "rows", "counts"),
 )
 ATLAS: Final = Sort(
     "pinbound atlas 1",
     "atlas",
+    "pb.pair_atlas(robot)",
     ("numbers", "codes", "whole", "counts"),
 )
 
@@ -74,13 +77,25 @@ def write_file(path: Path, sort: Sort, header: Mapping[str, Any], arrays: Mappin
     return path
 
 
-def read_file(path: Path, sort: Sort) -> tuple[dict[str, Any], dict[str, AnyArray]]:
-    """Return what `write_file` wrote.
+def read_file(path: Path, sort: Sort, robot: Robot) -> tuple[dict[str, Any], dict[str, AnyArray], tuple[Boundary, ...]]:
+    """Return what `write_file` wrote, and the robot's boundaries that it was proven about.
 
     Raises:
-        InputError: If the file is none that it wrote, or is damaged.
+        InputError: If the file is none that it wrote, is damaged, or was proven about another robot, or other limits
+            or marks.
         OSError: If it cannot be read.
     """
+    header, given = _contents(path, sort)
+    names = header["boundaries"]
+    missing = [name for name in names if name not in robot.boundaries.names]
+    chosen = () if missing or not names else tuple(select(robot, names))
+    if missing or robot_digest(robot, chosen) != header["digest"]:
+        differ = f"whose limits or marks differ from those that {robot.name!r} has now"
+        raise sort.refused(path, f"the {sort.name} is of {header['robot']!r} {differ}")
+    return header, given, chosen
+
+
+def _contents(path: Path, sort: Sort) -> tuple[dict[str, Any], dict[str, AnyArray]]:
     with path.open("rb") as stream:
         try:
             with np.load(stream, allow_pickle=False) as file:
