@@ -207,6 +207,17 @@ def test_names_do_not_cover_each_other_and_edges_without_room_are_in_a_legend(
     assert not listed & written
 
 
+def test_no_text_of_a_figure_is_cut_off() -> None:
+    """With axes of equal aspect the layout takes several passes, more where a legend stands beside them."""
+    robot = pb.load("palletizer", xacro_args={"flange_width": "0.2"})
+    region = pb.feasible_region(robot, ("J2", "J3"))
+    figure = draw_region(region, region.points(robot.home)[0])
+    figure.draw_without_rendering()  # as saving does
+    (width, height), shown = figure.get_size_inches(), figure.get_tightbbox()
+    assert figure.axes[0].get_legend().get_title().get_text().startswith("edges without room")
+    assert min(shown.x0, shown.y0, width - shown.x1, height - shown.y1) >= 0.0
+
+
 def test_the_filled_image_of_a_region_is_what_the_link_reaches(load_text: Callable[..., pb.Robot]) -> None:
     """An arm folds at its elbow: the image of the edges alone, filled, left out places that the hand reaches."""
     robot = crowd(load_text, 2)

@@ -11,7 +11,9 @@ from typing import Any, cast
 
 from pinbound.extras import Needs
 
-__all__ = ["new_axes", "save", "svg_text", "without_math"]
+__all__ = ["lay_out", "new_axes", "save", "settle", "svg_text", "without_math"]
+
+_PASSES = 8
 
 
 def new_axes(width: float, height: float, axes: Any = None) -> Any:
@@ -45,7 +47,16 @@ def without_math(figure: Any) -> Any:
 
 def lay_out(axes: Any) -> None:
     """Give axes of a figure of ours the size that they will have, so that names can be placed by it."""
-    without_math(axes).figure.draw_without_rendering()
+    settle(without_math(axes).figure)
+
+
+def settle(figure: Any) -> None:
+    """Lay a figure out until no text of it is cut off: with axes of equal aspect that takes several passes."""
+    for _ in range(_PASSES):
+        figure.draw_without_rendering()
+        (width, height), shown = figure.get_size_inches(), figure.get_tightbbox()
+        if min(shown.x0, shown.y0, width - shown.x1, height - shown.y1) >= 0.0:
+            return
 
 
 def save(figure: Any, path: Path) -> list[Path]:
@@ -55,7 +66,7 @@ def save(figure: Any, path: Path) -> list[Path]:
     mpl = cast(Any, mpl_untyped)
 
     files = [path.with_suffix(".svg"), path.with_suffix(".png")]
-    figure.draw_without_rendering()  # the first layout of an equal-aspect figure is not settled yet
+    settle(figure)
     with mpl.rc_context({"svg.hashsalt": "pinbound"}):
         figure.savefig(files[0], metadata={"Date": None})
         figure.savefig(files[1], dpi=160)
