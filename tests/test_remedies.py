@@ -849,7 +849,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
 
         return done
 
-    again = "Make it again with pb.certified_cover(robot) and .save(path)"
+    again = "Make it again with {} and .save(path)"
     yield Entry(again, covered("minervabot_v3"), covered("palletizers/dobot_mg400"))
 
     def paved(name: str) -> Do:
@@ -860,7 +860,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
 
         return done
 
-    yield Entry("Make it again with pb.pair_atlas(robot) and .save(path)", paved("minervabot_v3"), paved("palletizer"))
+    yield Entry(again, paved("minervabot_v3"), paved("palletizer"))
     large = "Split the file, or evaluate it with `pinbound batch`, which reads in parts"
 
     def few_cells(then: Do) -> Do:
