@@ -4,9 +4,10 @@
     python -m benchmarks.mesh_crosscheck --only panda --samples 40000 --folder broken --shrink 1    # must find misses
 
 Each robot gets the marks that `pinbound mark` proposes, proven covers of its meshes among them. They are kept in the
-folder, with a hash of the code that proposed them. Pinocchio places the raw bodies, coal says which pairs of links
-touch: meshes as its own loader reads them, pairs of bodies that its own tree of boxes leaves. A miss can only be where
-coal says contact. So pinbound is asked there alone: no boundary between the two links in contact is a miss.
+folder, with a hash of the code that proposed them; the log names them by a hash of their file. Pinocchio places the
+raw bodies, coal says which pairs of links touch: meshes as its own loader reads them, pairs of bodies that its own tree
+of boxes leaves. A miss can only be where coal says contact. So pinbound is asked there alone: no boundary between the
+two links in contact is a miss.
 
 Half of the configurations are random within all limits. The others are near contact, watched pair by watched pair:
 between a configuration in contact and one that is free for that pair, the contact is bisected, of the marks and of the
@@ -104,6 +105,7 @@ class Compared:
     def __init__(self, name: str, accuracy: float, most: int, folder: Path, shrink: float) -> None:
         """Load the robot; `shrink` [m] breaks its marks after they were proven."""
         sidecar, self.facts = proposed(name, accuracy, most, folder)
+        content = hashlib.sha256(sidecar.read_bytes()).hexdigest()[:12]
         self.name = name
         self.robot = pb.load(ROBOTS / NAMES[name], package_dirs=[SHARE], annotations=sidecar)
         pairs = self.robot.coverage.pairs
@@ -121,7 +123,7 @@ class Compared:
         self.raw = RawBodies(self.robot, self.links)
         self.places = list(self.raw.places.values())
         self.insides = Insides(self.raw.engine)
-        self.key = {"robot": name, "accuracy": accuracy, "most": most, "shrink": shrink, "marks": sidecar.stem[-12:]}
+        self.key = {"robot": name, "accuracy": accuracy, "most": most, "shrink": shrink, "marks": content}
 
     def least(self, pair: int, Q: np.ndarray) -> np.ndarray:
         """Return the smallest signed clearance of a pair of links (N,)."""
