@@ -123,7 +123,7 @@ class Compared:
         self.raw = RawBodies(self.robot, self.links)
         self.places = list(self.raw.places.values())
         self.insides = Insides(self.raw.engine)
-        self.key = {"robot": name, "accuracy": accuracy, "most": most, "shrink": shrink, "marks": content}
+        self.key = {"robot": name, "shrink": shrink, "marks": content}
 
     def least(self, pair: int, Q: np.ndarray) -> np.ndarray:
         """Return the smallest signed clearance of a pair of links (N,)."""
