@@ -90,7 +90,7 @@ def atlases(options: argparse.Namespace, folder: Path) -> int:
             if len(group.columns) > 1:
                 print(f"    {group!r}, {len(group.boxes(pb.Where.FREE))} boxes free")
         path, clock = atlas.save(folder / "atlas.npz"), Clock()
-        loaded = pb.load_atlas(path, robot)
+        loaded = pb.load_atlas(robot, path)
         print(f"    {path.stat().st_size / 1e6:.3f} MB, loaded in {clock}")
         low, high = ends_of(robot)
         Q = np.random.default_rng(0).uniform(low, high, (min(options.samples, 200_000), len(low)))

@@ -219,7 +219,7 @@ def test_pairs_of_equal_arms_are_computed_once_and_are_those_computed_alone(
     assert set(whole.groups[-1].coordinates) == set(robot.coordinates)
     assert whole.groups[-1].coordinates != robot.coordinates  # from the tip of one arm to that of the other
     check(robot, whole, samples(robot, 5000, 6))
-    again = pb.load_atlas(found.save(tmp_path / "twins.npz"), robot)
+    again = pb.load_atlas(robot, found.save(tmp_path / "twins.npz"))
     assert [group.shared_with for group in again.groups] == [None, 0]
     other = twins(tmp_path, radius=0.1 + 1e-15)
     assert pb.pair_atlas(other, own, pb.Budget(10, 1000.0)).shared == 0
@@ -231,7 +231,7 @@ def test_files_come_back_and_stale_or_damaged_ones_are_refused(
     several: pb.Robot, atlas: pb.PairAtlas, tmp_path: Path
 ) -> None:
     path = atlas.save(tmp_path / "atlas.npz")
-    again = pb.load_atlas(path, several)
+    again = pb.load_atlas(several, path)
     Q = samples(several, 3000, 7)
     assert np.array_equal(again.pairs_where(Q), atlas.pairs_where(Q))
     assert np.array_equal(again.where(Q), atlas.where(Q))
@@ -240,21 +240,21 @@ def test_files_come_back_and_stale_or_damaged_ones_are_refused(
     assert [one.name for one in tmp_path.iterdir()] == ["atlas.npz"]
     post = load(POST, tmp_path)
     path = pb.pair_atlas(post, budget=pb.Budget(500, 1000.0)).save(tmp_path / "post.npz")
-    assert len(pb.load_atlas(path, load(POST.replace("<robot ", "<!-- a comment --><robot "), tmp_path))) == 1
+    assert len(pb.load_atlas(load(POST.replace("<robot ", "<!-- a comment --><robot "), tmp_path), path)) == 1
     for robot in (load(POST.replace('radius="0.1"', 'radius="0.10000000000000002"'), tmp_path), several):
         with pytest.raises(pb.InputError, match=r"limits or marks differ.*Make it again with pb\.pair_atlas"):
-            pb.load_atlas(path, robot)
+            pb.load_atlas(robot, path)
     with np.load(path) as file:
         given = dict(file)
     given["codes"] = given["codes"].copy()
     given["codes"][-1] = BoxTree.FREE
     np.savez(tmp_path / "forged.npz", **given)
     with pytest.raises(pb.InputError, match="damaged"):
-        pb.load_atlas(tmp_path / "forged.npz", post)
+        pb.load_atlas(post, tmp_path / "forged.npz")
     with pytest.raises(pb.InputError, match="no atlas"):
-        pb.load_atlas(pb.certified_cover(post, share=0.1).save(tmp_path / "cover.npz"), post)
+        pb.load_atlas(post, pb.certified_cover(post, share=0.1).save(tmp_path / "cover.npz"))
     with pytest.raises(FileNotFoundError):
-        pb.load_atlas(tmp_path / "missing.npz", post)
+        pb.load_atlas(post, tmp_path / "missing.npz")
 
 
 def test_a_spent_budget_or_a_stop_leaves_the_rest_undecided(tmp_path: Path) -> None:

@@ -108,7 +108,7 @@ def test_a_joint_without_limits_is_planned_and_where_it_was_looked_is_said(tmp_p
     assert pb.certify(robot, found.waypoints).verdict is pb.Verdict.CERTIFIED
     short = pb.plan(robot, [-0.2, 1.3], [1.6, 1.3], budget=pb.Budget(boxes=3, seconds=5.0))
     assert short.verdict is pb.Verdict.UNDECIDED
-    assert short.notes[0] == "'q1' has no limits; motions were looked for between -6.48319 and 7.88319 alone"
+    assert short.notes[0] == "'q1' has no limits: plan() searched between -6.48319 and 7.88319 rad only"
 
 
 def test_no_budget_is_undecided(tmp_path: Path) -> None:

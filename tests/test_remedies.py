@@ -856,7 +856,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
         def done(folder: Path) -> object:
             robot = pb.load(name)
             path = pb.pair_atlas(robot, robot.boundaries.names[:1]).save(folder / "a.npz")
-            return pb.load_atlas(path, pb.load("palletizer"))
+            return pb.load_atlas(pb.load("palletizer"), path)
 
         return done
 

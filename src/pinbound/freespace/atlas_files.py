@@ -17,15 +17,15 @@ from pinbound.robot.robot import Robot
 __all__ = ["load_atlas"]
 
 
-def load_atlas(path: str | Path, robot: Robot) -> PairAtlas:
+def load_atlas(robot: Robot, path: str | Path) -> PairAtlas:
     """Return the atlas that `PairAtlas.save` wrote, if it was proven about this very robot and these very marks.
 
     The file holds a hash of coordinates, limits, paths and thresholds, and one of its own contents. The second finds a
     file that was damaged, and not one that was forged: take atlases from people whom you trust.
 
     Args:
-        path: The file.
         robot: The robot.
+        path: The file.
 
     Raises:
         InputError: If the file is no atlas or is damaged, or the robot, its limits or its marks are not those that the
@@ -38,7 +38,7 @@ def load_atlas(path: str | Path, robot: Robot) -> PairAtlas:
         >>> robot = pb.load("minervabot_v3")
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = pb.pair_atlas(robot).save(folder + "/atlas.npz")
-        ...     again = pb.load_atlas(path, robot)
+        ...     again = pb.load_atlas(robot, path)
         >>> again.where(robot.home).name
         'FREE'
     """

@@ -237,7 +237,8 @@ class _Search:
         self.bad: list[Array] = []
         """Where a proof has found contact."""
         self.notes = [
-            f"{name!r} has no limits; motions were looked for between {low:.6g} and {high:.6g} alone"
+            f"{name!r} has no limits: plan() searched between {low:.6g} and {high:.6g}"
+            f" {'rad' if robot.turns(name) else 'm'} only"
             for name, (low, high) in window.items()
         ]
 
