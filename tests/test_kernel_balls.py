@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pinbound as pb
-from pinbound.kernel import BallKernel, Kernel, UnionKernel, ball_kernel, mixed
+from pinbound.kernel import BallKernel, Kernel, UnionKernel, ball_kernel, balls, mixed
 from pinbound.kernel.ball_tables import single_error
 
 BACKENDS = [
@@ -113,6 +113,17 @@ def test_all_answers_equal_the_reference(robot: pb.Robot, backend: Any) -> None:
     assert np.allclose([B.clearances(q) for q in few], expected[:40], rtol=0, atol=4e-15)
     assert [B.free(q, limits=False) for q in few] == (expected[:40].min(axis=1) > 0.0).tolist()
     assert np.allclose(B.clearances(few, backend=backend, dtype=np.float32), expected[:40], atol=3e-6)
+
+
+@pytest.mark.parametrize("few", [1, 10**6])
+def test_numpy_takes_rows_and_pairs_in_parts(robot: pb.Robot, few: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(balls, "_ROWS", 7)
+    monkeypatch.setattr(balls, "_PART_BYTES", 8 * 3 * 7 * 11)  # 11 pairs at a time, of more than a hundred
+    monkeypatch.setattr(balls, "_FEW_ROWS", few)
+    Q = rows(robot, 20)
+    found = robot.boundaries.kernel.rows(Q, "clearances", backend="numpy")
+    np.testing.assert_allclose(found, reference(robot, Q), rtol=1e-12, atol=4e-15)
+    assert np.array_equal(robot.boundaries.free(Q, limits=False, backend="numpy"), np.all(found > 0.0, axis=1))
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -36,11 +36,18 @@ _LARGEST_ANGLE = {"free": 1e3, "least": 1e5, "all": 1e5, "slopes": 1e5}
 _LARGEST_SLIDE = {"free": 4.0, "least": 1e3, "all": 1e3, "slopes": 1e3}
 """m: the same for prismatic joints; the errors' bounds grow with it."""
 
-_COMPILATION = 0.6
-"""Seconds to compile any of the texts: LLVM alone, without Numba."""
+_COMPILATION = {"free": 0.65, "least": 0.5, "all": 0.3, "slopes": 0.4}
+"""Seconds to compile each text, by LLVM alone, without Numba, and to write what it reads."""
 
-_PAIR, _BALL, _NODE, _SLOPE = 12.0, 30.0, 120.0, 12.0
-"""Counted operations of one of each, in NumPy; the last of a coordinate of a pair's or a ball's slope."""
+_LOADING = {"free": 0.12, "least": 0.06, "all": 0.05, "slopes": 0.05}
+"""Seconds to load each, llvmlite's import too, and to write what it reads: `free` looks for pairs that never meet."""
+
+_PAIR, _BALL, _NODE, _SLOPE = 40.0, 70.0, 700.0, 120.0
+"""Counted operations of one of each, in NumPy; the last of a coordinate of a pair's or a ball's slope.
+
+Measured on the Panda's 690 pairs, 51 balls and 8 nodes: 9, 15, 150 and 26 ns where compiling `free` takes 0.65 s, all
+on one quiet core. NumPy takes these times because one such operation goes through memory, which one of a program's
+nodes does not."""
 
 _BLOCK = 1 << 16
 """Numbers of float64 at a time that are rounded to float32."""
@@ -115,7 +122,8 @@ class BallKernel(Kernel):
         cost = _PAIR * len(self.pairs) + _BALL * len(self.tree.balls) + _NODE * len(self.tree.nodes)
         if mode == "gradients":
             cost += _SLOPE * self.n * (len(self.pairs) + len(self.tree.balls))
-        return Work(rows, cost, 10 * len(self.tree.nodes), _COMPILATION)
+        text = _TABLES.get(mode, mode)
+        return Work(rows, cost, 10 * len(self.tree.nodes), _COMPILATION[text], _LOADING[text])
 
     def _source(self, mode: str, is_single: bool) -> KernelSource:
         return balls_source(_TABLES.get(mode, mode))

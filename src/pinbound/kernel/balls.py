@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -30,7 +30,16 @@ _PAIRS = 256
 """Pairs at a time, whose gradients NumPy takes together."""
 
 _NUMPY_BYTES = 1 << 20
-"""Of one block of rows in NumPy: what fits L2."""
+"""Of one block of rows in NumPy, for slopes: what fits L2."""
+
+_PART_BYTES = 1 << 17
+"""Of the differences that are taken together in NumPy: what stays in L2 beside all balls."""
+
+_ROWS = 512
+"""Configurations of one block in NumPy: fewer, and a call costs more than its numbers."""
+
+_FEW_ROWS = 64
+"""Below these a call for each pair costs more than a copy of its two places."""
 
 
 @dataclass(frozen=True)
@@ -230,17 +239,30 @@ class BallTree:
 
     def each_block(self, Q: Array, thresholds: Array, take: Callable[[slice, Array], None]) -> None:
         """Call `take(rows, found)` for each block of rows, with all norms less thresholds (m, rows)."""
-        room = 8 * (12 * len(self.nodes) + 3 * len(self.balls) + 5 * len(self.ends))
-        block = max(1, _NUMPY_BYTES // room)
+        block = min(len(Q), _ROWS)
+        part = max(1, min(len(self.ends), _PART_BYTES // (8 * 3 * max(1, block))))  # pairs at a time
+        all_found, apart = np.empty(len(self.ends) * block), np.empty(3 * part * block)
+        ends = cast(list[list[int]], self.ends.tolist())
         with np.errstate(all="ignore"):
-            for start in range(0, len(Q), block):
-                rows = slice(start, min(start + block, len(Q)))
-                x = self.places(Q[rows])
-                r = x[self.ends[:, 0]] - x[self.ends[:, 1]]
-                squares = np.einsum("kin,kin->kn", r, r)
-                np.sqrt(squares, out=squares)
-                squares -= thresholds[:, None]
-                take(rows, squares)
+            for start in range(0, len(Q), _ROWS):
+                rows = slice(start, min(start + _ROWS, len(Q)))
+                x, count = self.places(Q[rows]), rows.stop - start
+                found = all_found[: len(ends) * count].reshape(-1, count)
+                for first in range(0, len(ends), part):
+                    some, squares = ends[first : first + part], found[first : first + part]
+                    r = apart[: 3 * len(some) * count].reshape(-1, 3, count)
+                    if count < _FEW_ROWS:
+                        a, b = self.ends[first : first + part].T
+                        np.subtract(x[a], x[b], out=r)
+                    else:  # without a copy of both places
+                        for (i, j), difference in zip(some, r, strict=True):
+                            np.subtract(x[i], x[j], out=difference)
+                    np.multiply(r, r, out=r)
+                    np.add(r[:, 0], r[:, 1], out=squares)
+                    np.add(squares, r[:, 2], out=squares)
+                    np.sqrt(squares, out=squares)
+                    squares -= thresholds[first : first + part, None]
+                take(rows, found)
 
     def places(self, Q: Array, points: Sequence[tuple[int, Array]] | None = None) -> Array:
         """Return places (k, 3, N) for Q (N, n), in the root's frame, of all balls, or of points on nodes."""
@@ -251,25 +273,39 @@ class BallTree:
         count = len(Q)
         W, P = np.empty((len(self.nodes), 3, 3, count)), np.empty((len(self.nodes), 3, count))
         turned = [(np.cos(x), np.sin(x)) for x in (Q @ np.array(c) for c in self.angles)]
-        for number, node in enumerate(self.nodes):
-            if not number:
-                W[0], P[0] = np.eye(3)[:, :, None], 0.0
-                continue
-            step = np.broadcast_to(node.step[:, None], (3, count))
+        W[0], P[0] = np.eye(3)[:, :, None], 0.0
+        for number, (node, turn) in enumerate(zip(self.nodes[1:], self._turning[1:], strict=True), 1):
+            step = node.step[:, None]
             for j, way in node.slides:
                 step = step + np.array(way)[:, None] * Q[:, j]
             up = W[node.above]
-            P[number] = P[node.above] + np.einsum("ijn,jn->in", up, step)
-            if node.angle < 0:
+            np.add(P[node.above], np.einsum("ijn,jn->in", up, step), out=P[number])
+            if turn is None:
                 W[number] = up
                 continue
             cos, sin = turned[node.angle]
-            u = node.axis
-            cross = np.array([[0.0, -u[2], u[1]], [u[2], 0.0, -u[0]], [-u[1], u[0], 0.0]])
-            along = np.outer(u, u)[:, :, None]
-            turn = along + (np.eye(3)[:, :, None] - along) * cos + cross[:, :, None] * sin
-            W[number] = np.einsum("ijn,jkn->ikn", up, turn)
+            along, across, cross, kept = turn
+            if kept >= 0:  # a coordinate axis: two columns turn, one stays
+                y, z = (kept + 1) % 3, (kept + 2) % 3
+                sin = node.axis[kept] * sin
+                W[number, :, kept] = up[:, kept]
+                np.add(up[:, y] * cos, up[:, z] * sin, out=W[number, :, y])
+                np.subtract(up[:, z] * cos, up[:, y] * sin, out=W[number, :, z])
+                continue
+            np.einsum("ijn,jkn->ikn", up, along + across * cos + cross * sin, out=W[number])
         return W, P
+
+    @cached_property
+    def _turning(self) -> list[tuple[Array, Array, Array, int] | None]:
+        """Of each node that turns: what stays, what turns with the cosine and with the sine, and a coordinate axis."""
+        found = list[tuple[Array, Array, Array, int] | None]()
+        for node in self.nodes:
+            u, along = node.axis, np.outer(node.axis, node.axis)[:, :, None]
+            cross = np.array([[0.0, -u[2], u[1]], [u[2], 0.0, -u[0]], [-u[1], u[0], 0.0]])[:, :, None]
+            used = np.flatnonzero(u)
+            kept = int(used[0]) if len(used) == 1 else -1
+            found.append((along, np.eye(3)[:, :, None] - along, cross, kept) if node.angle >= 0 else None)
+        return found
 
     @staticmethod
     def _on(W: Array, P: Array, points: Sequence[tuple[int, Array]]) -> Array:

@@ -59,12 +59,14 @@ class Work:
         cost: Counted operations a configuration.
         nodes: How many expressions the program has.
         code: Seconds to compile it, where that does not depend on the nodes.
+        load: Seconds to load it, the same.
     """
 
     rows: int
     cost: float
     nodes: int
     code: float | None = None
+    load: float | None = None
 
     @property
     def seconds(self) -> float:
@@ -79,7 +81,7 @@ class Work:
     @property
     def loading(self) -> float:
         """Seconds to load it from the cache."""
-        return _LOAD + self.nodes * _LOAD_NODE
+        return self.load if self.load is not None else _LOAD + self.nodes * _LOAD_NODE
 
 
 @dataclass
