@@ -1,4 +1,4 @@
-"""Units for people: degrees for angles and millimetres for lengths; API, files and JSON hold radians and metres."""
+"""Numbers for people: degrees and millimetres, counts with their nouns; API, files and JSON hold radians and metres."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from pinbound.typing import Array
 
-__all__ = ["amount", "area_name", "factors", "names", "product", "shown"]
+__all__ = ["amount", "area_name", "factors", "names", "product", "several", "shown"]
 
 _SHOWN = {"rad": (180.0 / math.pi, "deg"), "m": (1e3, "mm")}
 
@@ -71,3 +71,16 @@ def area_name(unit: str) -> str:
         ('rad²', 'm rad', 'rad³')
     """
     return unit.replace("^2", "\N{SUPERSCRIPT TWO}").replace("^3", "\N{SUPERSCRIPT THREE}")
+
+
+def several(number: int, one: str, many: str = "") -> str:
+    """Return a number with its noun; `many` is needed where the plural is not formed as usual.
+
+    Example:
+        >>> several(1, "boundary"), several(0, "boundary"), several(2000, "row"), several(2, "pair is", "pairs are")
+        ('1 boundary', '0 boundaries', '2,000 rows', '2 pairs are')
+    """
+    if number == 1:
+        return f"1 {one}"
+    usual = f"{one[:-1]}ies" if one.endswith("y") else f"{one}es" if one.endswith(("x", "sh")) else f"{one}s"
+    return f"{number:,} {many or usual}"

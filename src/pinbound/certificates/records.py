@@ -14,6 +14,7 @@ from pinbound.coverage import CoverageRecord
 from pinbound.drawing import Pictured, drawn
 from pinbound.exceptions import DimensionError
 from pinbound.typing import Array, Flags, Indices, Ints
+from pinbound.units import several
 from pinbound.values import FrozenDict, Value, owned, read_only
 
 __all__ = [
@@ -420,7 +421,7 @@ class Verdicts(NoTruth, Value, Sequence[Verdict]):
         """Return how many motions have each verdict, and coverage."""
         counts = [(verdict, int(np.sum(self.codes == place))) for place, verdict in enumerate(_VERDICTS)]
         said = ", ".join(f"{count} {verdict.value}" for verdict, count in counts if count) or "no motion"
-        return f"<Verdicts of {len(self)} motions: {said}; {self.coverage}>"
+        return f"<Verdicts of {several(len(self), 'motion')}: {said}; {self.coverage}>"
 
     def are(self, verdict: Verdict) -> Flags:
         """Return which motions (N,) have a verdict.

@@ -37,6 +37,7 @@ from pinbound.extras import require
 from pinbound.motion.history import Motion, history, read_motion
 from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
+from pinbound.units import several
 
 __all__ = ["check"]
 
@@ -126,13 +127,13 @@ def _plane(robot: Robot) -> Region | None:
 def _report(robot: Robot, motion: Motion, found: Certificate) -> None:
     out = console()
     unit = "waypoint" if motion.times is None else "time"
-    count = len(motion.waypoints)
-    spent = f"{found.boxes:,} boxes, {1e3 * found.seconds:.1f} ms"
+    counts = f"{several(len(motion.waypoints), 'waypoint')}, {unit} {found.start:.9g} to {found.end:.9g}; "
+    counts += f"{several(len(found.boundaries), 'boundary')}, {several(len(found.limits), 'end')} of joint limits"
+    spent = f"{several(found.boxes, 'box')}, {1e3 * found.seconds:.1f} ms"
     colour = {"certified": "green", "violated": "red"}.get(found.verdict.value, "yellow")
     out.print(
         Text(found.verdict.value.upper(), f"bold {colour}"),
-        f": {count} waypoints, {unit} {found.start:.9g} to {found.end:.9g}; {len(found.boundaries)} boundaries, "
-        f"{len(found.limits)} ends of joint limits; {spent}",
+        f": {counts}; {spent}",
         sep="",
     )
     say_coverage(found.coverage)
@@ -152,7 +153,7 @@ def _report(robot: Robot, motion: Motion, found: Certificate) -> None:
     if found.open_parts:
         columns = ("undecided", f"from {unit}", f"to {unit}", "why")
         rows = [(p.name, f"{p.start:.9g}", f"{p.end:.9g}", p.reason.value) for p in found.open_parts[:20]]
-        print_table(f"Undecided ({len(found.open_parts)} parts)", columns, rows)
+        print_table(f"Undecided ({several(len(found.open_parts), 'part')})", columns, rows)
     for note in found.notes:
         out.print(f"note: {note}", markup=False)
     say_assumptions(robot)

@@ -11,6 +11,7 @@ import typer
 from pinbound.cli.shared import console, print_table
 from pinbound.coverage import Coverage, CoverageRecord, PairCoverage
 from pinbound.robot.robot import Robot
+from pinbound.units import several
 
 __all__ = [
     "LimitsOnly",
@@ -57,7 +58,9 @@ def require_coverage(coverage: Coverage, required: bool) -> None:
         return
     said = console(stderr=True)
     lines = [f"{' - '.join(pair.links)}: {pair.status.value}; {pair.reason}" for pair in coverage.open]
-    said.print(f"coverage is required, and {len(lines)} pairs of links are open:", markup=False)
+    said.print(
+        f"coverage is required, and {several(len(lines), 'pair of links is', 'pairs of links are')} open:", markup=False
+    )
     for line in lines[:_MOST_LINES] or ["no link has a body, so no pair of links can be watched"]:
         said.print(f"- {line}", markup=False, soft_wrap=True)
     if len(lines) > _MOST_LINES:

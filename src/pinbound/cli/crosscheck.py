@@ -39,6 +39,7 @@ from pinbound.crosscheck import (
 from pinbound.exceptions import InputError, Problem
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import REGION_ACCURACY
+from pinbound.units import several
 
 __all__ = ["crosscheck"]
 
@@ -169,8 +170,13 @@ def _print_bodies(robot: Robot, level: BodyLevel) -> None:
                     said.print(f"  worst {what} at {typed(robot, q)}", markup=False)
     meshed = [pair for pair in level.pairs if pair.meshes]
     if meshed:
-        text = f"{len(meshed)} pairs have meshes: coal says yes or no on their triangles, no way is swept, refusals are"
-        said.print(f"{text} measured {sum(pair.measured for pair in meshed)} times.", markup=False)
+        text = (
+            f"{several(len(meshed), 'pair has', 'pairs have')} meshes: coal says yes or no on their triangles, no way"
+        )
+        said.print(
+            f"{text} is swept, refusals are measured {several(sum(pair.measured for pair in meshed), 'time')}.",
+            markup=False,
+        )
         for pair in meshed:
             _print_inside(robot, pair)
     part = [" - ".join(pair.links) for pair in level.pairs if pair.coverage not in ("watched", "")]

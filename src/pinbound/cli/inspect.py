@@ -44,7 +44,7 @@ from pinbound.model.coupling import linear_text
 from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import REGION_BUDGET
-from pinbound.units import amount, factors, names, shown
+from pinbound.units import amount, factors, names, several, shown
 
 __all__ = ["derive", "info", "limits", "region"]
 
@@ -86,9 +86,8 @@ def info(
         emit_json(_info_record(loaded))
         return
     out = console()
-    out.print(
-        Text(loaded.name, "bold"), f": {len(loaded.coordinates)} coordinates, {len(loaded.tree.links)} links", sep=""
-    )
+    counts = f"{several(len(loaded.coordinates), 'coordinate')}, {several(len(loaded.tree.links), 'link')}"
+    out.print(Text(loaded.name, "bold"), f": {counts}", sep="")
     print_table("Joints", ("joint", "type", "moves", "home", "limits"), _joint_rows(loaded))
     if loaded.annotations.rules:
         print_table("Rules", ("rule", "binds", "where"), rule_rows(loaded, for_people=True))
@@ -108,7 +107,7 @@ def info(
         rows = [(m.name, kind_of(m), m.link, *_vectors(m), millimetres(m.radius, 3)) for m in others]
         headings = ("mark", "kind", "link", "from [mm]", "to, or edge vectors [mm]; or direction []", "radius [mm]")
         print_table("Segments, boxes, hulls, lines and planes", headings, rows)
-    out.print(f"{len(loaded.boundaries)} boundaries: {', '.join(loaded.boundaries.names) or 'none'}")
+    out.print(f"{several(len(loaded.boundaries), 'boundary')}: {', '.join(loaded.boundaries.names) or 'none'}")
     print_coverage(loaded.coverage, pairs)
     stops = [f"{b.name} ({millimetres(b.contact_distance, 3)})" for b in loaded.boundaries if b.is_stop]
     if stops:

@@ -34,6 +34,7 @@ from pinbound.marking.judge import Evidence
 from pinbound.marking.propose import ALL_SHAPES, Proposal, propose_marks
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array
+from pinbound.units import several
 
 if TYPE_CHECKING:
     from pinbound.crosscheck.raw import RawBodies
@@ -208,8 +209,9 @@ def _print(robot: Robot, proposal: Proposal, out: Path | None, seconds: float) -
     proofs = [one.proof for one in proposal.covers if one.proof is not None]
     if proofs:
         held, count = sum(one.held for one in proofs), sum(len(one.part_of) for one in proofs)
-        say(f"{len(proofs)} meshes: {held} of {count} triangles are proven to lie in the marks.")
-    counts = f"{len(proposal.annotations.marks)} marks, {len(proposal.annotations.boundaries)} boundaries"
+        say(f"{several(len(proofs), 'mesh')}: {held} of {count} triangles are proven to lie in the marks.")
+    marks, watched = proposal.annotations.marks, proposal.annotations.boundaries
+    counts = f"{several(len(marks), 'mark')}, {several(len(watched), 'boundary')}"
     say(f"{counts}; found in {seconds:.1f} s.")
     if out is not None:
         say(f"Wrote {out}.")

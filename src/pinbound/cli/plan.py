@@ -39,6 +39,7 @@ from pinbound.exceptions import InputError, Problem
 from pinbound.freespace import Plan
 from pinbound.freespace import plan as find_plan
 from pinbound.robot.robot import Robot
+from pinbound.units import several
 
 __all__ = ["plan"]
 
@@ -119,7 +120,7 @@ def _print(robot: Robot, found: Plan, out: Path | None, deg: bool) -> None:
     proof = found.certificate
     if proof is not None:
         least = f"at least {millimetres(proof.lower, 3)} mm clear" if math.isfinite(proof.lower) else "within limits"
-        tells = f"{len(found.waypoints)} waypoints ({found.found_by}), {least}"
+        tells = f"{several(len(found.waypoints), 'waypoint')} ({found.found_by}), {least}"
     elif found.separated_by is not None:
         tells = f"there is no motion: {found.separated_by} separates start and goal, or one of them violates it"
     else:

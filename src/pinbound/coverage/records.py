@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
+from pinbound.units import several
+
 __all__ = [
     "Basis",
     "BodyCoverage",
@@ -200,7 +202,7 @@ def _line(record: CoverageRecord, only_points: bool) -> str:
         return f"watches {marks}; no link has a body"
     if not record.pairs:
         return "watches no pair of links: only one link has a body"
-    words = [f"watches {record.watched} of {_count(record.pairs, 'pair of links', 'pairs of links')}"]
+    words = [f"watches {record.watched} of {several(record.pairs, 'pair of links', 'pairs of links')}"]
     if record.in_part:
         words[0] += f", {record.in_part} {'at marked points only' if only_points else 'in part'}"
     groups = (
@@ -208,15 +210,11 @@ def _line(record: CoverageRecord, only_points: bool) -> str:
         (record.proven, "that cannot touch", "that cannot touch"),
         (record.said, "as a file says", "as files say"),
     )
-    left_out = [_count(number, one, many) for number, one, many in groups if number]
+    left_out = [several(number, one, many) for number, one, many in groups if number]
     if left_out:
         words.append(f"left out: {', '.join(left_out)}")
     if record.unwatched:
         words.append(f"{record.unwatched} not watched")
     if record.unheld:
-        words.append(_count(record.unheld, "body is held by no mark", "bodies are held by no mark"))
+        words.append(several(record.unheld, "body is held by no mark", "bodies are held by no mark"))
     return "; ".join(words)
-
-
-def _count(number: int, one: str, many: str) -> str:
-    return f"{number} {one if number == 1 else many}"

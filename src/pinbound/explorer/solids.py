@@ -11,6 +11,7 @@ from pinbound.annotations import Mark, Measure, Shape
 from pinbound.coverage.bodies import SHAPES, Body, collision_bodies
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array, Ints
+from pinbound.units import several
 
 __all__ = ["bodies_record", "marks_record"]
 
@@ -38,11 +39,7 @@ def bodies_record(robot: Robot, meshes: bool) -> tuple[list[dict[str, Any]], lis
             left.setdefault(f"{body.shape} has no form to draw", []).append(body.name)
             continue
         drawn.append(one)
-    return drawn, [f"{_count(len(names))} not drawn: {why}" for why, names in left.items()]
-
-
-def _count(number: int) -> str:
-    return "1 body is" if number == 1 else f"{number} bodies are"
+    return drawn, [f"{several(len(names), 'body is', 'bodies are')} not drawn: {why}" for why, names in left.items()]
 
 
 def _record(body: Body) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from pinbound.figures.free_figure import draw_free
 from pinbound.freespace import FreeVolume, free_volume
 from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
+from pinbound.units import several
 
 _FREE_SECONDS, _FREE_SHARE = 5.0, 0.97  # of the volume of three coordinates: how long, or how much of it, is enough
 _MOST_FORMULAS = 200
@@ -214,7 +215,7 @@ def _said_of(robot: Robot, link: str, bodies: Sequence[Body], marks: Sequence[Ma
     shapes = ", ".join(f"{count} {shape}" for shape, count in Counter(body.shape for body in bodies).items())
     held = len(coverage.held)
     proven = "held, proven" if held == len(bodies) else f"{held} of {len(bodies)} bodies proven to be held"
-    return f"{shapes}; {len(marks)} mark{'' if len(marks) == 1 else 's'}; {proven}"
+    return f"{shapes}; {several(len(marks), 'mark')}; {proven}"
 
 
 def _formulas(robot: Robot, edges: set[str]) -> dict[str, dict[str, tuple[str, ...]]]:

@@ -21,6 +21,7 @@ from pinbound.model.coupling import as_configurations
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import UNIT_ROUNDOFF
 from pinbound.typing import Array, Codes, Flags, Indices
+from pinbound.units import several
 from pinbound.values import Value
 
 __all__ = ["AtlasGroup", "AtlasPair", "PairAtlas"]
@@ -217,7 +218,7 @@ class PairAtlas(Value):
         counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in ("exact", "planar", "paving") if kind in kinds)
         least = min((group.decided for group in self.groups), default=1.0)
         shared = f", {self.shared} shared" if self.shared else ""
-        said = f"{len(self)} boundaries in {len(self.groups)} groups ({counts}{shared})"
+        said = f"{several(len(self), 'boundary')} in {several(len(self.groups), 'group')} ({counts}{shared})"
         return f"<PairAtlas of {self.robot.name}: {said}, {100 * least:.4g} % or more decided; {self.coverage}>"
 
     def __len__(self) -> int:

@@ -32,6 +32,7 @@ from pinbound.freespace.trees import Trees
 from pinbound.robot.robot import Robot
 from pinbound.robot.speeds import largest_speeds
 from pinbound.typing import Array
+from pinbound.units import several
 from pinbound.values import Value
 
 __all__ = ["Plan", "plan"]
@@ -151,7 +152,8 @@ def plan(
     chosen = scope(robot, boundaries, True, limits_only)
     speeds = None if velocity is None else largest_speeds(robot, velocity)
     if cover is not None and cover.digest != robot_digest(robot, chosen):
-        said = f"the cover is of {cover.robot!r} with {len(cover.boundaries)} boundaries, and of other limits or marks"
+        counted = several(len(cover.boundaries), "boundary")
+        said = f"the cover is of {cover.robot!r} with {counted}, and of other limits or marks"
         raise UnsupportedError(f"{said} than these; make one of this robot and these boundaries with certified_cover()")
     names, meter = [boundary.name for boundary in chosen], Meter(budget or _BUDGET)
     nothing = Plan(Verdict.UNDECIDED, np.empty((0, len(first))), None, None, (), 0.0)

@@ -11,6 +11,7 @@ from pinbound.marking.candidates import can_be_home, configuration_text, within_
 from pinbound.marking.judge import Judge, listed
 from pinbound.marking.narrow import Pair
 from pinbound.typing import Ints
+from pinbound.units import several
 
 __all__ = ["Home", "choose_home", "home_note"]
 
@@ -80,7 +81,7 @@ def _moved(judge: Judge, best: int) -> str:
 
 
 def _pairs(count: int) -> str:
-    return "no pair" if count == 0 else "1 pair" if count == 1 else f"{count} pairs"
+    return several(count, "pair") if count else "no pair"
 
 
 def _overlap(gap: float) -> str:

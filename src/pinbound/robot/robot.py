@@ -36,6 +36,7 @@ from pinbound.model.tree import Tree
 from pinbound.path.relative import absolute_chain
 from pinbound.robot.model_view import ModelView, read_model
 from pinbound.typing import Array
+from pinbound.units import several
 from pinbound.values import Value
 
 __all__ = ["Robot", "refuse_conditions"]
@@ -81,7 +82,7 @@ class Robot(Value, Pictured):
 
     def __repr__(self) -> str:
         """Return name and counts."""
-        counts = f"{len(self.boundaries)} boundaries, {len(self.closures)} closures"
+        counts = f"{several(len(self.boundaries), 'boundary')}, {several(len(self.closures), 'closure')}"
         return f"<Robot {self.name}: coordinates {', '.join(self.coordinates)}; {counts}>"
 
     @property
