@@ -1,13 +1,13 @@
-"""Rows that are safe for a whole step: linear in the step, and no step that keeps them meets a boundary on its way.
+"""Linear inequalities for one step of a controller: a step that satisfies them meets no boundary on its way.
 
-With a unit vector n that stands still, every corner c of a pair of marks gives `phi_c(q) = n . r_c(q)`, and the
-separation is at least `min_c phi_c`. Over a step d within the box `|d_j| <= s_j`,
+Let n be a fixed unit vector. Every corner c of a pair of marks gives `phi_c(q) = n . r_c(q)`, and the separation is at
+least `min_c phi_c`. For a step d within the box `|d_j| <= s_j`,
 
     phi_c(q + d) >= phi_c(q) + g_c . d - K_c,       K_c = sup |d^2 r_c| / 2 over the box,
 
-so that `-g_c . d <= phi_c(q) - T - K_c`, a row a corner, keeps the pair apart for all of the step. K_c is what lever
-arms prove (`bounds/bounds`) and falls with the square of the box: the box is made smaller until standing still
-keeps all rows. Stops and joint limits are linear in q. `docs/steps.md` derives it, and says what happens near contact.
+so that the rows `-g_c . d <= phi_c(q) - T - K_c`, one for each corner, keep the pair apart during the whole step. Lever
+arms prove K_c (`bounds/bounds`); it falls with the square of the box. The box is made smaller until d = 0 satisfies all
+rows. Stops and joint limits are linear in q. `docs/steps.md` has the derivation, and says what happens near contact.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ class StepRows(Value):
         A: (k, n), over the robot's coordinates.
         b: (k,) [m; rad or m for joint limits]; none is negative unless `blocked` names its boundary.
         step: (n,) the box [rad or m]; at most what was asked for.
-        names: Of each row, its boundary or joint limit.
-        scale: `step` over what was asked for, in (0, 1].
-        blocked: Boundaries and joint limits that q violates, or for which the opposite is not proven. Their rows ask
-            for a step out of contact, which may not exist within the box. Nothing is guaranteed for them.
+        names: The boundary or joint limit of each row.
+        scale: The ratio of `step` to the step that was asked for, in (0, 1].
+        blocked: Boundaries and joint limits that q violates, or that are not proven to hold at q. Their rows ask for a
+            step out of contact, which may not exist within the box. Nothing is guaranteed for them.
 
     Example:
         >>> import pinbound as pb
@@ -72,7 +72,7 @@ class StepRows(Value):
 
     @property
     def half_spaces(self) -> tuple[Array, Array]:
-        """All rows, those of the box too: (k + 2 n, n) and (k + 2 n,)."""
+        """All rows with those of the box: A (k + 2 n, n) and b (k + 2 n,)."""
         unit = np.eye(len(self.step))
         return np.vstack((self.A, unit, -unit)), np.concatenate((self.b, self.step, self.step))
 
@@ -199,24 +199,26 @@ class StepBounds:
     ) -> StepRows:
         """Return the rows at q for steps d of at most `step` in each coordinate.
 
-        While `blocked` is empty, d = 0 keeps all rows: they alone never make a QP infeasible. Rows that no d in the box
-        can break are left out, which is proved of each.
+        While `blocked` is empty, d = 0 satisfies all rows, so these rows alone never make a QP infeasible. A row is
+        left out if it is proven that no d in the box can violate it.
 
         Args:
             q: (n,).
             step: The largest step, (n,) or one number for all [rad or m]; positive.
-            limits: Whether rows of joint limits, those of mimic joints too, are made.
-            most: At most so many rows beside those of `blocked`: the box is made smaller until no more can be broken
-                in it. None: all that can.
-            gain: Share of a clearance that one step may use, in (0, 1].
-            margin: [m] Nearer than this no boundary is approached, so that motion along it stays possible: the box
-                shrinks with the root of the clearance. A boundary that is nearer already may be followed or left.
-            reserve: [m] for what a solver may leave of a row: give more than its tolerance.
+            limits: Whether to make rows for joint limits, also those of mimic joints.
+            most: The largest number of rows, those of `blocked` aside. The box is made smaller until no other row can
+                be violated in it. None: no bound.
+            gain: The share of a clearance that one step may use, in (0, 1].
+            margin: [m] No step comes nearer to a boundary than this. So motion along it stays possible, although the
+                box shrinks with the square root of the clearance. If a boundary is nearer already, steps may go along
+                it or away from it.
+            reserve: [m] Allowance for the error by which a solver may violate a row: give more than the solver's
+                tolerance.
 
         Raises:
-            DimensionError: If q or step are of another shape or not finite, q may come beyond `tolerances.FARTHEST`, or
+            DimensionError: If q or step has another shape or is not finite, if q can pass `tolerances.FARTHEST`, or if
                 an argument is outside its range.
-            UnsupportedError: If joint limits are left out though bounds of the boundaries hold within them only.
+            UnsupportedError: If joint limits are left out, but the bounds of a boundary hold only within them.
         """
         if not limits and any(one.place_error for one in self.boundaries):
             said = (
@@ -373,9 +375,10 @@ class StepBounds:
             known[stale], there[stale] = self._measured(q, stale), q
 
     def prepare(self) -> None:
-        """Make tables and load machine code now, compiled first where this machine has not done it yet (some seconds).
+        """Make tables and load machine code now; compile it first if it is not compiled yet (some seconds).
 
-        Otherwise it is loaded at an early call if it is there, and compiled in the middle of a long run.
+        Without this call, compiled code is loaded at an early call of `rows`, and missing code is compiled during a
+        long run.
         """
         if not self._areas:
             return

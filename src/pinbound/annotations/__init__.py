@@ -1,7 +1,7 @@
-"""What a user marks on a robot: points, boundaries, closures, home; inline in the URDF, in a YAML sidecar, in an SRDF.
+"""Marks, boundaries, closures and home of a robot: inline in the URDF, in a YAML sidecar, or in an SRDF.
 
-All spellings become the same raw items, and one validator reads those, so that they cannot drift apart. Unknown
-elements and attributes are faults: a misspelt `min_distance` must not pass.
+All formats become the same raw items, which one validator checks, so the formats have the same rules. Unknown elements
+and attributes are faults: a misspelt `min_distance` must not pass.
 """
 
 from pinbound.annotations.inline import read_inline

@@ -1,4 +1,4 @@
-"""Files of annotations, told apart by what they hold: a sidecar, an SRDF, a `robot.yaml`, an MJCF model."""
+"""Annotation files of four formats: a sidecar, an SRDF, a `robot.yaml`, an MJCF model."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ __all__ = ["read_annotation_file"]
 
 
 def read_annotation_file(path: Path, problems: Problems, document: Document | None = None) -> Found:
-    """Return the raw items of a file of annotations, and notes on what of it was not used.
+    """Return the raw items of an annotation file, and notes about the parts that were not used.
 
     A file that ends in `.srdf` is an SRDF, one in `.xml` or `.mjcf` an MJCF model. Any other is YAML: Gepetto's
     `robot.yaml` if it has `closed_loop` or `name_mot`, else a sidecar.
 
     Args:
         path: The file.
-        problems: Where faults go.
-        document: The URDF that it speaks of; None: nothing is known of it, and files that need it are faults.
+        problems: Collects the faults.
+        document: The URDF that the file annotates; None: not known, so files that need it are faults.
     """
     suffix = path.suffix.lower()
     if suffix == ".srdf":

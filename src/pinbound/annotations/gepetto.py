@@ -1,8 +1,8 @@
-"""A `robot.yaml` in: the file beside a URDF that says, for Gepetto's toolbox-parallel-robots, which frames close loops.
+"""Reads a `robot.yaml`: the file in which Gepetto's toolbox-parallel-robots lists the frames that close loops.
 
-`closed_loop` lists pairs of frames, `type` says of each whether a point is held (`3d`: a pin) or the orientation, too
-(`6d`: a weld), `name_mot` the motors. `joint_name` and `joint_type` replace joints of the URDF by joints of several
-axes, which pinbound does not know: those are refused by name.
+`closed_loop` lists pairs of frames. `type` says for each pair whether only the position is the same (`3d`: a pin), or
+the orientation, too (`6d`: a weld). `name_mot` lists the motors. `joint_name` and `joint_type` replace joints of the
+URDF by joints of several axes. pinbound does not support these, and refuses them by name.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _ENDS = 2
 
 @dataclass(frozen=True)
 class Found(Value):
-    """What a file beside the URDF says: raw items, and what of it was not used, a sentence each."""
+    """The content of a file beside the URDF: raw items, and one sentence for each part that was not used."""
 
     items: tuple[RawItem, ...]
     notes: tuple[str, ...] = ()
@@ -39,13 +39,13 @@ def is_gepetto(node: yaml.Node) -> bool:
 
 
 def read_gepetto(node: yaml.Node, source: str, problems: Problems, robot: etree._Element | None) -> Found:
-    """Return the loops of a `robot.yaml` as closures; every one that is none goes to `problems` with the reason.
+    """Return the loops of a `robot.yaml` as closures; an entry that is not a closure becomes a fault with its reason.
 
     Args:
         node: The YAML document.
         source: The file's name.
-        problems: Where faults go.
-        robot: The `<robot>` element of the URDF, to which frames belong; None: not known, which is a fault.
+        problems: Collects the faults.
+        robot: The `<robot>` element of the URDF that has the frames; None: not known, which is a fault.
     """
     if robot is None:
         message = "names frames of a URDF, which is not given"
@@ -112,7 +112,7 @@ class _Reader:
         return RawItem("closure", fields, self.source, entry.start_mark.line + 1)
 
     def _link(self, frame: str, loop: str, entry: yaml.Node) -> str | None:
-        """Return the link whose frame has this name: its own, or the child's of a joint that has it."""
+        """Return the link whose frame has this name: the link itself, or the child link of the joint with this name."""
         below = self.ends[frame][2] if frame in self.ends else frame
         if below in self.links and (frame not in self.links or below == frame):
             return below
@@ -137,7 +137,7 @@ class _Reader:
         return ways[0] ^ ways[1]
 
     def _motors(self) -> list[str]:
-        """Return the joints whose names hold one of those of `name_mot`, as the toolbox reads it."""
+        """Return the joints whose names contain an entry of `name_mot`, as the toolbox reads it."""
         node = self.values.get("name_mot")
         if node is None:
             return []
@@ -151,7 +151,7 @@ class _Reader:
         return found
 
     def _replaced(self, notes: list[str]) -> list[RawItem]:
-        """Return limits that hold joints of type FIXED at zero; refuse joints that turn about several axes."""
+        """Return limits that hold joints of type FIXED at zero; refuse joints that rotate about several axes."""
         entries, kinds = self._entries("joint_name"), [self._text(one) for one in self._entries("joint_type")]
         if len(entries) != len(kinds):
             message = f"has {len(entries)} names in joint_name and {len(kinds)} in joint_type"

@@ -1,10 +1,10 @@
-"""What can be marked on a link: points, segments, swept bodies, lines and planes, and what the path needs of them.
+"""Marks on links: points, segments, sweeps, hulls, boxes, cylinders, lines and planes.
 
-A segment is a point that slides along its link, `x = xyz_a + t (xyz_b - xyz_a)`, t in [0, 1]; with a radius it is a
-capsule. A sweep slides along several ways, `x = xyz + sum_i t_i way_i`: two make a rectangle, three a box, more a
-prism. A hull is the convex hull of its vertices; a box and a cylinder are written by their sizes. A line and a plane
-have no end, so that only what lies across the line, or along the plane's normal, counts. However it is written, a mark
-has one `shape`, which is all that is known of it outside this room and the path.
+A segment is all points `x = xyz_a + t (xyz_b - xyz_a)`, t in [0, 1]; with a radius it is a capsule. A sweep is all
+points `x = xyz + sum_i t_i way_i`: two edge vectors make a parallelogram, three a parallelepiped, more a prism. A hull
+is the convex hull of its vertices. A box and a cylinder are given by their sizes. A line and a plane are unbounded:
+only the distance perpendicular to the line, or along the plane's normal, counts. Every mark has one `shape`. Code
+outside this room uses only this shape.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ __all__ = [
 Vector = tuple[float, float, float]
 
 CYLINDER_SIDES = 24
-"""Of the prism around a cylinder: it leads 1 / cos(pi / 24) - 1 = 0.86 % of the radius too far at its edges."""
+"""Sides of the prism around a cylinder. Its edges stick out by 1 / cos(pi / 24) - 1 = 0.86 % of the radius."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Point:
         name: Its name, unique among the marks of the robot.
         link: The link that it is fixed to.
         xyz: (3,) [m] in the frame of the link.
-        radius: [m], of the sphere; 0 is a bare point.
+        radius: [m], the radius of the sphere; 0: the point alone.
 
     Example:
         >>> Point("tip", "hand", (0.0, 0.0, 0.1), radius=0.02).shape.radius
@@ -67,12 +67,12 @@ class Point:
 
     @property
     def anchors(self) -> tuple[Vector, ...]:
-        """Points of the link that say where the mark is [m]."""
+        """Points of the link that fix the position of the mark [m]."""
         return (self.xyz,)
 
     @cached_property
     def shape(self) -> Shape:
-        """What it is: one vertex."""
+        """The shape: one vertex."""
         return zonotope(self.xyz, (), self.radius)
 
 
@@ -106,7 +106,7 @@ class Segment:
 
     @property
     def ways(self) -> tuple[Vector, ...]:
-        """From its first end to its second [m]; none, if it has no length."""
+        """The edge vector from its first end to its second [m]; none, if it has no length."""
         (x, y, z), (u, v, w) = self.xyz_a, self.xyz_b
         return ((u - x, v - y, w - z),) if self.xyz_a != self.xyz_b else ()
 
@@ -117,7 +117,7 @@ class Segment:
 
     @cached_property
     def shape(self) -> Shape:
-        """What it is: two vertices; one, if it has no length."""
+        """The shape: two vertices; one, if the segment has no length."""
         return zonotope(self.xyz, self.ways, self.radius)
 
 
@@ -149,18 +149,18 @@ class Sweep:
 
     @property
     def anchors(self) -> tuple[Vector, ...]:
-        """Its corner, and the ends of its ways from there [m]."""
+        """Its corner, and the ends of its edge vectors from there [m]."""
         return (self.xyz, *(_moved(self.xyz, way) for way in self.ways))
 
     @cached_property
     def shape(self) -> Shape:
-        """What it is: the corners where each t is 0 or 1."""
+        """The shape: the corners, at which each t is 0 or 1."""
         return zonotope(self.xyz, self.ways, self.radius)
 
 
 @dataclass(frozen=True)
 class Line:
-    """A marked line without ends: through `xyz` [m] along `direction`, in the frame of `link`, `radius` [m] thick.
+    """A marked unbounded line: through `xyz` [m] along `direction`, in the frame of `link`, `radius` [m] around it.
 
     A boundary measures the distance from the line.
 
@@ -168,7 +168,7 @@ class Line:
         name: Its name, unique among the marks of the robot.
         link: The link that it is fixed to.
         xyz: (3,) a point of it [m] in the frame of the link.
-        direction: (3,) along it, of any length but zero.
+        direction: (3,) along the line, of any length except zero.
         radius: [m] around it.
 
     Example:
@@ -195,12 +195,12 @@ class Line:
 
     @property
     def anchors(self) -> tuple[Vector, ...]:
-        """The point that it goes through, and the one 1 m further [m]."""
+        """The point `xyz`, and the point 1 m further along the line [m]."""
         return (self.xyz, _moved(self.xyz, self.upright))
 
     @cached_property
     def shape(self) -> Shape:
-        """What it is: unbounded, measured across."""
+        """The shape: unbounded, measured perpendicular to the line."""
         return unbounded(Measure.ACROSS, self.xyz, self.direction, self.radius)
 
 
@@ -215,7 +215,7 @@ class Plane:
         name: Its name, unique among the marks of the robot.
         link: The link that it is fixed to.
         xyz: (3,) a point of it [m] in the frame of the link.
-        normal: (3,) towards the free side, of any length but zero.
+        normal: (3,) towards the free side, of any length except zero.
 
     Example:
         >>> Plane("floor", "base", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)).upright
@@ -245,12 +245,12 @@ class Plane:
 
     @property
     def anchors(self) -> tuple[Vector, ...]:
-        """The point that it goes through, and the one 1 m above it [m]."""
+        """The point `xyz`, and the point 1 m above it along the normal [m]."""
         return (self.xyz, _moved(self.xyz, self.upright))
 
     @cached_property
     def shape(self) -> Shape:
-        """What it is: unbounded, measured by the height above it."""
+        """The shape: unbounded, measured by the height above the plane."""
         return unbounded(Measure.HEIGHT, self.xyz, self.normal)
 
 
@@ -261,7 +261,7 @@ class Hull:
     Attributes:
         name: Its name, unique among the marks of the robot.
         link: The link that it is fixed to.
-        vertices: (k, 3) [m] in the frame of the link, in any order; inner ones do not count.
+        vertices: (k, 3) [m] in the frame of the link, in any order; inner vertices are ignored.
         radius: [m] around it.
 
     Example:
@@ -277,7 +277,7 @@ class Hull:
     line: int | None = None
 
     def __post_init__(self) -> None:
-        """Own the vertices as numbers, whatever sequence or array they came in."""
+        """Convert the vertices, given as any sequence or array, to tuples of numbers."""
         object.__setattr__(self, "vertices", tuple((float(x), float(y), float(z)) for x, y, z in self.vertices))
 
     @classmethod
@@ -292,7 +292,7 @@ class Hull:
         radius: float = 0.0,
         package_dirs: Sequence[str | Path] = (),
     ) -> Hull:
-        r"""Return the hull of the vertices of a mesh file, in the frame of the link; the file is read now.
+        r"""Return the convex hull of a mesh file, in the frame of the link; the file is read now.
 
         Each vertex v of the file becomes `R(rpy) (scale * v) + xyz`. Files are those of `docs/meshes.md`.
 
@@ -300,14 +300,14 @@ class Hull:
             name: Name of the mark.
             link: Its link.
             mesh: A path, or a name as a URDF has it: ``"package://arm/meshes/tip.stl"``.
-            scale: Factors along x, y and z; a negative one mirrors.
-            xyz: Where the mesh's origin is [m].
-            rpy: How the mesh is turned [rad], as in a URDF's `<origin>`.
-            radius: [m], a ball around all of it.
+            scale: Factors along x, y and z; a negative factor mirrors.
+            xyz: (3,) position of the mesh's origin [m].
+            rpy: (3,) roll, pitch, yaw of the mesh [rad], as in a URDF's `<origin>`.
+            radius: [m] around the hull.
             package_dirs: Folders of packages, for `package://`.
 
         Raises:
-            InputError: If there is no such file, or it is damaged or too large.
+            InputError: If the file does not exist, is damaged, or is too large.
 
         Example:
             >>> import tempfile
@@ -323,22 +323,22 @@ class Hull:
 
     @cached_property
     def shape(self) -> Shape:
-        """What it is: the extreme ones of its vertices."""
+        """The shape: its extreme vertices."""
         return hull(self.vertices, self.radius)
 
 
 @dataclass(frozen=True)
 class Box:
-    """A marked box: `size` [m] along the axes of its own frame, whose origin, its centre, is at `xyz` [m].
+    """A marked box: `size` [m] along the axes of its own frame. The origin of this frame, the centre, is at `xyz` [m].
 
-    Its frame is turned by `rpy` [rad]: roll, pitch, yaw as in a URDF's origin. A size of zero makes it flat.
+    The frame is rotated by `rpy` [rad]: roll, pitch, yaw as in a URDF's origin. A size of zero makes the box flat.
 
     Attributes:
         name: Its name, unique among the marks of the robot.
         link: The link that it is fixed to.
         xyz: (3,) its centre [m] in the frame of the link.
-        rpy: (3,) how its frame is turned [rad].
-        size: (3,) its edges [m].
+        rpy: (3,) roll, pitch, yaw of its frame [rad].
+        size: (3,) lengths of its edges [m].
         radius: [m] around it.
 
     Example:
@@ -356,7 +356,7 @@ class Box:
 
     @cached_property
     def shape(self) -> Shape:
-        """What it is: its eight corners."""
+        """The shape: its eight corners."""
         axes = rpy_matrix(self.rpy).T.tolist()
         edges = [_scaled(axis, length) for axis, length in zip(axes, self.size, strict=True) if length]
         corner = self.xyz
@@ -369,7 +369,7 @@ class Box:
 class Cylinder:
     """A marked cylinder with flat ends: its axis leads from `xyz_a` to `xyz_b` [m] in the frame of `link`.
 
-    It is held by a prism of 24 sides around it, which leads `excess` too far at its edges; `robot.notes` says so.
+    A prism of 24 sides around it stands for it. The edges of the prism stick out by `excess`; `robot.notes` says so.
 
     Attributes:
         name: Its name, unique among the marks of the robot.
@@ -393,12 +393,12 @@ class Cylinder:
 
     @property
     def excess(self) -> float:
-        """How far the prism leads outside the cylinder [m]."""
+        """How far the edges of the prism stick out of the cylinder [m]."""
         return self.radius * (1.0 / math.cos(math.pi / CYLINDER_SIDES) - 1.0)
 
     @cached_property
     def shape(self) -> Shape:
-        """What it is: the corners of the prism around it."""
+        """The shape: the corners of the prism around the cylinder."""
         (x, y, z), (u, v, w) = self.xyz_a, self.xyz_b
         axis = _unit((u - x, v - y, w - z))
         across = _unit(_cross(axis, _LEAST[min(range(3), key=lambda i: abs(axis[i]))]))
@@ -411,7 +411,7 @@ class Cylinder:
 
 Mark = Point | Segment | Sweep | Hull | Box | Cylinder | Line | Plane
 FlatMark = Line | Plane
-"""Marks without ends; of the two marks of a boundary one at most may be such."""
+"""Unbounded marks; at most one of the two marks of a boundary may be unbounded."""
 
 
 def _unit(vector: Vector) -> Vector:

@@ -39,7 +39,7 @@ def read_mjcf(root: etree._Element, source: str, problems: Problems, document: D
     Args:
         root: The `<mujoco>` element.
         source: The file's name.
-        problems: Where faults go.
+        problems: Collects the faults.
         document: The URDF, whose links are meant; None: not known, which is a fault.
     """
     if root.tag != "mujoco":

@@ -1,4 +1,4 @@
-"""What a user can mark on a robot, as immutable records; and the raw items that both spellings become."""
+"""Immutable records of everything that a user can mark on a robot, and the raw items that all formats become."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ FIELDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 FROM_FILE: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "hull": (("name", "link", "mesh"), ("scale", "xyz", "rpy", "radius")),
 }
-"""Required and optional fields of what takes its vertices from a file, which `mesh` names."""
+"""Required and optional fields of hulls whose vertices come from the file that `mesh` names."""
 
 KINDS: Mapping[type[Mark], str] = {
     Point: "point",
@@ -67,13 +67,13 @@ KINDS: Mapping[type[Mark], str] = {
     Line: "line",
     Plane: "plane",
 }
-"""The kinds of what is marked on a link."""
+"""The kinds of marks on a link."""
 
 MARK_KINDS: tuple[str, ...] = tuple(KINDS.values())
 
 
 def kind_of(mark: Mark) -> str:
-    """Return what kind of mark it is, as files call it.
+    """Return the kind of a mark, as files name it.
 
     Example:
         >>> kind_of(Point("p", "arm", (0.0, 0.0, 0.0)))
@@ -84,17 +84,17 @@ def kind_of(mark: Mark) -> str:
 
 @dataclass(frozen=True, slots=True)
 class BoundaryMark:
-    """Two marks, by name, that must stay `min_distance` [m] apart, surface to surface.
+    """Two marks, by name, whose surfaces must stay `min_distance` [m] apart.
 
-    `stop` declares two points of zero threshold and one effective angle as a stop: contact is the angle at which their
-    two lever arms align. Their lengths may differ slightly.
+    `stop=True` declares a stop: two points of zero threshold and one effective angle. Contact is the angle at which
+    their two lever arms align; the arm lengths may differ slightly.
 
     Attributes:
         name: Its name, unique among the boundaries of the robot.
         a: Name of the first mark.
         b: Name of the second.
-        min_distance: [m], kept between the two surfaces.
-        stop: Whether two bare points are declared as a stop.
+        min_distance: [m], the distance to keep between the two surfaces.
+        stop: Whether the two points are declared as a stop.
 
     Example:
         >>> BoundaryMark("tip_floor", "tip", "floor", min_distance=0.01).stop
@@ -111,11 +111,12 @@ class BoundaryMark:
 
 @dataclass(frozen=True, slots=True)
 class ClosureMark:
-    """A pin: `xyz_a` [m] of `link_a` and `xyz_b` [m] of `link_b` are the same place.
+    """A pin that closes a loop: `xyz_a` [m] of `link_a` and `xyz_b` [m] of `link_b` are the same point.
 
-    In an open tree `passive` may name the joints that follow; by default those furthest from the root do, of those that
-    `active` does not name. `tolerance` [m] is what the sides of its loop may differ by in all; what they do is carried
-    as an error of the links' places. With `weld` the frames of both links have the same orientation, too.
+    In an open tree, `passive` may name the joints that follow the others. By default these are the joints furthest from
+    the root that `active` does not name. Opposite sides of the loop may differ by at most `tolerance` [m] in total.
+    Their true difference enters all bounds as an error of the link positions. With `weld=True`, the frames of both
+    links have the same orientation, too.
 
     Attributes:
         name: Its name.
@@ -124,9 +125,9 @@ class ClosureMark:
         link_b: The other link.
         xyz_b: (3,) the same pin in the frame of that one [m].
         passive: Names of joints that follow.
-        tolerance: [m], what the sides of the loop may differ by in all.
+        tolerance: [m], the largest total difference of opposite sides of the loop.
         active: Names of joints that are commanded.
-        weld: Whether both frames have the same orientation, too.
+        weld: Whether the frames of both links have the same orientation, too.
 
     Example:
         >>> ClosureMark("drive", "rod", (0.4, 0.0, 0.0), "fore", (0.0, 0.0, 0.1)).passive
@@ -147,12 +148,12 @@ class ClosureMark:
 
 @dataclass(frozen=True, slots=True)
 class FollowerMark:
-    """A `<mimic>` that the URDF lacks, or has wrong: `theta = multiplier * theta_primary + offset`.
+    """A mimic joint that the URDF does not declare, or declares wrongly: `theta = multiplier * theta_primary + offset`.
 
     Attributes:
         joint: The joint that follows.
         primary: The joint that it follows.
-        multiplier: [rad/rad, or with metres where one slides].
+        multiplier: [rad/rad; m instead of rad for a prismatic joint].
         offset: [rad or m].
 
     Example:
@@ -189,7 +190,7 @@ class LimitMark:
 
 @dataclass(frozen=True, slots=True)
 class Condition(Value):
-    """`lower <= sum_j c_j theta_j <= upper` [rad or m], coefficients c by joint name; an end may be infinite.
+    """The condition `lower <= sum_j c_j theta_j <= upper` [rad or m]; an end may be infinite.
 
     Attributes:
         coefficients: c_j by joint name [1].
@@ -208,16 +209,16 @@ class Condition(Value):
 
 @dataclass(frozen=True, slots=True)
 class Rule(Value):
-    """A maker's rule: `lower <= sum_j c_j theta_j <= upper` [rad or m], wherever every condition of `where` holds.
+    """A robot maker's rule: `lower <= sum_j c_j theta_j <= upper` [rad or m] wherever all conditions in `where` hold.
 
-    Joints may be mimic joints. Without conditions it binds everywhere, as the limits of a joint do.
+    Mimic joints are allowed. A rule without conditions holds everywhere, as a joint limit does.
 
     Attributes:
-        name: Its name, which names edges of regions and violations.
+        name: Its name, used for edges of regions and for violations.
         coefficients: c_j by joint name [1].
         lower: [rad or m], may be -inf.
         upper: [rad or m], may be inf.
-        where: Conditions that must all hold for the rule to bind.
+        where: Conditions; the rule applies where all of them hold.
 
     Example:
         The arm must not lean back by more than 19 degrees while the forearm is below the horizontal:
@@ -239,12 +240,12 @@ class Rule(Value):
 class Axis(Value):
     """A coordinate of q that is a sum of joints, `sum_j c_j theta_j`, commanded instead of one of them.
 
-    So a third axis that the URDF counts from the arm can be counted from the ground, and the other way round.
+    For example, a third axis that the URDF measures from the arm can be measured from the ground, and vice versa.
 
     Attributes:
         name: Its name, an entry of `robot.coordinates`.
-        instead_of: The joint whose place in q it takes.
-        coefficients: c_j by joint name [1]; that of `instead_of` is not zero.
+        instead_of: The joint that it replaces in q.
+        coefficients: c_j by joint name [1]; the coefficient of `instead_of` is not zero.
 
     Example:
         >>> Axis("J3_absolute", instead_of="J3", coefficients={"J2": 1.0, "J3": 1.0}).instead_of
@@ -259,15 +260,15 @@ class Axis(Value):
 
 @dataclass(frozen=True, slots=True)
 class LeftOutMark:
-    """Two links, by name, that no boundary watches, and the reason; `source` is the file that says so.
+    """Two links, by name, that have no boundary, with the reason and the file that states it.
 
-    It is a statement, not a proof: `robot.coverage` lists it with its source, unless it can prove the pair itself.
+    This is a statement, not a proof: `robot.coverage` lists it with its source, unless it can prove the pair itself.
 
     Attributes:
         a: Name of one link.
         b: Name of the other.
-        reason: Why no boundary watches them, in words for people.
-        source: The file that says so.
+        reason: Why no boundary watches them, as text for people.
+        source: The file that states it.
 
     Example:
         >>> LeftOutMark("camera", "hand", "the cable tray keeps them apart").source
@@ -283,11 +284,11 @@ class LeftOutMark:
 
 @dataclass(frozen=True, slots=True)
 class RawItem(Value):
-    """One element or YAML entry before validation: its kind, its fields as written, its place.
+    """One element or YAML entry before validation: its kind, its fields as written, its file and line.
 
-    Fields are text; `passive` or `active` given as a list is a tuple of names, which may hold spaces. Of a rule,
-    `coefficients` are pairs of a joint and a number (of an axis, too), and `where` are mappings of such fields.
-    Names of files are relative to `folder`; if it is empty, to the URDF's.
+    Fields are text. If `passive` or `active` is given as a list, the field is a tuple of names, which may contain
+    spaces. For rules and axes, `coefficients` is a sequence of pairs (joint, number); for rules, `where` is a sequence
+    of mappings of such fields. File names are relative to `folder`; if it is empty, to the folder of the URDF.
     """
 
     kind: str

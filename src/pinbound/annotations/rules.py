@@ -1,4 +1,4 @@
-"""Sums of joints, read from their raw fields: rules `lower <= sum_j c_j theta_j <= upper`, and axes."""
+"""Reads rules `lower <= sum_j c_j theta_j <= upper`, and axes (sums of joints), from their raw fields."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Fault = Callable[[str, str], None]
 
 
 def read_rule(item: RawItem, fault: Fault, known: Callable[[str], bool]) -> Rule | None:
-    """Return the rule that an item says, or None if something is wrong with it.
+    """Return the rule of a raw item, or None if the item has a fault.
 
     Args:
-        item: Of the kind ``"rule"``, its required fields there and no unknown ones.
+        item: An item of kind ``"rule"`` that has all required fields and no unknown field.
         fault: Takes a message and a remedy.
-        known: Says whether the robot has a joint; it reports the joint itself if not.
+        known: Returns whether the robot has a joint; if not, it reports the fault itself.
     """
     name, fields = str(item.fields["name"]), item.fields
     own = _condition(f"rule {name!r}", {key: fields[key] for key in _KEYS if key in fields}, fault, known)
@@ -44,7 +44,7 @@ def read_rule(item: RawItem, fault: Fault, known: Callable[[str], bool]) -> Rule
 
 
 def read_axis(item: RawItem, fault: Fault, known: Callable[[str], bool]) -> Axis | None:
-    """Return the axis that an item says, or None if something is wrong with it; arguments as for `read_rule`."""
+    """Return the axis of a raw item, or None if the item has a fault; arguments as for `read_rule`."""
     name, joint = str(item.fields["name"]), str(item.fields["instead_of"])
     pairs = _pairs(f"axis {name!r}", item.fields["coefficients"], fault, known)
     if pairs is None or not known(joint):
@@ -56,7 +56,7 @@ def read_axis(item: RawItem, fault: Fault, known: Callable[[str], bool]) -> Axis
 
 
 def _condition(what: str, fields: Mapping[str, Any], fault: Fault, known: Callable[[str], bool]) -> Condition | None:
-    """Return `lower <= sum c_j theta_j <= upper`, which needs one end at least, and a joint that counts."""
+    """Return `lower <= sum c_j theta_j <= upper`; at least one end and one nonzero coefficient are needed."""
     for key in fields:
         if key not in _KEYS:
             fault(f"{what} has the unknown attribute {key!r}", name_hint(key, _KEYS))

@@ -1,7 +1,7 @@
-"""What every mark is: the hull of some vertices with a ball around it, or a line, or a plane, fixed to a link.
+"""Shapes of marks: the convex hull of vertices with a radius around it, a line, or a plane, fixed to a link.
 
-A point is the hull of one vertex, a segment of two, a box of eight. However a mark is written down, it becomes a
-`Shape` once, and nothing behind that asks how it was written.
+A point is the hull of one vertex, a segment of two, a box of eight. Each mark becomes a `Shape` once; later code does
+not depend on how the mark was written.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _DEEP = 1e-9  # of a hull of unit extent: further inside all facets, a point is 
 class Measure(Enum):
     """The quantity that a boundary measures.
 
-    `DISTANCE` is the distance of two bodies, `ACROSS` the distance from a line without ends, and `HEIGHT` the height
+    `DISTANCE` is the distance of two bodies, `ACROSS` the distance from an unbounded line, and `HEIGHT` the height
     above a plane.
 
     Example:
@@ -44,23 +44,23 @@ class Measure(Enum):
 
     @property
     def quantity(self) -> str:
-        """The word for what is measured."""
+        """The name of the quantity, for texts."""
         return "height" if self is Measure.HEIGHT else "distance"
 
 
 @dataclass(frozen=True, eq=False)
 class Shape(Value):
-    """`origin + sum_i t_i direction_i`, t in the hull of the corners, and a ball of `radius` around all of it.
+    """All points `origin + sum_i t_i direction_i`, t in the convex hull of the corners, with `radius` around them.
 
     Attributes:
-        origin: (3,) [m] in the frame of the link; of a line or plane a point on it.
-        directions: (m, 3) [m]: none of a point, the edge of a segment, the two or three edges of a parallelogram or
-            parallelepiped, else orthonormal unit vectors of 1 m.
+        origin: (3,) [m] in the frame of the link; for a line or plane, a point on it.
+        directions: (m, 3) [m]. A point has none; a segment has its edge vector; a parallelogram or parallelepiped has
+            its two or three edge vectors; other hulls have orthonormal vectors of 1 m.
         corners: (k, m), the vertices as coefficients of the directions.
         radius: [m].
-        measure: The quantity that a boundary measures; always the distance, if the shape is bounded.
-        normal: (3,) unit vector along a line, or normal of a plane; None if it is bounded.
-        excess: How far the shape sticks out of the marked body [m]; a prism holds a cylinder.
+        measure: The quantity that a boundary measures; a bounded shape always has the distance.
+        normal: (3,) unit vector along a line, or unit normal of a plane; None for a bounded shape.
+        excess: How far the shape sticks out of the marked body [m]; not zero for the prism around a cylinder.
 
     Example:
         >>> import pinbound as pb
@@ -84,57 +84,57 @@ class Shape(Value):
 
     @property
     def is_point(self) -> bool:
-        """Whether it is one vertex, a sphere if it has a radius."""
+        """Whether it has one vertex: a point, or a sphere if it has a radius."""
         return not self.is_unbounded and not len(self.directions)
 
     @property
     def is_segment(self) -> bool:
-        """Whether it is two vertices, a capsule if it has a radius."""
+        """Whether it has two vertices: a segment, or a capsule if it has a radius."""
         return not self.is_unbounded and len(self.corners) == 2
 
     @cached_property
     def is_zonotope(self) -> bool:
-        """Whether its corners are all those of a unit cube, so that t runs over [0, 1]^m."""
+        """Whether its corners are those of the unit cube, so that t runs over [0, 1]^m."""
         m = len(self.directions)
         return len(self.corners) == 2**m and bool(np.array_equal(self.corners, cube_corners(m)))
 
     @cached_property
     def vertices(self) -> Array:
-        """Its vertices (k, 3) [m] in the frame of the link; of a line or plane the point on it."""
+        """Its vertices (k, 3) [m] in the frame of the link; for a line or plane, the point on it."""
         return read_only(self.origin + self.corners @ self.directions)
 
     @property
     def middle(self) -> Array:
-        """The middle of its vertices (3,) [m]: the point itself of a point, of a line or plane the point on it."""
+        """The middle of its vertices (3,) [m]; for a line or plane, the point on it."""
         return read_only(0.5 * (self.vertices.min(axis=0) + self.vertices.max(axis=0)))
 
     @cached_property
     def around(self) -> float:
-        """How far its vertices are from `middle` [m], the radius left out."""
+        """The largest distance of its vertices from `middle` [m], without the radius."""
         return float(np.linalg.norm(self.vertices - self.middle, axis=1).max())
 
     @property
     def half_edges(self) -> float:
-        """Half its edges, end to end [m]; of other hulls how far vertices are from the middle."""
+        """Half the sum of the lengths of its edge vectors [m]; for other hulls, the largest distance from `middle`."""
         return 0.5 * float(np.linalg.norm(self.directions, axis=1).sum()) if self.is_zonotope else self.around
 
     @property
     def anchors(self) -> Array:
-        """Its origin, and the ends of its directions from there (1 + m, 3) [m]; of a line or plane of its normal."""
+        """Its origin, and the ends of its directions from there (1 + m, 3) [m]; of its normal for a line or plane."""
         return read_only(
             self.origin + np.vstack((np.zeros(3), self.directions if self.normal is None else self.normal))
         )
 
     @property
     def reach(self) -> float:
-        """A bound of how far its vertices are from the origin of the link [m]."""
+        """An upper bound of the distance of its vertices from the origin of the link [m]."""
         if self.is_zonotope:
             return float(np.linalg.norm(self.origin) + np.linalg.norm(self.directions, axis=1).sum())
         return float(np.linalg.norm(self.origin) + np.linalg.norm(self.corners, axis=1).max())
 
 
 def zonotope(origin: Sequence[float], edges: Sequence[Sequence[float]], radius: float = 0.0) -> Shape:
-    """Return the shape of all `origin + sum_i t_i edge_i`, t_i in [0, 1]; edges are not zero.
+    """Return the shape of all `origin + sum_i t_i edge_i`, t_i in [0, 1]; edge vectors must not be zero.
 
     Example:
         >>> zonotope((1.0, 0.0, 0.0), [(0.0, 2.0, 0.0)]).vertices.tolist()
@@ -152,9 +152,10 @@ def unbounded(measure: Measure, origin: Sequence[float], towards: Sequence[float
 
 
 def hull(vertices: Sequence[Sequence[float]] | Array, radius: float = 0.0) -> Shape:
-    """Return the shape of a convex hull: extreme vertices alone, over as few directions as it spans.
+    """Return the shape of a convex hull: its extreme vertices, over the directions that it spans.
 
-    Flat to rounding (`tolerances.EXTREME`, relative to the furthest vertex) it has two directions, or one, or none.
+    A hull that is flat up to rounding (`tolerances.EXTREME`, relative to the furthest vertex) has fewer than three
+    directions.
 
     Example:
         >>> square = [(x, y, 0.0) for x in (0.0, 1.0) for y in (0.0, 2.0)]
@@ -180,11 +181,11 @@ def hull(vertices: Sequence[Sequence[float]] | Array, radius: float = 0.0) -> Sh
 
 
 def extreme_vertices(points: Array) -> Array:
-    """Return those points (k, 3) of which their hull is made, in their order; no other is outside it, but for rounding.
+    """Return the extreme points (k, 3) of their convex hull, in their order; all others are inside it up to rounding.
 
-    Which points are extreme does not change when a direction is stretched, so each principal direction is stretched to
-    unit extent first: a sliver becomes a body with good angles. Qhull finds its vertices. Each point that Qhull leaves
-    out is looked for in the hull of those that it keeps, and taken back if it is further outside than rounding.
+    Scaling along a direction does not change which points are extreme. So each principal direction is scaled to unit
+    extent first, and a thin hull becomes a body with good angles. Qhull finds the vertices. Each point that Qhull
+    leaves out is compared with the hull of the kept points, and is kept too if it is outside by more than rounding.
     """
     points = points[np.sort(np.unique(points, axis=0, return_index=True)[1])]
     offsets = points - points[0]

@@ -1,4 +1,4 @@
-"""Annotations beside the URDF: a YAML file, read with its lines, and written."""
+"""Reads (with line numbers) and writes annotations in a YAML file beside the URDF."""
 
 from __future__ import annotations
 
@@ -76,9 +76,9 @@ _TAGS = tuple(
 
 
 def _quickest(text: str) -> Any:
-    """Return libyaml's reader, ten times faster, where PyYAML has it and it can read the text.
+    """Return libyaml's reader, which is ten times faster, if PyYAML has it and it can read the text.
 
-    Faults are left to PyYAML's own reader, so that messages are the same everywhere.
+    PyYAML's own reader reports the faults, so that messages are the same everywhere.
     """
     quick = getattr(yaml, "CSafeLoader", None)
     if quick is None or not text.isascii() or "\t" in text:  # here the two readers allow different texts
@@ -92,7 +92,7 @@ def _quickest(text: str) -> Any:
 
 
 def _refuse_structure(text: str, loader: Any, source: str, problems: Problems) -> bool:
-    """Refuse aliases and deep nesting while the events come, before anything is built; return whether one was met."""
+    """Refuse aliases and deep nesting while events are read, before anything is built; return whether one was found."""
     depth = 0
     for event in yaml.parse(text, Loader=loader):
         line = event.start_mark.line + 1 if event.start_mark else None
@@ -108,7 +108,7 @@ def _refuse_structure(text: str, loader: Any, source: str, problems: Problems) -
 
 
 def _refuse_tags(node: yaml.Node, source: str, problems: Problems) -> None:
-    """Refuse tags: `!degrees -90` is no number here, and must not be read as one."""
+    """Refuse tags: `!degrees -90` is not a number here, and must not be read as one."""
     if node.tag not in _TAGS:
         problems.add(
             f"holds the tag {node.tag!r}", "Write plain numbers in metres and radians", _node_line(node), source
@@ -173,7 +173,7 @@ class _Sidecar:
         return found
 
     def _field(self, name: str, node: yaml.Node) -> Any:
-        """Return a field as text, but a list of names as a tuple: names may hold spaces; of rules see `RawItem`."""
+        """Return a field as text, a list of names as a tuple (names may contain spaces), rules as `RawItem` says."""
         if name in ("passive", "active") and isinstance(node, yaml.SequenceNode):
             return tuple(self._plain(entry) for entry in node.value)
         if name == "coefficients":
@@ -190,7 +190,7 @@ class _Sidecar:
 
     @staticmethod
     def _plain(node: yaml.Node) -> str:
-        """Return the node as an attribute would say it: scalars as text, lists of them joined by spaces."""
+        """Return the node as the text of an XML attribute: a scalar, or a list of scalars joined by spaces."""
         if isinstance(node, yaml.SequenceNode):
             return " ".join(_Sidecar._plain(entry) for entry in node.value)
         return str(node.value)

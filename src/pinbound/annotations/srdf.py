@@ -1,4 +1,4 @@
-"""An SRDF in: spheres of `link_sphere_approximation` as marked points, `disable_collisions` as pairs left out."""
+"""Reads an SRDF: spheres of `link_sphere_approximation` as points, `disable_collisions` as pairs that are left out."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pinbound.values import Value
 __all__ = ["RIGID", "Srdf", "read_srdf"]
 
 RIGID = "never move against each other"
-"""Reason for leaving out two links that fixed joints join."""
+"""Reason for leaving out two links that fixed joints connect."""
 
 _BY_DEFAULT = "disable_default_collisions"
 _NAMED = 5  # how many pairs or links a note names
@@ -26,12 +26,12 @@ _NAMED = 5  # how many pairs or links a note names
 
 @dataclass(frozen=True)
 class Srdf(Value):
-    """What an SRDF says about spheres and pairs.
+    """Spheres and pairs of links of an SRDF.
 
     Attributes:
-        items: Points, boundaries, and pairs of links that the file leaves out.
-        left_out: Why two links with spheres have no boundary, by pair of links in the order of the file.
-        notes: What was left out or ignored, a sentence each.
+        items: Raw items: points, boundaries, and pairs of links that the file leaves out.
+        left_out: The reason why two links with spheres have no boundary, by pair of links, in the order of the file.
+        notes: One sentence for each thing that was left out or ignored.
     """
 
     items: tuple[RawItem, ...]
@@ -40,16 +40,16 @@ class Srdf(Value):
 
 
 def read_srdf(path: Path, problems: Problems, robot: etree._Element | None = None) -> Srdf:
-    """Read a point for every sphere, a boundary for every pair on two links that may collide, and what is left out.
+    """Read a point for every sphere, a boundary for every pair of spheres that may collide, and left-out pairs.
 
-    A sphere of radius 0 says, as elsewhere, that the link has no body. Pairs of links under `disable_collisions`, and
-    links under `disable_default_collisions` unless `enable_collisions` names the pair, are left out; so are links that
-    fixed joints join, for they never move against each other. A file without spheres says what is left out only.
+    A sphere of radius 0 means that the link has no body. Pairs under `disable_collisions` are left out, and so are
+    links under `disable_default_collisions` unless `enable_collisions` names the pair. Links that fixed joints connect
+    are left out, too, because they never move relative to each other. A file without spheres gives left-out pairs only.
 
     Args:
         path: The SRDF.
-        problems: Where faults go.
-        robot: The `<robot>` element of the URDF, which says what fixed joints join; None: nothing is known of it.
+        problems: Collects the faults.
+        robot: The `<robot>` element of the URDF, which has the fixed joints; None: not known.
     """
     root, source = parse_file(path), path.name
     items: list[RawItem] = []
@@ -94,7 +94,7 @@ def _left_out(root: etree._Element, links: list[str], rigid: Mapping[str, str]) 
 
 
 def _stated(root: etree._Element, source: str, left_out: Mapping[tuple[str, str], str]) -> list[RawItem]:
-    """Return what the file itself leaves out, each pair with its reason; links without spheres, too."""
+    """Return the pairs that the file itself leaves out, each with its reason, also for links without spheres."""
     items: list[RawItem] = []
     for element in root.iter("disable_collisions"):
         a, b, reason = (element.get(key, "").strip() for key in ("link1", "link2", "reason"))
@@ -116,7 +116,7 @@ def _pairs(root: etree._Element, tag: str) -> dict[frozenset[str], str]:
 
 
 def _rigid_groups(robot: etree._Element) -> dict[str, str]:
-    """Return for each link the topmost link to which fixed joints join it."""
+    """Return for each link the topmost link to which only fixed joints connect it."""
     above: dict[str, str] = {}
     for joint in robot.findall("joint"):
         parent, child = joint.find("parent"), joint.find("child")

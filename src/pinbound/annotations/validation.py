@@ -1,4 +1,4 @@
-"""One validator for both spellings: raw items become records, and every fault is reported with its line."""
+"""One validator for all formats: raw items become records, and every fault is reported with its line."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ def sound_fields(
     joints: Collection[str] | None = None,
     files: HullFiles | None = None,
 ) -> dict[str, Any]:
-    """Return the fields of `Annotations`, of what is sound; every fault of the others goes to `problems`.
+    """Return the fields of `Annotations` from the valid items; every fault of the others goes to `problems`.
 
     Args:
         items: Raw items, inline ones and a sidecar's together.
-        problems: Where faults go.
+        problems: Collects the faults.
         links: The robot's links; None: do not check the names.
         joints: The robot's joints; None: do not check the names.
         files: Reads the meshes that hulls name.
@@ -165,7 +165,7 @@ class _Validator:
         return None if numbers is None else (numbers[0], numbers[1], numbers[2])
 
     def _length(self, key: str, default: float) -> float:
-        """Return a length that may be left out, and must not be negative."""
+        """Return a length, which may be missing and must not be negative."""
         if key not in self.item.fields:
             return default
         numbers = self._numbers(key, 1)
@@ -177,7 +177,7 @@ class _Validator:
 
     @staticmethod
     def _name(item: RawItem) -> str:
-        """Return what an item is known by: its name, the joint that it is about, or its two links."""
+        """Return what identifies an item: its name, its joint, or its two links."""
         if item.kind == "left_out":
             return "-".join(str(item.fields[key]) for key in ("a", "b") if item.fields.get(key))
         return str(item.fields.get("name") or item.fields.get("joint") or "")
@@ -312,7 +312,7 @@ class _Validator:
         return BoundaryMark(name, a, b, distance, self._stop(name, (marks[a], marks[b]), distance), item.line)
 
     def _stop(self, name: str, ends: tuple[Mark, Mark], distance: float) -> bool:
-        """Return whether a boundary is declared as a stop, which two points of zero threshold can be."""
+        """Return whether a boundary is declared as a stop; only two points of zero threshold can be one."""
         if not self._said("stop", f"boundary {name!r}"):
             return False
         bodies = [mark.name for mark in ends if not mark.shape.is_point]
@@ -350,14 +350,14 @@ class _Validator:
         return ClosureMark(name, link_a, xyz_a, link_b, xyz_b, passive, tolerance, item.line, active, weld)
 
     def _said(self, key: str, what: str) -> bool:
-        """Return a field that is true or false, false if it is left out."""
+        """Return a field that is true or false; false if it is missing."""
         said = str(self.item.fields.get(key, "false"))
         if said not in ("true", "false"):
             self._fault(f"{key} of {what} is {said!r}", "Write true or false")
         return said == "true"
 
     def _joints(self, key: str) -> tuple[str, ...]:
-        """Return the joints that a list names, or a text: there a name may hold spaces if only one reading is known."""
+        """Return the joints of a list or a text; names in a text may contain spaces if only one reading is known."""
         given: str | tuple[str, ...] = self.item.fields.get(key, ())
         if isinstance(given, str):
             words = given.split()
@@ -426,7 +426,7 @@ class _Validator:
 
 
 def _readings(words: Sequence[str], names: Collection[str]) -> list[tuple[str, ...]]:
-    """Return every way, three at most, to read words as names, which may hold spaces."""
+    """Return every way (at most three) to read words as names, which may contain spaces."""
     if not words:
         return [()]
     found: list[tuple[str, ...]] = []

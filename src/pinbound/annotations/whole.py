@@ -1,4 +1,4 @@
-"""All that is marked on one robot: read from either spelling, validated, and written again."""
+"""All annotations of one robot: read from any format, validated, and written again."""
 
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ __all__ = ["Annotations", "raw_items", "validate"]
 
 @dataclass(frozen=True)
 class Annotations(Value):
-    """Everything that pinbound needs beside the URDF proper.
+    """All data that pinbound needs besides the URDF itself.
 
     Attributes:
-        contact_tolerance: [m]; lengths of the file are known no better (`docs/contacts.md`).
-        home: A feasible configuration by joint name [rad or m]; coordinates that are left out are at zero.
+        contact_tolerance: [m], the accuracy of the lengths in the file (`docs/contacts.md`).
+        home: A feasible configuration by joint name [rad or m]; joints that it does not name are at zero.
         marks: Marked points, segments, sweeps, lines and planes by name.
         boundaries: Boundaries in the order of the file.
         closures: Closures in the order of the file.
-        followers: Followers that replace the URDF's own `<mimic>`.
+        followers: Mimic joints that replace the URDF's own `<mimic>`.
         limits: Limits that replace the URDF's own.
-        left_out: Pairs of links that are left out, with reasons.
+        left_out: Pairs of links that have no boundary, with reasons.
         rules: Linear rules on joints, in the order of the file.
-        axes: Coordinates that are sums of joints, commanded instead of one of them.
+        axes: Coordinates that are sums of joints; each replaces one joint in q.
         assumptions: Sentences that every report of this robot must show.
         home_line: Line of the home element.
-        sources: The file that each of these was read from, by what it is: `"home"`, `"boundary stop"`, `"limit q1"`.
+        sources: The file of each item, by keys such as `"home"`, `"boundary stop"`, `"limit q1"`.
 
     Example:
         >>> marks = Annotations.of([Point("tip", "arm", (0.0, 0.0, 0.1), radius=0.01)])
@@ -80,11 +80,11 @@ class Annotations(Value):
 
     @classmethod
     def of(cls, marks: Iterable[Mark], boundaries: Iterable[BoundaryMark] = (), **others: Any) -> Annotations:
-        """Return annotations of a sequence of marks and of boundaries between them.
+        """Return annotations made of marks and of boundaries between them.
 
         Args:
-            marks: In any order; their names differ.
-            boundaries: In the order in which the robot has them.
+            marks: The marks, in any order, with different names.
+            boundaries: The boundaries, in the order that the robot will have.
             others: Further fields of `Annotations`, by name.
 
         Example:
@@ -108,12 +108,12 @@ class Annotations(Value):
 
     @classmethod
     def load(cls, path: str | Path) -> Annotations:
-        """Read a sidecar (.yaml), or the spheres of an .srdf; names of links and joints are not checked yet.
+        """Read a sidecar (.yaml) or an .srdf; names of links and joints are not checked yet.
 
-        Meshes that hulls name are read; relative names are looked for beside the file.
+        Meshes of hulls are read, too; relative names are searched for beside the file.
 
         Raises:
-            InputError: If anything is wrong with the file; all its faults at once.
+            InputError: If the file has faults; the error lists all of them.
         """
         file = Path(path)
         problems = Problems(file.name)
@@ -122,11 +122,11 @@ class Annotations(Value):
         return annotations
 
     def to_yaml(self) -> str:
-        """Return the sidecar that says the same."""
+        """Return the text of a sidecar with the same content."""
         return sidecar_text(raw_items(self, "annotations"))
 
     def to_xml(self) -> str:
-        """Return the `<pinbound:annotations>` block that says the same, to paste below `<robot>`.
+        """Return a `<pinbound:annotations>` block with the same content, to paste below `<robot>`.
 
         Raises:
             UnsupportedError: If a joint of home has a name that XML does not allow for an attribute.
@@ -134,7 +134,7 @@ class Annotations(Value):
         return inline_text(raw_items(self, "annotations"))
 
     def save(self, path: str | Path) -> None:
-        """Write the sidecar; every float64 is given back exactly by `load`."""
+        """Write the sidecar; `load` gives every float64 back exactly."""
         Path(path).write_text(self.to_yaml(), encoding="utf-8")
 
 
@@ -145,11 +145,11 @@ def validate(
     joints: Collection[str] | None = None,
     files: HullFiles | None = None,
 ) -> Annotations:
-    """Return the annotations that are sound; every fault of the others goes to `problems`.
+    """Return the valid annotations; every fault of the others goes to `problems`.
 
     Args:
         items: Raw items, inline ones and a sidecar's together.
-        problems: Where faults go.
+        problems: Collects the faults.
         links: The robot's links; None: do not check the names.
         joints: The robot's joints; None: do not check the names.
         files: Reads the meshes that hulls name.
@@ -158,7 +158,7 @@ def validate(
 
 
 def raw_items(annotations: Annotations, source: str) -> list[RawItem]:
-    """Return annotations as raw items: what a file that says the same would be read as."""
+    """Return annotations as the raw items that a file with the same content gives."""
 
     def item(kind: str, record: Any) -> RawItem:
         required, optional = FIELDS[kind]

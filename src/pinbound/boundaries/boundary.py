@@ -1,4 +1,4 @@
-"""A boundary: what users ask of two marks, answered by interpreters of their relative path."""
+"""A boundary: distances, gradients, contacts and limits of two marks, computed from their relative path."""
 
 from __future__ import annotations
 
@@ -32,21 +32,22 @@ __all__ = ["Boundary", "ContactAngle", "Penetration", "checked_window", "one_con
 class Boundary(Value):
     """Two marks that must keep a distance: `signed_clearance(q) > 0`.
 
-    The norm is the distance of two points, of a point and a segment, or of two segments; the distance of a point or
-    segment across a line; or its signed height above a plane.
+    The norm is the distance between the two marks without their radii. If one mark is a line, it is the distance from
+    the line. If one mark is a plane, it is the signed height above the plane.
 
     Attributes:
         name: Its name in the annotations.
         point_a: First mark: a point, segment, line or plane.
         point_b: Second mark.
-        min_distance: [m], surface to surface.
+        min_distance: [m], the distance to keep between the two surfaces.
         path: The reduced relative path between the marks.
         robot_coordinates: All active coordinates of the robot, in q's order.
         contact_tolerance: [m]; a smaller separation counts as contact.
-        place_error: [m], by how much the true linkage's norm can differ from the coupling's, within all joint limits,
-            because the sides of loops on its path differ (`docs/closures.md`); 0 where they are equal.
-        home: (n,) the robot's home, which says on which side of a stop it is; None: zero.
-        stop: Whether it is declared as a stop: contact is where the two lever arms align.
+        place_error: [m], the largest difference between the norm of the true linkage and that of the coupling, within
+            all joint limits. It is not zero if opposite sides of a parallelogram on the path differ
+            (`docs/closures.md`).
+        home: (n,) the robot's home, which decides on which side of a stop is free; None: zero.
+        stop: Whether it is declared as a stop. Contact of a stop is the angle at which the two lever arms align.
 
     Example:
         >>> import pinbound as pb
@@ -72,12 +73,12 @@ class Boundary(Value):
 
     @property
     def kind(self) -> Kind:
-        """How the two links are related in the tree; helper links do not count."""
+        """How the two links are related in the tree. Helper links (no inertia, no geometry, no marks) do not count."""
         return self.path.kind
 
     @property
     def ancestor(self) -> str:
-        """The lowest common ancestor link; helper links do not count."""
+        """The lowest common ancestor of the two links. Helper links do not count."""
         return self.path.ancestor
 
     @cached_property
@@ -92,33 +93,34 @@ class Boundary(Value):
 
     @cached_property
     def rule(self) -> ContactRule:
-        """What contact is for this boundary: the rule that everything that is asked of it follows."""
+        """The rule that decides what contact is for this boundary. All answers of the boundary follow it."""
         home = np.zeros(len(self.robot_coordinates)) if self.home is None else self.home
         return ContactRule(self.path, self.threshold, self.contact_tolerance, home, self.stop, self.place_error)
 
     @property
     def contact_distance(self) -> float:
-        """Up to which separation there is contact [m]: the threshold, of distances at least the contact tolerance.
+        """The largest separation that is contact [m]: the threshold; for distances, at least the contact tolerance.
 
-        `place_error` is added. Of a stop it is the separation at contact, by which its arms miss each other.
+        `place_error` is added. For a stop it is the separation at the contact angle: the difference of the two arm
+        lengths.
         """
         return self.rule.distance
 
     @property
     def is_stop(self) -> bool:
-        """Whether contact is the angle at which two arms align: declared as a stop, or by their equal lengths."""
+        """Whether contact is the angle at which two arms align: a declared stop, or two arms of equal length."""
         return self.rule.is_stop
 
     @property
     def has_size(self) -> bool:
-        """Whether it keeps two bodies apart, not two mere points of zero threshold."""
+        """Whether it keeps bodies apart, and not two points of zero threshold."""
         return self.threshold > 0.0 or not self.path.is_plain
 
     @cached_property
     def contacts(self) -> tuple[ContactAngle, ...] | None:
-        """All contact strips of a boundary of one effective angle; None if it has several, or slides.
+        """All contact strips of a boundary of one effective angle; None if it has several angles, or a prismatic joint.
 
-        Two points have one strip, or one without contact (`half_width` None); segments may have several.
+        Two points have one strip; if they never touch, its `half_width` is None. Segments may have several strips.
         """
         found = self.rule.strips()
         if found is None:
@@ -129,9 +131,9 @@ class Boundary(Value):
 
     @property
     def contact(self) -> ContactAngle | None:
-        """The contact angle, if the boundary has one effective angle; None if it has several, or slides.
+        """The contact angle of a boundary of one effective angle; None if it has several angles, or a prismatic joint.
 
-        Of segments, None also if they have several strips a turn: `contacts` has them.
+        For segments it is also None if there are several strips in one turn; `contacts` has them all.
 
         Example:
             >>> import pinbound as pb
@@ -144,21 +146,23 @@ class Boundary(Value):
     def vector(self, q: ArrayLike) -> Array:
         """Return `r = x_a - x_b` in the frame of the ancestor link: (3,) or (N, 3) [m]; Eqs. (8)-(16).
 
-        Of segments, between their nearest points; of a line or plane, from its foot.
+        For segments and bodies, r is between the nearest points; for a line or plane, from the foot of the
+        perpendicular.
         """
         return self._each(q, lambda Q: separation.vectors(self.path, Q))
 
     def norm(self, q: ArrayLike) -> Any:
-        """Return `beta = |r|` [m]: a float, or (N,); above a plane `n . r`, negative behind it."""
+        """Return `beta = |r|` [m]: a float, or (N,). For a plane it is `n . r`, which is negative behind the plane."""
         return self._each(q, lambda Q: separation.separations(self.path, Q))
 
     def nearest(self, q: ArrayLike) -> Array:
-        """Return where on its segments the boundary is nearest: (k,) or (N, k) in [0, 1], one a segment, a's first.
+        """Return the parameters t of the nearest points on the segments: (k,) or (N, k) in [0, 1], mark a first.
 
-        `x = xyz_a + t (xyz_b - xyz_a)`; where several t are equally near (parallel segments) it is one of them.
+        The point is `x = xyz_a + t (xyz_b - xyz_a)`. If several t are equally near (parallel segments), it is one of
+        them.
 
         Raises:
-            UnsupportedError: If a mark is a hull or cylinder, which has no such t: `nearest_points` has the points.
+            UnsupportedError: If a mark is a hull or a cylinder, which has no such t. Use `nearest_points`.
         """
         if not self.path.difference.is_zonotope:
             raise UnsupportedError(
@@ -170,8 +174,8 @@ class Boundary(Value):
     def nearest_points(self, q: ArrayLike) -> Array:
         """Return the nearest points of both marks, (2, 3) or (N, 2, 3) [m] in the frame of the ancestor link.
 
-        Radii are left out: these are points of the marks' cores. Of a line or plane it is the foot of the other mark's
-        point. Where several pairs are equally near (parallel edges, faces against faces) it is one of them.
+        The points belong to the marks without their radii. On a line or plane, it is the foot of the perpendicular from
+        the other mark's point. If several pairs are equally near (parallel edges or faces), it is one of them.
 
         Example:
             >>> import pinbound as pb
@@ -183,18 +187,18 @@ class Boundary(Value):
         return self._each(q, lambda Q: separation.nearest_points(self.path, Q))
 
     def clearance(self, q: ArrayLike) -> Any:
-        """Return `norm - threshold` [m]: the unsigned distance less the threshold.
+        """Return `norm - threshold` [m]: the unsigned distance minus the threshold.
 
-        It is positive beyond a stop too, and it knows no contact tolerance: `signed_clearance` does.
+        It is positive also beyond a stop, and it does not use the contact tolerance. Use `signed_clearance` for that.
         """
         return self.norm(q) - self.threshold
 
     def signed_clearance(self, q: ArrayLike) -> Any:
-        """Return how free q is: a float, or (N,) [m]; positive is free, zero or less is contact.
+        """Return the signed clearance: a float, or (N,) [m]. Positive is free; zero or less is contact.
 
-        `norm - max(threshold, contact_tolerance)` of a distance, `norm - threshold` of a height above a plane. Of a
-        stop `+-sqrt(norm^2 - m^2)`, m being the smallest norm: positive on home's side of the contact angle, negative
-        beyond it, smooth through it. Region, certificate and `free` all use this number.
+        For a distance it is `norm - max(threshold, contact_tolerance)`; for a height above a plane, `norm - threshold`.
+        For a stop it is `+-sqrt(norm^2 - m^2)` with the smallest norm m: positive on home's side of the contact angle,
+        negative beyond it, and smooth at the angle. Region, certificate and `free` all use this number.
 
         Example:
             >>> import pinbound as pb
@@ -208,7 +212,7 @@ class Boundary(Value):
     def signed_gradient(self, q: ArrayLike) -> Array:
         """Return the gradient of the signed clearance, (n,) or (N, n) [m/rad, or 1 for a prismatic joint].
 
-        Of a stop it is defined at contact, too; elsewhere it is NaN where a distance is zero (a kink).
+        For a stop it is defined at contact, too. For other boundaries it is NaN where a distance is zero (a kink).
         """
         return self._each(q, self.rule.gradients)
 
@@ -221,7 +225,7 @@ class Boundary(Value):
         return self._each(q, lambda Q: separation.hessians(self.path, Q))
 
     def signed_distance(self, q: ArrayLike) -> Any:
-        """Return the distance of the two bodies, their radii taken off, or minus their depth: a float, or (N,) [m].
+        """Return the distance between the surfaces of the two bodies, or minus their depth: a float, or (N,) [m].
 
         If hulls overlap, `norm` is zero. The signed distance is then minus the shortest displacement that makes them
         touch. `min_distance` does not count. Certificates and contact use `signed_clearance` instead.
@@ -236,10 +240,10 @@ class Boundary(Value):
         return self._each(q, lambda Q: depth.signed_gradients(self.path, Q))
 
     def penetration(self, q: ArrayLike) -> Penetration:
-        """Return how deep the bodies overlap, the direction that separates them, and whether it is the only one.
+        """Return the depth of overlap, the direction that separates the bodies, and whether this direction is unique.
 
-        The depth is proven from both sides to `tolerances.DEPTH` of the bodies' size. Depth (N,), direction (N, 3) in
-        the ancestor's frame and `is_unique` (N,); for one q a float, (3,) and a bool.
+        The depth has a proven lower and upper bound, `tolerances.DEPTH` of the bodies' size apart. Shapes: depth (N,),
+        direction (N, 3) in the ancestor's frame, `is_unique` (N,); for one q a float, (3,) and a bool.
 
         Example:
             >>> import pinbound as pb
@@ -263,7 +267,7 @@ class Boundary(Value):
         return ask(Q) if Q.ndim > 1 else ask(Q[None])[0]
 
     def parts(self, start: Array, end: Array) -> bool:
-        """Return whether a contact of its one effective angle lies between configurations `start` and `end` (n,)."""
+        """Return whether a contact of the one effective angle lies between configurations `start` and `end` (n,)."""
         for contact in self.contacts or ():
             lower, upper = contact.gap(float(contact.coefficients @ start))
             if not lower < float(contact.coefficients @ end) < upper:
@@ -271,14 +275,14 @@ class Boundary(Value):
         return False
 
     def expression(self, frame: Literal["minimal", "ancestor"] = "minimal") -> Any:
-        """Return r as a SymPy (3, 1) matrix, metres, in one real symbol a coordinate.
+        """Return r as a SymPy (3, 1) matrix [m] with one real symbol for each coordinate.
 
         Args:
-            frame: ``"minimal"``: the frame on the path in which the fewest rotated terms are left; its norm is
-                the boundary's, its components are in that frame. ``"ancestor"``: the paper's form.
+            frame: ``"minimal"``: the frame on the path in which the vector has the fewest rotated terms. The norm is
+                the same in every frame. ``"ancestor"``: the frame of the ancestor link, as in the paper.
 
         Raises:
-            UnknownNameError: If the frame is neither.
+            UnknownNameError: If the frame is none of these two.
 
         Example:
             >>> import pinbound as pb
@@ -293,7 +297,7 @@ class Boundary(Value):
         return ask(self.path, self.robot_coordinates)
 
     def latex(self, frame: Literal["minimal", "ancestor"] = "minimal") -> str:
-        """Return `expression(frame)` as LaTeX, numbers as decimals in metres."""
+        """Return `expression(frame)` as LaTeX, with decimal numbers in metres."""
         from pinbound.evaluate import symbolic
 
         return symbolic.latex(self.expression(frame))
@@ -308,14 +312,15 @@ class Boundary(Value):
             return None
 
     def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> Any:
-        """Return the allowed values of one coordinate, the others as in q.
+        """Return the allowed values of one coordinate; the other coordinates are those of q.
 
         A value is allowed if the marks are not in contact there. For a stop, these are all arcs between its contact
-        angles, also those that cannot be reached from home: `signed_clearance` and `BoundarySet.limits` tell those.
+        angles, also arcs that cannot be reached from home. `signed_clearance` and `BoundarySet.limits` take home into
+        account.
 
-        If the coordinate enters one rotation only, `|r|^2 = a + b cos q_j + c sin q_j` (the height above a plane
-        likewise), and the allowed set is one arc in each turn. If it only translates, the allowed set is all but one
-        interval. These are closed forms. In all other cases, every contact is isolated with a proof.
+        If the coordinate occurs in one rotation only, `|r|^2 = a + b cos q_j + c sin q_j` (the height above a plane has
+        the same form), and the allowed set is one arc in each turn. If the coordinate only translates, it is all values
+        outside one interval. Both are closed forms. In all other cases, every contact is isolated with a proof.
 
         Args:
             coordinate: An active coordinate of the robot.
@@ -329,8 +334,8 @@ class Boundary(Value):
 
         Raises:
             UnknownNameError: If the robot has no such coordinate.
-            DimensionError: If q is not finite or of another shape, or the window is none.
-            UnsupportedError: If a window is needed and not given, or is so wide that contacts are too many to list.
+            DimensionError: If q is not finite or has another shape, or if the window is not two increasing numbers.
+            UnsupportedError: If a window is needed and not given, or if it holds too many contacts to list.
 
         Example:
             >>> import pinbound as pb
@@ -352,9 +357,9 @@ class Boundary(Value):
     ) -> tuple[float, float] | None:
         """Return how far a coordinate can move from q (n,) within an interval that holds its value; None if in contact.
 
-        This is `limits(...).around(...)`, but searched within the interval only. An end is infinite if nothing stops
-        the coordinate before the interval ends. The signed clearance says whether q is in contact (`clear`, if the
-        caller knows); where rounding sees the end of an arc on the other side of q, the end is q itself.
+        This is `limits(...).around(...)`, but it searches within the interval only. An end is infinite if nothing stops
+        the coordinate before the interval ends. The signed clearance decides whether q is in contact; a caller that
+        knows it gives `clear`. If rounding puts the end of an arc on the other side of q, the end is q itself.
         """
         if not (self.signed_clearance(q) > 0.0 if clear is None else clear):
             return None
@@ -369,7 +374,7 @@ class Boundary(Value):
         return -math.inf if span[0] <= low else span[0], math.inf if span[1] >= high else span[1]
 
     def spans(self, coordinate: str, Q: Array, within: tuple[float, float], clear: Flags) -> Array:
-        """Return what `span` says of a `coordinate` for many q (N, n): (N, 2), NaN where q itself is not `clear` (N,).
+        """Return `span` of a `coordinate` for many q (N, n): (N, 2), NaN where q itself is not `clear` (N,).
 
         Example:
             >>> import pinbound as pb
@@ -395,7 +400,7 @@ class Boundary(Value):
         return found
 
     def limit_expressions(self, coordinate: str) -> Any:
-        """Return the two contacts of one coordinate in terms of the others, in SymPy and LaTeX: Eqs. (18)-(20).
+        """Return the two contacts of one coordinate as functions of the others, in SymPy and LaTeX: Eqs. (18)-(20).
 
         Raises:
             UnknownNameError: If the robot has no such coordinate.

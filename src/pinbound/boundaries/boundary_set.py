@@ -69,11 +69,11 @@ class BoundarySet(NamedBoundaries):
         self._home = np.zeros(len(coordinates)) if home is None else as_configurations(home, coordinates)
 
     def select(self, names: str | Iterable[str]) -> BoundarySet:
-        """Return some boundaries as a set of their own, in the order of `names`; joint limits and home stay.
+        """Return a set of some boundaries, in the order of `names`, with the same joint limits and home.
 
         Raises:
             UnknownNameError: If there is no boundary of a name.
-            DimensionError: If a name is given twice.
+            DimensionError: If a name occurs twice.
 
         Example:
             >>> import pinbound as pb
@@ -92,11 +92,12 @@ class BoundarySet(NamedBoundaries):
         return BoundarySet(chosen, self._coordinates, self._limits, self._home, self.common, self._guarded)
 
     def to_casadi(self, name: str = "signed_clearances") -> Any:
-        """Return a CasADi function of that name: q (n) to the signed clearances h (m) [m], positive is free.
+        """Return a CasADi function with this name. It maps q (n) to the signed clearances h (m) [m]; positive is free.
 
-        Of points, segments, lines and planes it is an SX `Function`, which CasADi differentiates, and makes C of. The
-        nearest points of boxes and prisms are searched: with such boundaries it is an MX `Function` with a callback,
-        which has a Jacobian and no Hessian, and must be called in this process; `select(names)` leaves them out.
+        For points, segments, lines and planes it is an SX `Function`, which CasADi can differentiate and convert to C.
+        The nearest points of boxes and prisms need an iteration. With such boundaries it is an MX `Function` with a
+        callback: it has a Jacobian and no Hessian, and works in this process only. `select(names)` leaves such
+        boundaries out.
 
         Raises:
             UnsupportedError: If CasADi is not installed (extra `bridges`).
@@ -107,7 +108,7 @@ class BoundarySet(NamedBoundaries):
         return casadi_function(rules, marks, len(self._coordinates), self.common, name)
 
     def vectors(self, Q: ArrayLike) -> Array:
-        """Return every r in its ancestor's frame: (m, 3) for one q, (N, m, 3) for many [m]."""
+        """Return r of every boundary in the frame of its ancestor link: (m, 3) for one q, (N, m, 3) for many [m]."""
         return self._stack(Q, Boundary.vector, (3,))
 
     @cached_property
@@ -120,7 +121,7 @@ class BoundarySet(NamedBoundaries):
 
     @cached_property
     def signed_kernel(self) -> SignedKernel:
-        """The contact rule of all boundaries, and joint limits: behind what is signed, `smallest` and `free`."""
+        """The kernel of signed clearances, `smallest` and `free`: contact rules of all boundaries, and joint limits."""
         rules, marks = [b.rule for b in self], [(b.point_a.name, b.point_b.name) for b in self]
         return SignedKernel(rules, marks, len(self._coordinates), self._limits, self.common, self._guarded)
 
@@ -133,16 +134,16 @@ class BoundarySet(NamedBoundaries):
         backend: Backend = "auto",
         dtype: Any = np.float64,
     ) -> Array:
-        """Return every `beta = |r|`: (m,) for one q, (N, m) for many [m]; a non-finite row gives NaN.
+        """Return `beta = |r|` of every boundary: (m,) for one q, (N, m) for many [m]; NaN for a row that is not finite.
 
         Args:
             Q: (n,) or (N, n).
             out: For many q, a buffer (N, m) of `dtype` to fill and return. A new array has contiguous columns.
-            threads: Over how many threads rows are split; compiled results do not depend on it.
-            backend: ``"compiled"`` (Numba, extra `fast`), ``"numpy"``, or ``"auto"``: compiled where the code exists
-                already in this process, or where there is enough work to pay for a compile of a second.
-            dtype: float64, or float32: an error of 1e-6 of the paths' lengths. It is about twice as fast where pairs
-                are few; of 64 pairs of points and more it is float64's answer, rounded.
+            threads: The number of threads that share the rows. Compiled results do not depend on it.
+            backend: ``"compiled"`` (Numba, extra `fast`), ``"numpy"``, or ``"auto"``. The last uses compiled code if
+                this process has it already, or if there is so much work that one second of compiling pays off.
+            dtype: float64, or float32 with an error of 1e-6 of the paths' lengths. float32 is about twice as fast for
+                few pairs. For 64 pairs of points and more, it is the float64 answer, rounded.
 
         Raises:
             DimensionError: If Q, out, threads or dtype do not fit.
@@ -165,10 +166,10 @@ class BoundarySet(NamedBoundaries):
         backend: Backend = "auto",
         dtype: Any = np.float64,
     ) -> Array:
-        """Return every `norm - threshold`: (m,) or (N, m) [m], the unsigned distance less the threshold.
+        """Return `norm - threshold` of every boundary: (m,) or (N, m) [m], the unsigned distance minus the threshold.
 
-        Positive beyond a stop, too: `signed_clearances` tells the sides apart, and is what `free` goes by. Arguments
-        and errors as for `norms`.
+        It is positive also beyond a stop. `signed_clearances` is negative there, and `free` uses that. Arguments and
+        errors are those of `norms`.
         """
         return self._rows(Q, "clearances", out, threads, backend, dtype)
 
@@ -181,9 +182,9 @@ class BoundarySet(NamedBoundaries):
         backend: Backend = "auto",
         dtype: Any = np.float64,
     ) -> Array:
-        """Return every signed clearance: (m,) or (N, m) [m]; positive is free, as `Boundary.signed_clearance` says.
+        """Return the signed clearance of every boundary: (m,) or (N, m) [m]; positive is free.
 
-        Arguments and errors as for `norms`.
+        Arguments and errors are those of `norms`.
 
         Example:
             >>> import pinbound as pb
@@ -205,7 +206,8 @@ class BoundarySet(NamedBoundaries):
     ) -> Array:
         """Return the gradients of the signed clearances: (m, n) or (N, m, n) [m/rad, or 1 for prismatic joints].
 
-        At a stop's contact angle they are defined; NaN where a distance is zero. Arguments and errors as for `norms`.
+        They are defined at the contact angle of a stop, and NaN where a distance is zero. Arguments and errors are
+        those of `norms`.
         """
         return self._signed(Q, "gradients", out, threads, backend, dtype)
 
@@ -235,7 +237,7 @@ class BoundarySet(NamedBoundaries):
     ) -> Array:
         """Return the gradients of the norms: (m, n) or (N, m, n) [m/rad]; NaN where a norm is zero.
 
-        Arguments and errors as for `norms`; `out` is (N, m, n) and C-contiguous.
+        Arguments and errors are those of `norms`; `out` is (N, m, n) and C-contiguous.
         """
         return self._rows(Q, "gradients", out, threads, backend, dtype)
 
@@ -271,10 +273,10 @@ class BoundarySet(NamedBoundaries):
         backend: Backend = "auto",
         dtype: Any = np.float64,
     ) -> Smallest:
-        """Return the smallest signed clearance and its boundary, without making the others: floats, or (N,).
+        """Return the smallest signed clearance and its boundary, without an array of all clearances: floats, or (N,).
 
-        It is positive exactly where no boundary is in contact. Arguments and errors as for `norms`; `out` is (N,) and
-        takes the clearances.
+        It is positive exactly where no boundary is in contact. Arguments and errors are those of `norms`; `out` is (N,)
+        and receives the clearances.
 
         Example:
             >>> import pinbound as pb
@@ -300,9 +302,9 @@ class BoundarySet(NamedBoundaries):
     def free(self, Q: ArrayLike, *, limits: bool = True, threads: int = 1, backend: Backend = "auto") -> Any:
         """Return whether q is free: a bool, or (N,) bools; False for a row that is not finite.
 
-        Free is every signed clearance positive, and every joint limit kept, mimic joints' limits too, within
-        `tolerances.LIMIT`. A certificate of q says the same, and a region holds free configurations only. Whether the
-        robot can get there is another question: `Region.contains`, `certify`.
+        q is free if every signed clearance is positive and every joint limit is kept within `tolerances.LIMIT`, also
+        limits of mimic joints. A certificate of q says the same, and a region holds free configurations only. `free`
+        does not say whether the robot can reach q: `Region.contains` and `certify` do.
 
         Args:
             Q: (n,) or (N, n).
@@ -357,13 +359,14 @@ class BoundarySet(NamedBoundaries):
         Args:
             coordinate: An active coordinate of the robot.
             q: (n,) configuration.
-            window: Within which to look; by default what the joint limits leave. Needed only for a coordinate without
-                limits whose contacts never repeat.
+            window: The range in which to search; by default the range that the joint limits allow. It is needed only
+                for a coordinate without limits whose contacts do not repeat periodically.
 
         Raises:
             UnknownNameError: If the robot has no such coordinate.
-            DimensionError: If q is not one finite configuration, or the window is none, or does not hold q's value.
-            UnsupportedError: If contacts never repeat and none is near.
+            DimensionError: If q is not one finite configuration, if the window is not two increasing numbers, or if it
+                does not hold q's value.
+            UnsupportedError: If contacts do not repeat periodically, and none is near.
 
         Example:
             >>> import pinbound as pb
@@ -404,20 +407,20 @@ class BoundarySet(NamedBoundaries):
         return {}
 
     def limits_table(self, coordinate: str, Q: ArrayLike) -> tuple[Array, NDArray[np.str_]]:
-        """Return how far one coordinate can move from each of many q, and what stops it.
+        """Return for each of many q how far one coordinate can move, and what stops it.
 
         Args:
             coordinate: An active coordinate of the robot.
             Q: (N, n) finite configurations.
 
         Returns:
-            Ends (N, 2) [rad or m], NaN where the value itself is not allowed, infinite where nothing stops it; and the
-            names (N, 2) of the stops, empty where there is none.
+            Ends (N, 2) [rad or m]: NaN where the value itself is not allowed, infinite where nothing stops the
+            coordinate; and names (N, 2) of the boundary or limit at each end, empty where there is none.
 
         Raises:
             UnknownNameError: If the robot has no such coordinate.
-            DimensionError: If Q is not finite or of another shape.
-            UnsupportedError: If a coordinate without limits has contacts that never repeat.
+            DimensionError: If Q is not finite or has another shape.
+            UnsupportedError: If a coordinate without limits has contacts that do not repeat periodically.
 
         Example:
             >>> import pinbound as pb

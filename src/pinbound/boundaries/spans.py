@@ -1,4 +1,4 @@
-"""Records of answers: how far a coordinate can move, what is nearest; and the intervals that joint limits leave."""
+"""Records of answers (limits of a coordinate, the smallest clearance), and the intervals that joint limits allow."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class ContactAngle(Value):
-    """Where a boundary of one effective angle `phi = coefficients @ q` is in contact.
+    """The values of the effective angle `phi = coefficients @ q` at which a boundary is in contact.
 
     Attributes:
-        coefficients: (n,), over the active coordinates.
+        coefficients: (n,), one for each active coordinate.
         text: The effective angle for people, e.g. ``"q3 - q2"``.
         angle: phi* [rad], in (-pi, pi]; contacts repeat every turn.
-        half_width: w [rad]; contact is `phi* +- w`. 0: the arms align (a stop). None: never in contact.
-        smallest: [m], the smallest norm over a turn: by how much the arms of a stop miss each other at contact.
-        is_stop: Whether it is a stop, declared or by its equal arms.
+        half_width: w [rad]; contact is the strip `phi* +- w`. 0: a stop. None: never in contact.
+        smallest: [m], the smallest norm over a turn. For a stop it is the distance of the two points at contact.
+        is_stop: Whether it is a stop: declared, or because its arms are equally long.
 
     Example:
         >>> import pinbound as pb
@@ -57,7 +57,7 @@ class ContactAngle(Value):
     is_stop: bool = False
 
     def gap(self, phi: float) -> tuple[float, float]:
-        """Return the open interval without contact that holds `phi` [rad]; NaN if phi is in contact.
+        """Return the open interval without contact around `phi` [rad]; NaN if phi is in contact.
 
         Example:
             >>> ContactAngle(np.array([1.0]), "q1", 1.0, 0.25, 0.0).gap(0.0)
@@ -79,7 +79,7 @@ class CoordinateLimits:
         upper: [rad or m] upper end, may be inf; NaN if the value is not allowed.
         lower_stop: Boundary or joint limit at the lower end; None if there is none.
         upper_stop: Boundary or joint limit at the upper end; None if there is none.
-        blocked_by: Boundaries whose signed clearance is not positive there, and limits that it passes.
+        blocked_by: Boundaries whose signed clearance is not positive at the configuration, and limits that it passes.
         beyond: Boundaries whose contact lies between home and this configuration, which makes it unreachable.
 
     Example:
@@ -111,7 +111,7 @@ class CoordinateLimits:
         Args:
             coordinate: Its name.
             value: Its value [rad or m].
-            spans: By name of a boundary or limit, the interval that it leaves [rad or m].
+            spans: The interval that each boundary or limit allows, by its name [rad or m].
             beyond: Boundaries whose contact lies between home and the value.
 
         Example:
@@ -141,8 +141,8 @@ class Smallest:
 
     Attributes:
         clearance: [m], signed: a float or (N,); inf if there is no boundary, NaN if one of them is NaN.
-        index: Position of that boundary in the set, an int or (N,); -1 if there is none, or a NaN. Between
-            boundaries whose clearances are equal to rounding it is one of them.
+        index: Position of that boundary in the set, an int or (N,); -1 if there is no boundary, or a NaN. If several
+            clearances are equal up to rounding, it is one of them.
 
     Example:
         >>> import pinbound as pb
@@ -157,7 +157,7 @@ class Smallest:
 
 
 def tighten(ends: Array, stops: NDArray[np.object_], name: str, spans: Array) -> None:
-    """Intersect intervals (N, 2) with others, in place; NaN, which is no interval, stays."""
+    """Intersect intervals (N, 2) with others, in place. NaN means no interval, and stays."""
     lower, upper = spans[:, 0] > ends[:, 0], spans[:, 1] < ends[:, 1]
     ends[lower, 0], ends[upper, 1] = spans[lower, 0], spans[upper, 1]
     stops[lower, 0], stops[upper, 1] = name, name
@@ -181,8 +181,8 @@ def linear_spans(limit: LinearLimit, index: int, Q: Array) -> Array:
 def guarded_spans(limit: GuardedLimit, index: int, Q: Array) -> Array:
     """Return the intervals (N, 2) of coordinate `index` around its values that one guarded limit allows; NaN: none.
 
-    What it forbids of the coordinate is one interval, for it is convex: where every condition holds and the end is
-    passed. The allowed interval ends there, on the side of the value.
+    The forbidden values of the coordinate satisfy every condition and pass the end. They form one interval, because
+    this set is convex. The allowed interval ends at it, on the side of the value.
     """
     value = Q[:, index]
     first, last = np.full(len(Q), -math.inf), np.full(len(Q), math.inf)
@@ -209,22 +209,22 @@ def guarded_spans(limit: GuardedLimit, index: int, Q: Array) -> Array:
 
 
 def guarded_span(limit: GuardedLimit, index: int, q: Array) -> tuple[float, float] | None:
-    """Return the interval of coordinate `index` around its value that a guarded limit allows, the others as in q."""
+    """Return the interval of coordinate `index` around its value that a guarded limit allows; others are those of q."""
     low, high = guarded_spans(limit, index, q[None])[0].tolist()
     return None if math.isnan(low) else (low, high)
 
 
 def linear_span(limit: LinearLimit, index: int, q: Array) -> tuple[float, float] | None:
-    """Return the interval of coordinate `index` that one joint limit allows, the others as in q."""
+    """Return the interval of coordinate `index` that one joint limit allows; the other coordinates are those of q."""
     low, high = linear_spans(limit, index, q[None])[0].tolist()
     return None if math.isnan(low) else (low, high)
 
 
 def checked_window(window: Any) -> tuple[float, float]:
-    """Return a window as two numbers, the lower one first.
+    """Return a window as two numbers; the first is the lower one.
 
     Raises:
-        DimensionError: If it is something else.
+        DimensionError: If the window is not two increasing finite numbers.
 
     Example:
         >>> checked_window([-1, 2])

@@ -1,4 +1,4 @@
-"""Motions that are functions of time, with bounds of their derivatives; every value is held against these bounds."""
+"""Motions that are functions of time, with bounds of their derivatives; every value is checked against the bounds."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ _KEPT = 2**16
 class BoundedMotion:
     """A function of time with bounds of its derivatives, e.g. a path of `toppra`.
 
-    The bounds are the caller's word, and a certificate is as good as they are. That trust ends where the data disprove
-    it: `certify` holds every value that it asks for, some 250 of them before it starts, against the bounds and against
-    its neighbours in time, and refuses the motion if two of them cannot both be true.
+    The caller states the bounds, and a certificate is true only if they are. `certify` compares every value that it
+    asks for (some 250 before it starts) with the bounds and with its neighbours in time. It refuses the motion if two
+    values contradict the bounds.
 
     Attributes:
-        function: q (N, n) = function(t), t (N,); with `acceleration` also function(t, 1), the first derivative, as
-            SciPy's splines and toppra's paths offer it.
-        start: First time [s, or what the function takes].
+        function: q (N, n) = function(t), t (N,). With `acceleration`, also function(t, 1), the first derivative, as
+            SciPy's splines and toppra's paths have it.
+        start: First time [s, or the unit of the function's argument].
         end: Last time [as `start`].
         speed: (n,) bounds of |dq/dt|.
-        acceleration: (n,) bounds of |d^2q/dt^2|, or None; with it the cost near contact is far smaller.
+        acceleration: (n,) bounds of |d^2q/dt^2|, or None. With it, certificates near contact cost much less.
 
     Example:
         >>> import pinbound as pb
@@ -61,7 +61,7 @@ class BoundedMotion:
 
 
 class BoundedTrajectory:
-    """What a certificate needs of a `BoundedMotion`, and all samples of it so far."""
+    """A `BoundedMotion` in the form that a certificate needs, with all samples taken so far."""
 
     def __init__(self, motion: BoundedMotion, coordinates: Sequence[str]) -> None:
         """Read the bounds and try them.
@@ -120,7 +120,7 @@ class BoundedTrajectory:
 
     @property
     def extent(self) -> tuple[Array, Array]:
-        """Box around the middle of the motion that its speed cannot leave."""
+        """Box around the middle of the motion, which the motion cannot leave at its speed."""
         middle = self.at(np.zeros(1, dtype=np.intp), np.array([0.5]))[0]
         with np.errstate(over="ignore"):
             room = self.speed * (self.end - self.start) / 2.0 * (1.0 + 4.0 * UNIT_ROUNDOFF) + self._jitter

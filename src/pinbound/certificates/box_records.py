@@ -1,4 +1,4 @@
-"""What a certificate of a box says."""
+"""Records of certificates of boxes."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ _REASONS = tuple(Reason)
 
 @dataclass(frozen=True, eq=False)
 class OpenBoxes(Value, Sequence[OpenBox]):
-    """Boxes that were not decided side by side, an `OpenBox` each when it is asked for.
+    """Boxes that were not decided, stored as arrays; an `OpenBox` is made when one is asked for.
 
     Attributes:
         names: Names of boundaries and limits.
-        which: (v,) place of each box's among the names.
+        which: (v,) index of each box's boundary or limit in `names`.
         lower_corners: (v, n).
         upper_corners: (v, n).
         lower: (v,) lower bounds.
-        codes: (v,) place of each reason in `tuple(Reason)`.
+        codes: (v,) index of each reason in `tuple(Reason)`.
     """
 
     names: tuple[str, ...]
@@ -84,17 +84,17 @@ class BoxCertificate(NoTruth, Value):
 
     Attributes:
         verdict: CERTIFIED, VIOLATED, UNDECIDED or NOTHING_TO_CHECK.
-        coverage: What the boundaries that were checked watch of the robot, and what they do not.
+        coverage: Which pairs of links the checked boundaries watch, and which they do not.
         lower_corner: (n,).
         upper_corner: (n,).
         lower: Proven lower bound of the smallest clearance over the box [m].
-        upper: Upper bound of it [m]: the smallest clearance that was met.
+        upper: Upper bound of the same [m]: the smallest clearance that was computed.
         witness: (n,) a q of negative clearance or outside a limit; None unless VIOLATED.
         violated: Name of the boundary or limit that the witness violates.
-        open_boxes: What is undecided.
-        boxes: How many boxes times boundaries were bounded.
+        open_boxes: Boxes that are undecided.
+        boxes: The number of bounds computed, one for each box and boundary.
         seconds: Wall time [s].
-        notes: What the verdict does not say.
+        notes: Sentences about what the verdict does not cover.
 
     Example:
         >>> import pinbound as pb

@@ -66,11 +66,11 @@ def certify_box(
     limits: bool = True,
     limits_only: bool = False,
 ) -> BoxCertificate:
-    """Prove that every configuration of a box is clear and within limits, or find one that is not.
+    """Prove that every configuration of a box is free and within limits, or find one that is not.
 
-    Boundaries of one effective angle, and limits, are exact over a box. The others are bounded by lever arms and
-    halved where that does not suffice; the work grows quickly with the number of coordinates and the closeness of
-    contact, so mind the budget.
+    Boundaries of one effective angle, and limits, are decided exactly over a box. For the others, lever arms bound the
+    clearance; where the bound is too weak, the box is halved. The work grows quickly with the number of coordinates and
+    near contact, so choose the budget with care.
 
     Args:
         robot: The robot.
@@ -79,7 +79,7 @@ def certify_box(
         boundaries: Names of the boundaries to check; None: all.
         budget: How much work is allowed; None: `Budget()`.
         limits: Whether joint limits are checked too.
-        limits_only: Check joint limits and nothing else. Without it, no boundary at all is NOTHING_TO_CHECK.
+        limits_only: Whether to check joint limits only. Otherwise, a robot without boundaries gives NOTHING_TO_CHECK.
 
     Returns:
         The certificate.
@@ -270,25 +270,25 @@ def certified_box(
     limits: bool = True,
     limits_only: bool = False,
 ) -> BoxCertificate:
-    """Return a box around q that is certified, and that cannot grow much on any face.
+    """Return a certified box around q of which no face can move outwards much further.
 
-    The box grows around q alike in all coordinates that something depends on, by bisection, then face by face in
-    turn. Afterwards no face can move by 1/1000 of `reach` further within the budget of one certificate; it is maximal
-    in this sense, not the largest of all boxes. Coordinates that nothing depends on keep q's value.
+    First the box grows equally in all coordinates that a boundary or limit depends on, by bisection; then each face
+    moves in turn. At the end no face can move outwards by 1/1000 of `reach` within the budget of one certificate. The
+    box is maximal in this sense; it is not the largest of all boxes. Other coordinates keep q's value.
 
     Args:
         robot: The robot.
         q: (n,) the configuration inside.
         boundaries: Names of the boundaries; None: all.
         reach: How far a face may be from q [rad or m].
-        budget: Of all certificates together, some 12 (2 n + 1) of them. Half of it is for growing alike; what is left
-            is shared out evenly among the certificates still to come. None: 400,000 boxes, 30 seconds.
+        budget: The budget of all certificates together, about 12 (2 n + 1) of them. Half of it is for the first stage;
+            the rest is shared evenly among the remaining certificates. None: 400,000 boxes, 30 seconds.
         limits: Whether joint limits count too.
-        limits_only: Joint limits count and nothing else.
+        limits_only: Whether only joint limits count.
 
     Returns:
-        The certificate of the box, with the boxes and seconds of the whole search; a note says if the budget ended it
-        before every face was tried. If q itself is not certified, the certificate of q alone.
+        The certificate of the box. Its `boxes` and `seconds` are those of the whole search. A note says if the budget
+        was spent before every face was tried. If q itself is not certified, it is the certificate of q alone.
 
     Raises:
         DimensionError: If q is not one finite configuration, reach is no positive number, or `limits_only` is asked

@@ -59,7 +59,7 @@ def certify_many(
         boundaries: Names of the boundaries to check; None: all.
         budget: How much work is allowed for one motion that many at once do not settle; None: `Budget()`.
         limits: Whether joint limits are checked too.
-        limits_only: Check joint limits and nothing else. Without it, no boundary at all is NOTHING_TO_CHECK.
+        limits_only: Whether to check joint limits only. Otherwise, a robot without boundaries gives NOTHING_TO_CHECK.
         precision: Width of the bounds of the smallest clearance [m] of a motion that is certified.
         threads: How many threads share the motions.
 

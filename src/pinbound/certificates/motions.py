@@ -58,7 +58,7 @@ def certify(
         boundaries: Names of the boundaries to check; None: all.
         budget: How much work is allowed; None: `Budget()`.
         limits: Whether joint limits are checked too.
-        limits_only: Check joint limits and nothing else. Without it, no boundary at all is NOTHING_TO_CHECK.
+        limits_only: Whether to check joint limits only. Otherwise, a robot without boundaries gives NOTHING_TO_CHECK.
         each: Tight bounds of the smallest clearance for every boundary. Otherwise only for the smallest of all; the
             others' bounds are true, but may be wide.
         precision: Width of the bounds of the smallest clearance [m], if the budget allows.

@@ -275,14 +275,14 @@ class Certificate(NoTruth, Pictured):
 
     Attributes:
         verdict: CERTIFIED, VIOLATED, UNDECIDED or NOTHING_TO_CHECK.
-        coverage: What the boundaries that were checked watch of the robot, and what they do not.
+        coverage: Which pairs of links the checked boundaries watch, and which they do not.
         start: First time of the motion [its own unit; of waypoints without times their count].
         end: Last time [as `start`].
         boundaries: One finding a boundary.
         limits: One finding an end of a joint limit, followers' too; empty if they were left out.
         open_parts: What is undecided, in order of time, neighbours merged.
-        notes: What the verdict does not say.
-        boxes: How many parts times boundaries were bounded.
+        notes: Sentences about what the verdict does not cover.
+        boxes: The number of bounds computed, one for each part of a motion and boundary.
         seconds: Wall time [s].
 
     Example:
@@ -395,9 +395,9 @@ class Verdicts(NoTruth, Value, Sequence[Verdict]):
         lower: (N,) proven lower bounds of the smallest signed clearance of each motion [m]; -inf where VIOLATED.
         upper: (N,) it is at most this [m].
         witnesses: (N, n) of each VIOLATED motion a q of it that is in contact, or outside a limit; NaN for others.
-        coverage: What the boundaries that were checked watch of the robot, and what they do not.
-        notes: What the verdicts do not say.
-        boxes: How many parts times boundaries were bounded.
+        coverage: Which pairs of links the checked boundaries watch, and which they do not.
+        notes: Sentences about what the verdicts do not cover.
+        boxes: The number of bounds computed, one for each part of a motion and boundary.
         seconds: Wall time [s].
 
     Example:

@@ -84,7 +84,7 @@ def plane_record(
     Args:
         robot: The robot.
         plane: The two coordinates.
-        at: (n,) where the others are held.
+        at: (n,) the values of the other coordinates.
         shown: Of each coordinate the values that the page shows.
         budget: [s] for tracing.
         width: As in `feasible_region`.

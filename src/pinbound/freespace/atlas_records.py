@@ -40,7 +40,7 @@ class _Shares:
 
     @property
     def volume(self) -> float:
-        """Of the box of limits [rad^k, metres where a joint slides]; of the range of one effective angle [rad]."""
+        """Of the box of limits [rad^k, metres for a prismatic joint]; of the range of one effective angle [rad]."""
         return self._numbers[0]
 
     @property
@@ -187,12 +187,12 @@ class PairAtlas(Value):
     Attributes:
         robot: The robot.
         boundaries: Names of the boundaries that were asked for, in the robot's order.
-        coverage: What they watch of the robot, and what they do not.
+        coverage: Which pairs of links these boundaries watch, and which they do not.
         groups: Boundaries that turn alike, and what is proven of them.
         window: The (lower, upper) ends that were given, by coordinate [rad, or m of a prismatic joint].
         reason: Why less than what was asked for is decided; None if all is.
-        digest: SHA-256 of what was proven about: coordinates, limits, paths, thresholds.
-        work: How many boxes times boundaries, or groups of boundaries, were bounded.
+        digest: SHA-256 of the coordinates, limits, paths and thresholds that the proof is about.
+        work: The number of bounds computed, one for each box and boundary, or group of boundaries.
         seconds: Wall time [s].
 
     Example:

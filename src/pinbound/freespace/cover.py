@@ -61,12 +61,12 @@ def certified_cover(
     Args:
         robot: The robot.
         coordinates: Names of two to four; None: all of them.
-        at: (n,) where the others are held; home by default.
+        at: (n,) the values of the other coordinates; home by default.
         boundaries: Names of the boundaries; None: all.
         budget: How much work is allowed; None: 60 seconds.
         window: Ends [rad or m] by coordinate; needed for coordinates without limits.
         share: Of the free volume, in (0, 1].
-        limits_only: Keep limits and rules and nothing else.
+        limits_only: Whether to use limits and rules only, without boundaries.
         seed: Of the random samples; what is proven of a set does not depend on it.
 
     Raises:

@@ -59,7 +59,7 @@ class FreeCover(Value):
         coordinates: Names of the coordinates x that the sets are over.
         at: (n,) where the others are held; NaN for the coordinates of the sets.
         boundaries: Names of the boundaries that were asked for.
-        coverage: What they watch of the robot, and what they do not.
+        coverage: Which pairs of links these boundaries watch, and which they do not.
         boxes: (f, 2, k) corners of boxes.
         polytopes: Polytopes `{A x <= b}`. A cover has boxes or polytopes.
         share: (2,) at least and at most so much of the free volume is in the sets. Proven if `is_proven`; otherwise the
@@ -69,8 +69,8 @@ class FreeCover(Value):
         is_whole: Whether boxes and open ones together hold every free configuration, whatever the other coordinates
             are: where they do not connect two configurations, no motion does.
         reason: Why the share that was asked for was not reached; None if it was.
-        digest: SHA-256 of what was proven about: coordinates, limits, paths, thresholds.
-        work: How many boxes times boundaries were bounded.
+        digest: SHA-256 of the coordinates, limits, paths and thresholds that the proof is about.
+        work: The number of bounds computed, one for each box and boundary.
         seconds: Wall time [s].
         notes: What was left out.
 

@@ -41,12 +41,12 @@ class PairSet(Value):
     """What is proven of m pairs over k coordinates, or of one pair over one angle.
 
     Attributes:
-        volume: Of all that was looked at [rad^k, metres where a joint slides; of one angle rad].
+        volume: Of all that was looked at [rad^k, metres for a prismatic joint; of one angle rad].
         free: At least so much is free of all of them.
         contact: In at least so much one of them is in contact.
         slot_free: (m,) at least so much is free of each.
         slot_contact: (m,) in at least so much each is in contact.
-        work: How many boxes times pairs, or groups of pairs, were bounded.
+        work: The number of bounds computed, one for each box and pair, or group of pairs.
     """
 
     volume: float

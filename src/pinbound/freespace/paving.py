@@ -54,15 +54,15 @@ class FreeVolume(Value):
 
     Attributes:
         coordinates: Of the box.
-        at: (n,) where the others are held.
-        coverage: What the boundaries watch of the robot, and what they do not.
+        at: (n,) the values of the other coordinates.
+        coverage: Which pairs of links the boundaries watch, and which they do not.
         box: (2, k) corners of the box of limits [rad or m].
-        lower: At least so much of it is free [rad^k, metres where a joint slides].
+        lower: At least so much of it is free [rad^k, metres for a prismatic joint].
         upper: At most so much [as `lower`].
         free: (f, 2, k) corners of boxes that are proven free.
         open: (u, 2, k) corners of boxes that are not decided.
-        reason: Why there are any: the budget; None if as much was decided as was asked for.
-        boxes: How many boxes times boundaries were bounded.
+        reason: Why undecided boxes remain (the budget); None if the requested share was decided.
+        boxes: The number of bounds computed, one for each box and boundary.
         seconds: Wall time [s].
 
     Example:
@@ -123,7 +123,7 @@ def free_volume(
     Args:
         robot: The robot.
         coordinates: Two, three or four names.
-        at: (n,) where the others are held; home by default.
+        at: (n,) the values of the other coordinates; home by default.
         boundaries: Names of the boundaries; None: all.
         budget: How much work is allowed; None: 10 seconds.
         window: Ends [rad or m] by coordinate; needed for coordinates without limits.
@@ -192,7 +192,7 @@ def paved_box(
     Args:
         robot: The robot.
         axes: Which entries of q the box is over.
-        at: (n,) where the others are held.
+        at: (n,) the values of the other coordinates.
         window: More ends, by coordinate [rad or m].
 
     Raises:

@@ -58,7 +58,7 @@ class Plan(Value):
         certificate: Of the motion; None if none was found.
         separated_by: The boundary that every motion between the two would touch, or what start or goal violate; "cover"
             if the boxes of a cover prove it.
-        notes: What the verdict does not say.
+        notes: Sentences about what the verdict does not cover.
         seconds: Wall time [s].
         found_by: How the way was found: "straight", "shortest" (in the polygon), "sets", "trees"; empty if none was.
         times: (k,) seconds at which the straight motion passes its waypoints, by the velocities; None without them.
@@ -92,7 +92,7 @@ class Plan(Value):
 
     @property
     def length(self) -> float:
-        """Length of the motion in q, Euclidean [rad, metres where a joint slides]; 0 if there is none."""
+        """Length of the motion in q, Euclidean [rad, metres for a prismatic joint]; 0 if there is none."""
         return float(np.linalg.norm(np.diff(self.waypoints, axis=0), axis=1).sum())
 
 
@@ -125,7 +125,7 @@ def plan(
         cover: Sets of this robot and these boundaries, by `certified_cover` or `load_cover`.
         velocity: Largest speed of each coordinate [rad/s or m/s]: (n,), one number, or by name. With it come `times`
             and a smooth `motion`.
-        limits_only: Keep limits and rules and nothing else.
+        limits_only: Whether to use limits and rules only, without boundaries.
         seed: Of the random samples.
 
     Returns:

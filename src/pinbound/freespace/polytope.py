@@ -70,7 +70,8 @@ def certified_polytope(
         budget: How much work is allowed; None: 60 seconds. If it ends the search, the largest polytope that was proven
             is returned, with a note; if there is none, the verdict is UNDECIDED.
         window: Ends [rad or m] by coordinate; needed for coordinates without limits.
-        limits_only: Keep limits and rules and nothing else. Without it, no boundary at all is NOTHING_TO_CHECK.
+        limits_only: Whether to use limits and rules only, without boundaries. Without it, no boundary at all is
+            NOTHING_TO_CHECK.
         seed: Of the random samples that propose faces; what is proven does not depend on them.
 
     Returns:

@@ -42,14 +42,14 @@ class FreeProjection(Value):
 
     Attributes:
         coordinates: The two.
-        coverage: What the boundaries watch of the robot, and what they do not.
+        coverage: Which pairs of links the boundaries watch, and which they do not.
         box: (2, 2) corners of the box of limits [rad or m].
         inside: (f, 2, 2) corners of cells proven in: with the witness's values of the others all of the cell is free.
         witnesses: (f, n) a configuration of each, in the middle of the cell.
         outside: (o, 2, 2) cells proven out: no value of the others is free.
         open: (u, 2, 2) cells that are not decided.
-        reason: Why there are any: the budget; None if as much was decided as was asked for.
-        boxes: How many boxes times boundaries were bounded.
+        reason: Why undecided boxes remain (the budget); None if the requested share was decided.
+        boxes: The number of bounds computed, one for each box and boundary.
         seconds: Wall time [s].
 
     Example:
@@ -83,7 +83,7 @@ class FreeProjection(Value):
 
     @property
     def areas(self) -> tuple[float, float]:
-        """At least and at most so much is in [rad^2, metres where a joint slides]."""
+        """At least and at most so much is in [rad^2, metres for a prismatic joint]."""
         inside, left = volume_of_boxes([self.inside]), volume_of_boxes([self.open])
         room = rounding_of_volumes(float((self.box[1] - self.box[0]).prod()))
         return max(0.0, inside - room), inside + left + room
@@ -109,7 +109,7 @@ def free_projection(
         budget: How much work is allowed; None: 20 seconds.
         window: Ends [rad or m] by coordinate, the others' too; needed for coordinates without limits.
         decided: The share of the box after which the search ends, in (0, 1].
-        limits_only: Keep limits and rules and nothing else.
+        limits_only: Whether to use limits and rules only, without boundaries.
         seed: Of the random samples that propose witnesses; what is proven does not depend on them.
 
     Raises:

@@ -31,7 +31,7 @@ class FreePolytope(Value):
         verdict: CERTIFIED: every q in it is free and within all limits, rounding included. VIOLATED: the q that was
             asked about is not free, and the polytope is empty. UNDECIDED: `open_boxes` has what is left, and no q is
             in it for `contains`. NOTHING_TO_CHECK: no boundary.
-        coverage: What the boundaries watch of the robot, and what they do not.
+        coverage: Which pairs of links the boundaries watch, and which they do not.
         coordinates: Names of q's entries.
         q: (n,) the configuration that was asked about.
         faces: Its faces, named; in the order of the rows of A. Unless the verdict is CERTIFIED they are not proven.
@@ -39,9 +39,9 @@ class FreePolytope(Value):
             search.
         violated: What q violates; None unless the verdict is VIOLATED.
         open_boxes: What was not decided.
-        boxes: How many boxes times boundaries were bounded.
+        boxes: The number of bounds computed, one for each box and boundary.
         seconds: Wall time [s].
-        notes: What the verdict does not say.
+        notes: Sentences about what the verdict does not cover.
 
     Example:
         >>> import pinbound as pb
@@ -167,7 +167,7 @@ class FreePolytope(Value):
 
     @property
     def volume(self) -> float:
-        """Volume of `{A q <= bound}`, the closed forms [rad^n, metres where a joint slides]; see `volume_error`.
+        """Volume of `{A q <= bound}`, the closed forms [rad^n, metres for a prismatic joint]; see `volume_error`.
 
         Raises:
             UnsupportedError: If faces tie more than four coordinates together; `sampled_volume` estimates it.

@@ -53,7 +53,7 @@ class LiftedPlane(Value):
 
     Attributes:
         lift: `z = F(q)`.
-        at: (n,) where the other coordinates are held.
+        at: (n,) the values of the other coordinates.
         indices: Of the p coordinates.
         errors: By how much the gap of each loop may be off by rounding of its numbers [m].
     """

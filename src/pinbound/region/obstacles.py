@@ -54,7 +54,7 @@ def obstacle_of(
 
     Args:
         one: The end.
-        at: (n,) where the other coordinates are held.
+        at: (n,) the values of the other coordinates.
         indices: Of the plane's two coordinates.
         coordinates: Names of all coordinates.
 

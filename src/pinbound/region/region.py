@@ -87,7 +87,7 @@ class Region(Shown, PlanarShape):
 
         Args:
             angle: How far inside.
-            weights: By coordinate, how much one radian or metre of it counts; needed where the two units differ.
+            weights: The weight of one radian or metre of each coordinate, by name; needed if the two units differ.
             budget: [s], after which it ends in an error.
 
         Raises:
@@ -135,7 +135,7 @@ class Region(Shown, PlanarShape):
 
         Args:
             rim: [rad or m], how far from the contour its simplified copy may stay, in which the polygon is grown.
-            weights: By coordinate, how much one radian or metre of it counts; needed where the two units differ.
+            weights: The weight of one radian or metre of each coordinate, by name; needed if the two units differ.
 
         Raises:
             DimensionError: If the rim is not positive, or radians and metres would be added.
@@ -147,7 +147,7 @@ class Region(Shown, PlanarShape):
 
         Args:
             rim: [rad or m], how far from the contour the parts may stay; less rim, more parts.
-            weights: By coordinate, how much one radian or metre of it counts; needed where the two units differ.
+            weights: The weight of one radian or metre of each coordinate, by name; needed if the two units differ.
 
         Raises:
             DimensionError: If the rim is not positive, or radians and metres would be added.

@@ -110,7 +110,7 @@ class PlanarShape(ABC):
 
     @property
     def at(self) -> Array:
-        """(n,) where the other coordinates are held."""
+        """(n,) the values of the other coordinates."""
         return self.slice.at
 
     @property
@@ -192,7 +192,7 @@ class PlanarShape(ABC):
         """Return the length of the contour, holes included [rad or m, or the unit of the weights].
 
         Args:
-            weights: By coordinate, how much one radian or metre of it counts; needed where the two units differ.
+            weights: The weight of one radian or metre of each coordinate, by name; needed if the two units differ.
 
         Raises:
             DimensionError: If radians and metres would be added.
@@ -215,7 +215,7 @@ class PlanarShape(ABC):
         It is in rad or m; where it would add both, it is NaN without weights.
 
         Args:
-            weights: By coordinate, how much one radian or metre of it counts.
+            weights: The weight of one radian or metre of each coordinate, by name.
 
         Example:
             >>> import pinbound as pb

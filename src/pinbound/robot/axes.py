@@ -86,7 +86,7 @@ def new_coordinates(
     Args:
         axes: The axes.
         coupling: The coupling in joints.
-        problems: Where faults go.
+        problems: Collects the faults.
         lengths: Names of prismatic joints, which do not add to angles.
         sources: The file of each axis, as `Annotations.sources` says it.
     """

@@ -34,7 +34,7 @@ def rule_limits(
         rules: The rules.
         coupling: The coupling.
         errors: (n_tree,), how far each tree joint may be from the coupling [rad or m].
-        problems: Where faults go.
+        problems: Collects the faults.
         taken: Names of boundaries, which a rule must not have.
         sources: The file of each rule, as `Annotations.sources` says it.
     """
