@@ -1,4 +1,4 @@
-"""The errors of pinbound: one tree, each with its fields, each saying how to mend it."""
+"""The errors of pinbound: one class tree; each error has fields, and its message says what to do."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = [
 
 
 class PinboundError(Exception):
-    """Base of every error that pinbound raises on purpose.
+    """Base class of every error that pinbound raises.
 
     Example:
         >>> issubclass(InputError, PinboundError), issubclass(DimensionError, ValueError)
@@ -41,8 +41,8 @@ class Problem:
     Attributes:
         message: What is wrong, and what would have been valid.
         remedy: What to do about it.
-        source: The file, as the user knows it.
-        line: Line in that file, or None if the fault belongs to no line.
+        source: The file, as the user named it.
+        line: The line in that file, or None if the fault has no line.
     """
 
     message: str
@@ -58,10 +58,10 @@ class Problem:
 
 
 class InputError(PinboundError, ValueError):
-    """A URDF, xacro or annotation file that cannot be used, with all its faults at once.
+    """A URDF, xacro or annotation file that cannot be used, with all its faults.
 
     Attributes:
-        problems: Every fault that was found, in the order of the file.
+        problems: All faults, in the order of the file.
 
     Example:
         >>> import pinbound as pb
@@ -84,7 +84,7 @@ class UnknownNameError(PinboundError, KeyError):
     """A name that the robot does not have.
 
     Attributes:
-        kind: What sort of thing was asked for, e.g. ``"boundary"``.
+        kind: The kind of thing that was requested, e.g. ``"boundary"``.
         name: The name that was given.
         valid: The names that exist.
 
@@ -115,13 +115,13 @@ class DimensionError(PinboundError, ValueError):
 
 
 class LeavesRegionError(PinboundError, ValueError):
-    """A region scaled about its centroid that would leave the feasible one, as one that is not convex may.
+    """A scaled region would leave the feasible region, which can happen if the region is not convex.
 
     Attributes:
-        factor: The factor that was asked for.
-        coordinates: The two coordinates of the plane.
+        factor: The requested factor.
+        coordinates: The two coordinates of the slice.
         point: (2,) a point of the scaled region that is outside.
-        witness: (n,) the same as a configuration.
+        witness: (n,) the same point as a configuration.
 
     Example:
         >>> error = LeavesRegionError(0.9, ("q1", "q2"), (0.5, 1.0), (0.5, 1.0, 0.0))
@@ -142,7 +142,7 @@ class LeavesRegionError(PinboundError, ValueError):
 class MachineError(PinboundError):
     """A failure of the machine or the cluster, not of the input: a full disk, a folder without permission, no worker.
 
-    The same call may succeed once that is mended. The command line exits with 3.
+    The same call may succeed after the failure is repaired. The command line exits with 3.
 
     Example:
         >>> issubclass(MachineError, PinboundError), issubclass(MachineError, ValueError)
@@ -151,7 +151,7 @@ class MachineError(PinboundError):
 
 
 class UnsupportedError(PinboundError):
-    """A question that is well posed but that this version cannot answer; never answered wrongly instead.
+    """A well-posed question that this version cannot answer; pinbound refuses it and does not guess.
 
     Example:
         >>> import pinbound as pb
@@ -164,7 +164,7 @@ class UnsupportedError(PinboundError):
 
 
 class Problems:
-    """Collect the faults of one file, so that all of them are reported at once.
+    """Collects the faults of one file, so that one error reports all of them.
 
     Example:
         >>> problems = Problems("arm.urdf")
@@ -198,7 +198,7 @@ _PATH_ERRORS = {getattr(errno, name) for name in _PATH if hasattr(errno, name)}
 
 
 def blames_the_path(error: OSError) -> bool:
-    """Return whether the system refused because of the path that it was given, not because the machine failed.
+    """Return whether the system refused because of the given path, and not because the machine failed.
 
     Example:
         >>> blames_the_path(FileNotFoundError(2, "No such file")), blames_the_path(OSError(28, "No space left"))
@@ -208,7 +208,7 @@ def blames_the_path(error: OSError) -> bool:
 
 
 def name_hint(name: str, valid: Iterable[str], most: int = 12) -> str:
-    """Return which names are valid, the most similar one first.
+    """Return a text with the valid names, the most similar name first.
 
     Example:
         >>> name_hint("link_22", ["link_1", "link_2", "link_21"])
@@ -228,10 +228,10 @@ def name_hint(name: str, valid: Iterable[str], most: int = 12) -> str:
 
 
 def printable(text: str) -> str:
-    r"""Return text with every character that a terminal would obey written out: names and files are data.
+    r"""Return text in which control characters for terminals are escaped: names and files are data.
 
-    Control characters (ESC among them), formatting characters that reorder a line, and line breaks are escaped as
-    Python writes them; letters of all scripts and all spaces stay.
+    Control characters (such as ESC), formatting characters that reorder a line, and line breaks are escaped as in
+    Python. Letters of all scripts and all spaces stay.
 
     Example:
         >>> print(printable("a\x1b]0;title\x07b \u00e9"))

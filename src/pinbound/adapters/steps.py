@@ -78,14 +78,14 @@ class StepRows(Value):
 
 
 _VALUE, _LINEAR, _BEND, _MARGIN, _SHARE, _G = range(6)
-"""Columns of a row's numbers; its rates are the last ones."""
+"""Columns of the numbers of a row; the last columns are its rates."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Each asks for `value + g . d - linear x - bend x^2 > 0`, x in [0, 1] being the scale of the box.
+    """Rows `value + g . d - linear x - bend x^2 > 0`, with the scale x of the box in [0, 1].
 
-    Some step within the whole box may break each of them, as far as is proved.
+    Only rows are kept that, as far as is proven, some step within the whole box may violate.
     """
 
     names: AnyArray
@@ -101,7 +101,7 @@ class _Rows:
         margin: float = 0.0,
         loss: tuple[Array | float, Array | float] = (0.0, 0.0),
     ) -> _Rows:
-        """Return rows of one margin and share."""
+        """Return rows with the same margin and share."""
         numbers = np.empty((len(value), _G + g.shape[1]))
         numbers[:, _VALUE], (numbers[:, _LINEAR], numbers[:, _BEND]) = value, loss
         numbers[:, _MARGIN], numbers[:, _SHARE], numbers[:, _G:] = margin, share, g
@@ -109,7 +109,7 @@ class _Rows:
 
     @classmethod
     def joined(cls, parts: Sequence[_Rows]) -> _Rows:
-        """Return all rows, one part behind the other."""
+        """Return the rows of all parts."""
         return cls(np.concatenate([part.names for part in parts]), np.concatenate([part.numbers for part in parts]))
 
     def take(self, which: Indices | Flags) -> _Rows:
@@ -118,7 +118,7 @@ class _Rows:
 
     @property
     def value(self) -> Array:
-        """(r,) clearance that is proved at q [m; rad or m of joint limits]."""
+        """(r,) clearance that is proven at q [m; rad or m for joint limits]."""
         return self.numbers[:, _VALUE]
 
     @property
@@ -127,7 +127,7 @@ class _Rows:
         return self.numbers[:, _G:]
 
     def fits(self, loss: Array, more: Array | float = 0.0) -> Array:
-        """Return the largest scale at which the losses, and `more` a scale, are at most `loss`."""
+        """Return the largest scale at which the losses, and `more` times the scale, are at most `loss`."""
         linear = self.numbers[:, _LINEAR] + more
         below = linear + np.sqrt(linear * linear + 4.0 * self.numbers[:, _BEND] * np.maximum(loss, 0.0))
         is_some = loss > 0.0
@@ -140,22 +140,22 @@ class _Rows:
         return np.minimum(1.0, np.divide(self.value, margin, out=np.ones(len(margin)), where=margin > 0.0))
 
     def swing(self, half: Array) -> Array:
-        """Return by how much the linear part may fall within the box."""
+        """Return the largest decrease of the linear part within the box."""
         return np.abs(self.g) @ half
 
     def loss(self, scale: float) -> Array:
-        """Return what may be lost at a scale of the box."""
+        """Return the loss at a scale of the box."""
         return self.numbers[:, _LINEAR] * scale + self.numbers[:, _BEND] * scale * scale
 
     def bound(self, scale: float) -> Array:
-        """Return b: what is proved to be safe, and no nearer than the margin; outwards where q is in contact."""
+        """Return b: proven to be safe, and not nearer than the margin; outwards where q is in contact."""
         value, safe = self.value, self.value - self.loss(scale)
         kept = np.maximum(self.numbers[:, _SHARE] * (value - self.numbers[:, _MARGIN]), 0.0)
         return np.where(value > 0.0, np.minimum(safe, kept), safe)
 
 
 class StepBounds:
-    """Makes step-safe rows for one robot.
+    """Makes rows that are safe for a whole step, for one robot.
 
     Example:
         >>> import pinbound as pb, numpy as np
@@ -211,9 +211,8 @@ class StepBounds:
             gain: The share of a clearance that one step may use, in (0, 1].
             margin: [m] No step comes nearer to a boundary than this. So motion along it stays possible, although the
                 box shrinks with the square root of the clearance. If a boundary is nearer already, steps may go along
-                it or away from it.
-            reserve: [m] Allowance for the error by which a solver may violate a row: give more than the solver's
-                tolerance.
+                it or away.
+            reserve: [m] Allowance for errors of the solver: give more than its tolerance.
 
         Raises:
             DimensionError: If q or step has another shape or is not finite, if q can pass `tolerances.FARTHEST`, or if
@@ -273,7 +272,7 @@ class StepBounds:
 
     @cached_property
     def _stop_ends(self) -> tuple[Array, Array, Array, Array, AnyArray]:
-        """Both ends of every stop's gap as `side . q + offset`: sides (k, n), offsets, sizes, amplitudes, names."""
+        """Both ends of each stop's gap as `side . q + offset`: sides (k, n), offsets, sizes, amplitudes, names."""
         n = len(self.robot.coordinates)
         rules: list[Any] = [one.rule.stop for one in self.stops]
         c = np.repeat(np.array([stop.coefficients for stop in rules]).reshape(-1, n), 2, axis=0)
@@ -285,7 +284,7 @@ class StepBounds:
         return sign[:, None] * c, -sign * gaps.ravel(), size, amplitudes, np.array(names, dtype=object)
 
     def _stop_rows(self, q: Array, half: Array, reserve: float, gain: float) -> _Rows:
-        """Return the ends of stops' gaps that a step may reach: linear in q, so that nothing is lost."""
+        """Return the ends of the gaps of stops that a step may reach: linear in q, so nothing is lost."""
         sides, offsets, size, amplitudes, names = self._stop_ends
         room = sides @ q + offsets
         kept = LIMIT + UNIT_ROUNDOFF * (len(q) + 8.0) * (np.abs(sides) @ np.abs(q) + size)
@@ -321,8 +320,8 @@ class StepBounds:
     def _area_rows(self, q: Array, half: Array, reserve: float, margin: float, gain: float) -> _Rows:
         """Return the rows of the boundaries that a step may bring within the margin.
 
-        Of many, those that a step reaches first come first: they shrink the box, and in the smaller box, which reaches
-        fewer, the others are bounded.
+        Boundaries that a step reaches first are bounded first. They shrink the box, and fewer boundaries are left in
+        it.
         """
         near, reach, fixed = self._near(q, half, reserve + margin)
         if len(near) <= 2 * _PROBED:
@@ -336,10 +335,9 @@ class StepBounds:
     def _rows_of(
         self, near: Indices, q: Array, half: Array, reserve: float, margin: float, gain: float, scale: float = 1.0
     ) -> _Rows:
-        """Return the rows of areas, by their places, that a step may break; they hold up to a scale of the box.
+        """Return the rows of areas, by index, that a step may violate; they hold up to a scale of the box.
 
-        A loss is convex in the scale x, and zero at zero, so that up to `scale` it is at most `loss(scale) x / scale`;
-        a bend goes with x^2.
+        A loss is convex in the scale x and zero at x = 0, so up to `scale` it is at most `loss(scale) x / scale`.
         """
         if self._terms is None or not len(near):
             return _Rows.of(np.empty(0, dtype=object), np.zeros(0), np.zeros((0, len(q))), gain)
@@ -357,10 +355,10 @@ class StepBounds:
         return _Rows.of(self._names[found.places[kept]], value, g, gain, margin, losses)
 
     def _near(self, q: Array, half: Array, more: float) -> tuple[Indices, Array, Array]:
-        """Return the places of the boundaries that some step may bring within `more` [m], and what proves the others.
+        """Return the indices of boundaries that some step may bring within `more` [m], and the proof for the others.
 
-        A separation changes by at most `moved . |change of q|`, so that one that was measured bounds it elsewhere. That
-        is (m,) how far the box reaches, and (m,) what is taken off besides.
+        A separation changes by at most `moved . |change of q|`, so one measured value bounds it elsewhere. The proof is
+        (m,) the largest change within the box, and (m,) what is subtracted besides.
         """
         if not self._areas:
             return np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros(0)
@@ -375,11 +373,7 @@ class StepBounds:
             known[stale], there[stale] = self._measured(q, stale), q
 
     def prepare(self) -> None:
-        """Make tables and load machine code now; compile it first if it is not compiled yet (some seconds).
-
-        Without this call, compiled code is loaded at an early call of `rows`, and missing code is compiled during a
-        long run.
-        """
+        """Make tables and load machine code now, not during calls of `rows`; compile it if needed (some seconds)."""
         if not self._areas:
             return
         self._prepare(self.robot.home, self.robot.home)
@@ -391,7 +385,7 @@ class StepBounds:
 
     @cached_property
     def _tables(self) -> HullTables | None:
-        """All areas as tables of the machine code that measures bodies; None where it cannot run."""
+        """All areas as tables for the machine code that measures bodies; None if it cannot run."""
         if not has_numba():
             return None
         names = [(one.point_a.name, one.point_b.name) for one in self._areas]
@@ -399,7 +393,7 @@ class StepBounds:
         return tables_of(pairs, len(self.robot.coordinates))
 
     def _measured(self, q: Array, places: Indices) -> Array:
-        """Return the signed clearances of some areas at q [m], all of them at once where machine code runs."""
+        """Return the signed clearances of some areas at q [m]; all at once if machine code runs."""
         if self._asked == 0 and self._tables is not None:
             self._is_worth = self._is_worth or is_ready()
         self._asked += len(places)
@@ -412,7 +406,7 @@ class StepBounds:
         return np.array([float(self._areas[k].signed_clearance(q)) for k in map(int, places)])
 
     def _reached(self, q: Array, half: Array, limits: bool) -> tuple[Array, Array]:
-        """Return the box (n,), (n,) in which steps from q stay that keep the rows, those of joint limits too."""
+        """Return the box (n,), (n,) of steps from q that satisfy the rows, also those of joint limits."""
         low, high = q - half, q + half
         if limits:
             low = np.maximum(low, np.minimum(q, self.robot.lower) - STEP_LIMIT)
@@ -420,10 +414,10 @@ class StepBounds:
         return low, high
 
     def _prepare(self, low: Array, high: Array) -> None:
-        """Make bounds that hold in a box (n,), (n,), anew when steps lead out of the one before.
+        """Make bounds that hold in a box (n,), (n,), and new bounds when steps leave this box.
 
-        What joint limits leave is prepared at once. Lever arms grow with how far a joint slides, so that no more is
-        added than is needed, but for a unit where steps have led out of it.
+        The box of the joint limits is prepared at once. Lever arms grow with the range of a prismatic joint. So the box
+        is only as large as needed, plus one unit where steps have left it.
         """
         if self._box is None:
             ends = self.robot.lower - STEP_LIMIT, self.robot.upper + STEP_LIMIT
@@ -444,10 +438,10 @@ class StepBounds:
 
 
 def _scale(rows: _Rows, gain: float) -> float:
-    """Return the scale of the box at which no row loses more than the gain's share.
+    """Return the scale of the box at which no row loses more than the share `gain`.
 
-    Below the margin the share falls with the clearance: a step along a boundary loses by its curvature, and half of
-    what is left at each step would be nothing soon.
+    Below the margin the share falls with the clearance: a step along a boundary loses clearance by curvature, and if
+    each step lost half of it, nothing would remain soon.
     """
     fits = rows.fits(gain * rows.value * rows.nearness)
     return float(fits[rows.value > 0.0].min(initial=1.0))

@@ -80,7 +80,7 @@ class OpenBoxes(Value, Sequence[OpenBox]):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BoxCertificate(NoTruth, Value):
-    """What was proven about a box of configurations.
+    """The certificate of a box of configurations.
 
     Attributes:
         verdict: CERTIFIED, VIOLATED, UNDECIDED or NOTHING_TO_CHECK.

@@ -1,4 +1,4 @@
-"""certify_box(), certified_box(): whole boxes of configurations proved clear."""
+"""certify_box(), certified_box(): boxes of configurations that are proven free."""
 
 from __future__ import annotations
 
@@ -77,8 +77,8 @@ def certify_box(
         lower: (n,) lower corner [rad or m].
         upper: (n,) upper corner.
         boundaries: Names of the boundaries to check; None: all.
-        budget: How much work is allowed; None: `Budget()`.
-        limits: Whether joint limits are checked too.
+        budget: The work allowed; None: `Budget()`.
+        limits: Whether to check joint limits, too.
         limits_only: Whether to check joint limits only. Otherwise, a robot without boundaries gives NOTHING_TO_CHECK.
 
     Returns:

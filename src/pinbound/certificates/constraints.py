@@ -1,10 +1,11 @@
-"""What has to hold: limits, boundaries of one effective angle, of several, of segments and planes; with enclosures.
+"""The constraints of a certificate, with enclosures: limits, and boundaries of one angle, of several, of bodies.
 
-Four families, one question: over a part of a motion, or over a box, what is the clearance in the middle, what is it
-at least, and is that beyond every rounding error? `docs/certificates.md` and `docs/segments.md` give the arguments.
+There are four families of constraints. Each computes, over a part of a motion or over a box, the clearance in the
+middle and a lower bound of the clearance that includes rounding. `docs/certificates.md` and `docs/segments.md` give the
+arguments.
 
-The *signed clearance* that is certified is that of the contact rule (`pinbound.contact`), which home, `free`, limits
-and regions follow too: the separation less the contact distance, and of stops the sine of half the depth in home's gap.
+The certified *signed clearance* is that of the contact rule (`pinbound.contact`), which home, `free`, limits and
+regions use, too: the separation minus the contact distance; for stops, the sine of half the depth in home's gap.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ _ANYWHERE = 1e9  # metres: larger than any path, and still finite
 
 
 def select(robot: Robot, boundaries: Sequence[str] | None) -> tuple[Boundary, ...]:
-    """Return the boundaries of these names, in the robot's order; None: all.
+    """Return the boundaries with these names, in the robot's order; None: all.
 
     Raises:
         UnknownNameError: If the robot has no boundary of that name.
@@ -47,12 +48,12 @@ def select(robot: Robot, boundaries: Sequence[str] | None) -> tuple[Boundary, ..
 
 
 def needs_limits(boundaries: Sequence[Boundary]) -> bool:
-    """Return whether the boundaries' bounds hold within the joint limits only: links of loops whose sides differ."""
+    """Return whether the bounds hold within the joint limits only, because sides of loops on the path differ."""
     return any(boundary.place_error for boundary in boundaries)
 
 
 def unplaced(boundaries: Sequence[Boundary]) -> list[Boundary]:
-    """Return boundaries as they are outside the joint limits: where loops' sides differ, links may be anywhere."""
+    """Return boundaries as they are outside the joint limits: if sides of loops differ, their links may be anywhere."""
     return [replace(one, place_error=_ANYWHERE) if one.place_error else one for one in boundaries]
 
 
@@ -63,16 +64,16 @@ def families(
 
     Args:
         robot: The robot.
-        boundaries: Which of its boundaries.
+        boundaries: The boundaries to check.
         lower: (n,) lower corner.
         upper: (n,) upper corner.
-        degree: Degree of the motion's pieces.
+        degree: Polynomial degree of the pieces of the motion.
     """
     return tables_of(robot, boundaries).families(lower, upper, degree)
 
 
 def signed_clearances(robot: Robot, Q: ArrayLike, boundaries: Sequence[str] | None = None) -> Array:
-    """Return `robot.boundaries.signed_clearances(Q)`, or that of some boundaries: what a certificate is about.
+    """Return `robot.boundaries.signed_clearances(Q)` of all or some boundaries: the quantity that certificates bound.
 
     Args:
         robot: The robot.

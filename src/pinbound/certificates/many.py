@@ -1,4 +1,4 @@
-"""certify_many(): many straight motions at once, as the edges of a roadmap: a verdict and a lower bound each."""
+"""certify_many(): a verdict and a lower bound for each of many straight motions, such as the edges of a roadmap."""
 
 from __future__ import annotations
 
@@ -47,28 +47,28 @@ def certify_many(
     precision: float = PRECISION,
     threads: int = 1,
 ) -> Verdicts:
-    """Prove of each of N straight motions that it stays clear at every moment, or find where it does not.
+    """Prove for each of N straight motions that it stays free at every moment, or find where it does not.
 
-    Motion i leads from `starts[i]` to `ends[i]`, straight in q. Its verdict is that of
-    `certify(robot, [starts[i], ends[i]])`; what is left out is which boundary does what, and when.
+    Motion i goes from `starts[i]` to `ends[i]`, straight in q. Its verdict is that of `certify(robot, [starts[i],
+    ends[i]])`. `certify` also gives findings for each boundary, with times; this function does not.
 
     Args:
         robot: The robot.
         starts: (N, n).
         ends: (N, n).
         boundaries: Names of the boundaries to check; None: all.
-        budget: How much work is allowed for one motion that many at once do not settle; None: `Budget()`.
-        limits: Whether joint limits are checked too.
+        budget: The work allowed for each motion that the common search leaves undecided; None: `Budget()`.
+        limits: Whether to check joint limits, too.
         limits_only: Whether to check joint limits only. Otherwise, a robot without boundaries gives NOTHING_TO_CHECK.
-        precision: Width of the bounds of the smallest clearance [m] of a motion that is certified.
-        threads: How many threads share the motions.
+        precision: Largest difference of the two bounds of the smallest clearance [m] of a certified motion.
+        threads: The number of threads that share the motions.
 
     Returns:
         The verdicts, with proven lower bounds of the smallest clearance, and a witness for each VIOLATED.
 
     Raises:
-        DimensionError: If starts and ends are not N finite configurations each, precision or threads are no positive
-            number, or `limits_only` is asked for together with boundaries or without limits.
+        DimensionError: If starts and ends are not N finite configurations each, if precision or threads is not
+            positive, or if `limits_only` is given together with boundaries or without limits.
         UnknownNameError: If the robot has no boundary of that name.
 
     References:

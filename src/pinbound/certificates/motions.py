@@ -1,4 +1,4 @@
-"""certify(): a whole motion proved clear, or shown not to be."""
+"""certify(): proves that a whole motion is free, or finds where it is not."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ def certify(
     each: bool = False,
     precision: float = PRECISION,
 ) -> Certificate:
-    """Prove that a motion stays clear at every moment, or find where it does not.
+    """Prove that a motion stays free at every moment, or find where it does not.
 
-    What is checked: `norm(q(t)) > threshold` for every boundary and every real t (two refinements for zero thresholds:
-    `certificates.constraints`), and every joint limit, followers' limits included. Nothing is sampled: each part
-    of the motion is either proven by lever-arm bounds, rounding included, or halved. Angles are not wrapped.
+    For every real t it checks that the signed clearance of every boundary is positive, and that every joint limit is
+    kept, also limits of mimic joints. Nothing is sampled: each part of the motion is either proven by lever-arm bounds,
+    with rounding included, or halved. Angles are not wrapped.
 
     Args:
         robot: The robot.
@@ -56,23 +56,23 @@ def certify(
             or a `BoundedMotion`.
         times: (N,) increasing times of waypoints; None: 0, 1, ..., N - 1.
         boundaries: Names of the boundaries to check; None: all.
-        budget: How much work is allowed; None: `Budget()`.
-        limits: Whether joint limits are checked too.
+        budget: The work allowed; None: `Budget()`.
+        limits: Whether to check joint limits, too.
         limits_only: Whether to check joint limits only. Otherwise, a robot without boundaries gives NOTHING_TO_CHECK.
-        each: Tight bounds of the smallest clearance for every boundary. Otherwise only for the smallest of all; the
-            others' bounds are true, but may be wide.
-        precision: Width of the bounds of the smallest clearance [m], if the budget allows.
+        each: Whether to compute tight bounds of the smallest clearance of every boundary. Otherwise only the smallest
+            of all boundaries has tight bounds; the bounds of the others are true, but may be wide.
+        precision: Largest difference of the two bounds of the smallest clearance [m], if the budget suffices.
 
     Returns:
-        The certificate: CERTIFIED, VIOLATED with first contact and witness, UNDECIDED with what is left, or
-        NOTHING_TO_CHECK. Its `coverage` says which links the boundaries watch, and which nobody looks at.
+        The certificate: CERTIFIED, VIOLATED with first contact and witness, UNDECIDED with the open parts, or
+        NOTHING_TO_CHECK. Its `coverage` says which pairs of links the boundaries watch, and which are open.
 
     Raises:
-        DimensionError: If shapes do not fit, something is not finite, times do not increase, a spline jumps at a
-            breakpoint, the values of a `BoundedMotion` contradict its bounds, or `limits_only` is asked for together
-            with boundaries or without limits.
+        DimensionError: If shapes do not fit, a number is not finite, times do not increase, a spline jumps at a
+            breakpoint, the values of a `BoundedMotion` contradict its bounds, or `limits_only` is given together with
+            boundaries or without limits.
         UnknownNameError: If the robot has no boundary of that name.
-        UnsupportedError: If the motion is of a kind that says nothing about what lies between two times.
+        UnsupportedError: If the type of the motion does not define the values between two times.
 
     References:
         `docs/certificates.md`.
@@ -149,7 +149,7 @@ def certify(
 
 
 def _unbounded(robot: Robot, found: Findings) -> Findings:
-    """Return findings without their bounds where nothing bounds where the links are."""
+    """Return findings without bounds for times at which nothing bounds the positions of the links."""
     anywhere = np.array([robot.boundaries[name].place_error != 0.0 for name in found.names], dtype=np.bool_)
     lower, upper = np.where(anywhere, -np.inf, found.lower), np.where(anywhere, np.inf, found.upper)
     return replace(found, lower=lower, upper=upper)
@@ -174,12 +174,12 @@ def _notes(tables: Tables, found: Findings, first_q: Array) -> tuple[str, ...]:
 
 
 def _rows_of(found: Findings, names: set[str]) -> list[int]:
-    """Return the places of those among some names that are certified."""
+    """Return the indices of the names that are certified."""
     return [row for row in np.flatnonzero(found.codes == 0).tolist() if found.names[row] in names]
 
 
 def _degrees(robot: Robot, trajectory: Trajectory, limits: Findings) -> tuple[str, ...]:
-    """Return a note if a limit is passed by numbers that look like degrees."""
+    """Return a note if a limit is violated by numbers that look like degrees."""
     if not limits.any(Verdict.VIOLATED):
         return ()
     pieces = np.arange(len(trajectory.starts))

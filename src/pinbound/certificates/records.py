@@ -1,4 +1,4 @@
-"""What a certificate says: a verdict, its reasons, its bounds; never a bare bool."""
+"""Records of certificates: a verdict with its bounds and reasons, never a bare bool."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ __all__ = [
 class Verdict(Enum):
     """The outcome of a proof.
 
-    `CERTIFIED`: every clearance is positive and every limit kept, at every moment, rounding included. `VIOLATED`:
-    there is a q, given, at which one is not. `UNDECIDED`: neither was shown; what is left is listed.
-    `NOTHING_TO_CHECK`: there is no boundary, and limits alone were not asked for, so that nothing is known of contact.
+    `CERTIFIED`: every signed clearance is positive and every limit is kept, at every moment, rounding included.
+    `VIOLATED`: the record holds a q in contact or outside a limit. `UNDECIDED`: neither is proven; the record lists the
+    open parts. `NOTHING_TO_CHECK`: there is no boundary, and a check of limits alone was not requested.
 
     Example:
         >>> Verdict("certified").name
@@ -65,8 +65,8 @@ class Budget:
     """How much work a certificate may take before it says UNDECIDED.
 
     Attributes:
-        boxes: Parts of the motion (or boxes) times boundaries that may be bounded.
-        seconds: Wall time [s]; looked at between batches of a few thousand boxes.
+        boxes: The largest number of bounds to compute, one for each part of the motion (or box) and boundary.
+        seconds: Wall time [s]; checked between batches of a few thousand boxes.
 
     Example:
         >>> import pinbound as pb
@@ -79,7 +79,7 @@ class Budget:
     seconds: float = 30.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no amount: a budget that is not a number would never be spent.
+        """Refuse a budget that is not a number: it would never be spent.
 
         Raises:
             DimensionError: If boxes or seconds are negative or not a number.
@@ -90,11 +90,11 @@ class Budget:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Contact(Value):
-    """The first moment at which a boundary is touched, or a limit passed.
+    """The first moment at which a boundary is in contact, or a limit is violated.
 
     Attributes:
-        before: Up to here (inclusive, unless the motion starts in violation) it is proven not to happen.
-        after: Here it has happened, at q.
+        before: Until this time (inclusive, unless the motion starts in violation) there is no violation, with proof.
+        after: At this time there is a violation, at q.
         q: (n,) the configuration at `after`: a witness.
         clearance: Clearance there [m], or margin of the limit [rad or m]; negative.
     """
@@ -107,15 +107,15 @@ class Contact(Value):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Finding(Value):
-    """What was found about one boundary or one joint limit, over the whole motion.
+    """The result for one boundary or one joint limit, over the whole motion.
 
     Attributes:
         name: Boundary, or joint and end, e.g. ``"q2 upper"``.
-        verdict: Of this boundary or limit alone.
+        verdict: The verdict for this boundary or limit alone.
         lower: Proven lower bound of its smallest clearance [m], or margin [rad or m].
-        upper: Upper bound: it is at most this, at `time`.
-        time: When it was found this small.
-        q: (n,) the configuration then.
+        upper: Upper bound of the same, from `time`.
+        time: The time of the upper bound.
+        q: (n,) the configuration at `time`.
         contact: The first contact; None unless the verdict is VIOLATED.
     """
 
@@ -133,16 +133,16 @@ _ORDER = (Verdict.CERTIFIED, Verdict.VIOLATED, Verdict.UNDECIDED)
 
 @dataclass(frozen=True, eq=False)
 class Findings(Value, Sequence[Finding]):
-    """Findings side by side, a `Finding` each when it is asked for; their numbers as arrays.
+    """A sequence of findings, stored as arrays; a `Finding` is made when one is asked for.
 
     Attributes:
-        names: Of the boundaries or limits.
+        names: Names of the boundaries or limits.
         codes: (m,) 0 for CERTIFIED, 1 for VIOLATED, 2 for UNDECIDED.
         lower: (m,) proven lower bounds.
         upper: (m,) upper bounds.
-        times: (m,) when they were found this small.
-        Q: (m, n) the configurations then.
-        contacts: First contacts, by place.
+        times: (m,) the times of the upper bounds.
+        Q: (m, n) the configurations at these times.
+        contacts: First contacts, by index.
 
     Example:
         >>> import pinbound as pb
@@ -160,19 +160,19 @@ class Findings(Value, Sequence[Finding]):
     contacts: Mapping[int, Contact]
 
     def __post_init__(self) -> None:
-        """Freeze the arrays; names are a tuple of text as they are."""
+        """Make the arrays read-only."""
         for name in ("codes", "lower", "upper", "times", "Q"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
         object.__setattr__(self, "contacts", FrozenDict(self.contacts))
 
     @classmethod
     def none(cls, n: int) -> Findings:
-        """Return no findings, of a robot of n coordinates."""
+        """Return an empty sequence, for a robot of n coordinates."""
         return _no_findings(n)
 
     @classmethod
     def joined(cls, parts: Sequence[Findings], names: tuple[str, ...], order: Indices) -> Findings:
-        """Return the rows `order` of findings one after the other; `names` are theirs in that order."""
+        """Return the rows `order` of several findings joined; `names` are the names in that order."""
         some = [part for part in parts if part.names]
         if len(some) == 1 and some[0].names == names:  # then `order` leaves each where it is
             return some[0]
@@ -193,21 +193,21 @@ class Findings(Value, Sequence[Finding]):
 
     @property
     def verdict(self) -> Verdict:
-        """Of all of them: VIOLATED if one is, else UNDECIDED if one is, else CERTIFIED."""
+        """VIOLATED if one finding is, else UNDECIDED if one is, else CERTIFIED."""
         if not self.codes.any():
             return Verdict.CERTIFIED
         return next((one for one in (Verdict.VIOLATED, Verdict.UNDECIDED) if self.any(one)), Verdict.CERTIFIED)
 
     def any(self, verdict: Verdict) -> bool:
-        """Return whether one of them has this verdict."""
+        """Return whether any finding has this verdict."""
         return bool(np.any(self.codes == _ORDER.index(verdict)))
 
     def named(self, verdict: Verdict) -> Iterable[str]:
-        """Return the names of those that have this verdict."""
+        """Return the names of the findings with this verdict."""
         return (self.names[row] for row in np.flatnonzero(self.codes == _ORDER.index(verdict)).tolist())
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of findings."""
         return len(self.names)
 
     @overload
@@ -242,10 +242,10 @@ class OpenPart:
 
     Attributes:
         name: Boundary or limit.
-        start: From this time.
-        end: To this time.
+        start: Start time of the part.
+        end: End time of the part.
         lower: Proven lower bound of the clearance on it [m, or rad for a limit].
-        reason: Why nobody knows.
+        reason: Why it is undecided.
     """
 
     name: str
@@ -256,7 +256,7 @@ class OpenPart:
 
 
 class NoTruth:
-    """A verdict has three values, so that `if certificate:` would hide one."""
+    """Refuses `bool(...)`: a verdict has more than two values, so `if certificate:` would hide one."""
 
     __slots__ = ()
 
@@ -271,16 +271,16 @@ class NoTruth:
 
 @dataclass(frozen=True, slots=True)
 class Certificate(NoTruth, Pictured):
-    """What was proven about a motion.
+    """The certificate of a motion.
 
     Attributes:
         verdict: CERTIFIED, VIOLATED, UNDECIDED or NOTHING_TO_CHECK.
         coverage: Which pairs of links the checked boundaries watch, and which they do not.
-        start: First time of the motion [its own unit; of waypoints without times their count].
+        start: First time of the motion [its own unit; for waypoints without times, the index].
         end: Last time [as `start`].
-        boundaries: One finding a boundary.
-        limits: One finding an end of a joint limit, followers' too; empty if they were left out.
-        open_parts: What is undecided, in order of time, neighbours merged.
+        boundaries: One finding for each boundary.
+        limits: One finding for each end of a joint limit, also of mimic joints; empty if limits were not checked.
+        open_parts: The undecided parts in order of time, neighbouring parts merged.
         notes: Sentences about what the verdict does not cover.
         boxes: The number of bounds computed, one for each part of a motion and boundary.
         seconds: Wall time [s].
@@ -305,7 +305,7 @@ class Certificate(NoTruth, Pictured):
     seconds: float
 
     def __repr__(self) -> str:
-        """Return verdict, tightest boundary and coverage."""
+        """Return the verdict, the tightest boundary and the coverage."""
         found = self.tightest
         if found is None:
             return (
@@ -316,16 +316,16 @@ class Certificate(NoTruth, Pictured):
         return f"<Certificate {self.verdict.value}: {smallest}; {self.coverage}>"
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw between which bounds the smallest clearance of each boundary lies, the least first.
+        """Draw the bounds of the smallest clearance of each boundary, the smallest first.
 
         Args:
-            ax: Matplotlib axes to draw in; None: those of a new figure, `ax.figure`.
+            ax: Matplotlib axes to draw in; None: axes of a new figure, `ax.figure`.
 
         Returns:
             The axes.
 
         Raises:
-            UnsupportedError: If matplotlib is not installed; it says what to type.
+            UnsupportedError: If matplotlib is not installed; the message says what to type.
 
         Example:
             >>> import pinbound as pb
@@ -338,7 +338,7 @@ class Certificate(NoTruth, Pictured):
 
     @property
     def tightest(self) -> Finding | None:
-        """The boundary whose clearance was found smallest; None without boundaries."""
+        """The finding with the smallest clearance; None without boundaries."""
         return self.boundaries[int(np.argmin(self.boundaries.upper))] if self.boundaries else None
 
     @property
@@ -359,9 +359,9 @@ class Certificate(NoTruth, Pictured):
 
     @property
     def first_contact(self) -> Contact | None:
-        """The first contact or passed limit of all, with its witness; None if nothing is violated.
+        """The first contact or violated limit of all, with its witness; None if nothing is violated.
 
-        Its `before` is the earliest moment at which anything, of any boundary, is not proven clear.
+        Until its `before`, every boundary and limit is proven free.
         """
         violations = self.violations
         if not violations or violations[0].contact is None:
@@ -374,7 +374,7 @@ class Certificate(NoTruth, Pictured):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class OpenBox(Value):
-    """A box that was not decided: corners (n,), the boundary or limit, a lower bound, and why."""
+    """A box that was not decided: corners (n,), the boundary or limit, a lower bound, and the reason."""
 
     name: str
     lower_corner: Array
@@ -388,13 +388,13 @@ _VERDICTS = tuple(Verdict)
 
 @dataclass(frozen=True, eq=False)
 class Verdicts(NoTruth, Value, Sequence[Verdict]):
-    """What was proven about N motions: a sequence of verdicts, and their numbers as arrays.
+    """The certificates of N motions: a sequence of verdicts, with bounds and witnesses as arrays.
 
     Attributes:
-        codes: (N,) place of each verdict in `tuple(Verdict)`.
+        codes: (N,) index of each verdict in `tuple(Verdict)`.
         lower: (N,) proven lower bounds of the smallest signed clearance of each motion [m]; -inf where VIOLATED.
-        upper: (N,) it is at most this [m].
-        witnesses: (N, n) of each VIOLATED motion a q of it that is in contact, or outside a limit; NaN for others.
+        upper: (N,) upper bounds of the same [m].
+        witnesses: (N, n) a q of each VIOLATED motion that is in contact or outside a limit; NaN for other motions.
         coverage: Which pairs of links the checked boundaries watch, and which they do not.
         notes: Sentences about what the verdicts do not cover.
         boxes: The number of bounds computed, one for each part of a motion and boundary.
@@ -418,7 +418,7 @@ class Verdicts(NoTruth, Value, Sequence[Verdict]):
     seconds: float
 
     def __repr__(self) -> str:
-        """Return how many motions have each verdict, and coverage."""
+        """Return the number of motions with each verdict, and the coverage."""
         counts = [(verdict, int(np.sum(self.codes == place))) for place, verdict in enumerate(_VERDICTS)]
         said = ", ".join(f"{count} {verdict.value}" for verdict, count in counts if count) or "no motion"
         return f"<Verdicts of {several(len(self), 'motion')}: {said}; {self.coverage}>"
@@ -436,7 +436,7 @@ class Verdicts(NoTruth, Value, Sequence[Verdict]):
         return found
 
     def __len__(self) -> int:
-        """Return how many motions there are."""
+        """Return the number of motions."""
         return len(self.codes)
 
     @overload

@@ -1,7 +1,7 @@
-"""Which bodies are held by marks, which pairs of links are watched, which are left out and why, which nobody looks at.
+"""Coverage: which bodies marks hold, and which pairs of links are watched, left out (with the reason), or open.
 
-A boundary speaks of its two marks. What it says of bodies depends on whether the marks hold them; that is proven here,
-once for a robot, and said with every verdict. `docs/coverage.md`.
+A boundary is about its two marks. It is a statement about bodies only if the marks hold them. This room proves that
+once for each robot, and every verdict states it. `docs/coverage.md`.
 """
 
 from pinbound.coverage.records import Basis, BodyCoverage, CoverageRecord, LinkCoverage, PairCoverage, Status

@@ -1,4 +1,4 @@
-"""What coverage says of a body, a link, a pair of links, and of a robot in one line."""
+"""Records of coverage: of a body, a link, a pair of links, and of a robot in one line."""
 
 from __future__ import annotations
 
@@ -22,12 +22,13 @@ __all__ = [
 
 
 class Status(Enum):
-    """How a pair of links is looked after.
+    """How boundaries cover a pair of links.
 
-    `WATCHED`: as long as every boundary is clear, no body of the one link touches a body of the other; proven.
-    A mesh is a surface: that a body is wholly inside it is not seen where several marks hold it (`Coverage.notes`).
-    `IN_PART`: there are boundaries between the links, but they do not hold all bodies, or not all pairs of them.
-    `LEFT_OUT`: no boundary is needed, or somebody said why there is none. `UNWATCHED`: neither.
+    `WATCHED`: it is proven that no body of the one link touches a body of the other while every boundary is free. A
+    mesh is a surface: if several marks hold it, a body that is completely inside it is not detected
+    (`Coverage.notes`).
+    `IN_PART`: there are boundaries between the links, but they do not watch all pairs of their bodies.
+    `LEFT_OUT`: no boundary is needed, or a file gives a reason why there is none. `UNWATCHED`: none of these.
     """
 
     WATCHED = "watched"
@@ -37,11 +38,11 @@ class Status(Enum):
 
 
 class Basis(Enum):
-    """What a pair of links that is not watched as a whole rests on.
+    """Why a pair of links that is not fully watched may be left out.
 
-    `PROOF`: its bodies never move against each other, or can never meet. `NEIGHBOURS`: one degree of freedom lies
-    between its links; that its limits keep the bodies apart is taken for granted, not proven. `SAID`: a file gives a
-    reason, which is not proven.
+    `PROOF`: it is proven that the bodies never move relative to each other, or can never meet. `NEIGHBOURS`: one degree
+    of freedom lies between the links; it is assumed, not proven, that its limits keep the bodies apart. `SAID`: a
+    file gives a reason, which is not proven.
     """
 
     PROOF = "proven"
@@ -54,11 +55,12 @@ class BodyCoverage:
     """A body of a link, and the marks that hold it.
 
     Attributes:
-        link: The link it is fixed to.
-        index: Its place among the link's bodies.
+        link: The link of the body.
+        index: Its index among the bodies of the link.
         shape: ``"sphere"``, ``"box"``, ``"cylinder"``, ``"capsule"`` or ``"mesh"``.
-        held_by: Names of marks whose union holds it, one entry a choice of marks; empty if none is proven to.
-        reason: Why no marks hold it; empty if some do.
+        held_by: Sets of names of marks whose union is proven to hold the body, one entry for each such set; empty if
+            there is none.
+        reason: Why no marks hold the body; empty if marks hold it.
     """
 
     link: str
@@ -69,7 +71,7 @@ class BodyCoverage:
 
     @property
     def is_held(self) -> bool:
-        """Whether marks are proven to hold it."""
+        """Whether marks are proven to hold the body."""
         return bool(self.held_by)
 
 
@@ -99,9 +101,9 @@ class PairCoverage:
 
     Attributes:
         links: Their names.
-        status: How the pair is looked after.
-        reason: Why it is left out, not watched, or watched in part only; empty if it is watched.
-        basis: What leaving it out, or what is left of it, rests on; None if it is watched, or open.
+        status: How boundaries cover the pair.
+        reason: Why the pair is left out, not watched, or watched in part; empty if it is watched.
+        basis: Why the pair, or its unwatched part, may be left out; None if it is watched or open.
         boundaries: Names of the boundaries between the two links.
     """
 
@@ -113,27 +115,27 @@ class PairCoverage:
 
     @property
     def is_open(self) -> bool:
-        """Whether bodies of the two links may touch unseen, and nothing says why nobody needs to look."""
+        """Whether bodies of the two links may touch without a boundary in contact, and no reason is given."""
         return self.status is not Status.WATCHED and self.basis is None
 
 
 @dataclass(frozen=True, slots=True)
 class CoverageRecord:
-    """Coverage in numbers, as a certificate records it.
+    """The numbers of a coverage, as a certificate records them.
 
     Attributes:
         boundaries: Number of boundaries.
         pairs: Number of pairs of links that both have bodies.
         watched: Pairs of links that are watched.
         in_part: Pairs of links that are watched in part.
-        proven: Pairs of links that are left out, for they are proven never to move or to meet.
-        neighbours: Pairs of links that are left out, for they are neighbours.
-        said: Pairs of links that are left out because a file says so.
+        proven: Pairs of links that are left out because they are proven never to move or never to meet.
+        neighbours: Pairs of links that are left out because they are neighbours.
+        said: Pairs of links that are left out because a file gives a reason.
         unwatched: Pairs of links that are not watched.
         bodies: Number of bodies.
-        unheld: Bodies that no mark holds, of links of which some pair is open.
+        unheld: Bodies that no mark holds, on links with an open pair.
         is_complete: Whether there are bodies, and no pair of links is open.
-        summary: All this in one line.
+        summary: These numbers in one line.
 
     Example:
         >>> import pinbound as pb
@@ -161,7 +163,7 @@ class CoverageRecord:
 
 
 def record_of(links: Sequence[LinkCoverage], pairs: Sequence[PairCoverage], boundaries: int) -> CoverageRecord:
-    """Return the counts, and the line that says them."""
+    """Return the counts, and one line with them."""
     count = Counter(pair.status for pair in pairs)
     left_out = Counter(pair.basis for pair in pairs if pair.status is Status.LEFT_OUT)
     open_links = {name for pair in pairs if pair.is_open for name in pair.links}
@@ -185,7 +187,7 @@ def record_of(links: Sequence[LinkCoverage], pairs: Sequence[PairCoverage], boun
 
 
 def hollow_note(links: Iterable[str]) -> str:
-    """Return what marks that hold a mesh together do not say of these links; empty if there are none."""
+    """Return a note about meshes of these links that only several marks together hold; empty if there are none."""
     named = ", ".join(dict.fromkeys(links))
     if not named:
         return ""

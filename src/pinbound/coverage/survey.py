@@ -1,4 +1,4 @@
-"""Coverage of a robot: its bodies, its marks, its boundaries and what files say, put together pair by pair."""
+"""Coverage of a robot, pair by pair, from its bodies, marks, boundaries, and the statements of files."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ from pinbound.values import FrozenDict
 __all__ = ["Coverage"]
 
 _FINE = 0.05
-"""Of a body's smallest measure: how far the prism may stick out that stands for a cylinder in a proof."""
+"""How far a prism that stands for a cylinder in a proof may stick out, as a share of the body's smallest size."""
 _FEW = 2
-"""Coordinates between two links that may reduce to one angle, for which balls prove more than spheres seen near."""
+"""Largest number of coordinates between two links that may reduce to one angle; then balls prove the most."""
 
 
 class Coverage:
-    """What the boundaries of a robot watch, and what they do not.
+    """Which pairs of links the boundaries of a robot watch, and which they do not.
 
-    All is worked out when it is first asked for. What is proven: that a mark holds a body, that a pair of links never
-    moves, that it has one degree of freedom between, and that two bodies can never meet. A reason that a file states
-    is not proven, and is listed with the file's name.
+    Everything is computed when it is first asked for. It is proven that a mark holds a body, that two links never move
+    relative to each other, that one degree of freedom lies between two links, and that two bodies can never meet. A
+    reason that a file states is not proven; it is listed with the name of the file.
 
     Example:
         >>> import pinbound as pb
@@ -75,7 +75,7 @@ class Coverage:
         return f"<Coverage: {self.summary}>"
 
     def of(self, names: Iterable[str]) -> Coverage:
-        """Return the coverage by some of the boundaries only.
+        """Return the coverage of some boundaries only.
 
         Raises:
             UnknownNameError: If there is no boundary of that name.
@@ -95,12 +95,12 @@ class Coverage:
 
     @cached_property
     def links(self) -> FrozenDict[str, LinkCoverage]:
-        """All links by name, with their bodies, the marks that hold these, and which are not held and why."""
+        """All links by name, with their bodies, the marks that hold them, and reasons for bodies that are not held."""
         return FrozenDict(self._survey.links)
 
     @property
     def bodies(self) -> tuple[BodyCoverage, ...]:
-        """All bodies, link by link."""
+        """All bodies, ordered by link."""
         return tuple(body for link in self._survey.links.values() for body in link.bodies)
 
     @cached_property
@@ -116,22 +116,22 @@ class Coverage:
 
     @property
     def watched(self) -> tuple[PairCoverage, ...]:
-        """Pairs of links of which every pair of bodies is watched."""
+        """Pairs of links for which every pair of bodies is watched."""
         return self._of_status(Status.WATCHED)
 
     @property
     def in_part(self) -> tuple[PairCoverage, ...]:
-        """Pairs of links between which there are boundaries that do not watch all bodies."""
+        """Pairs of links with boundaries that do not watch every pair of bodies."""
         return self._of_status(Status.IN_PART)
 
     @property
     def left_out(self) -> tuple[PairCoverage, ...]:
-        """Pairs of links that are left out for a reason, proven or said."""
+        """Pairs of links that are left out for a reason, which is proven or stated by a file."""
         return self._of_status(Status.LEFT_OUT)
 
     @property
     def unwatched(self) -> tuple[PairCoverage, ...]:
-        """Pairs of links that nobody looks at, and of which nobody said why."""
+        """Pairs of links without boundaries and without a reason."""
         return self._of_status(Status.UNWATCHED)
 
     def _of_status(self, status: Status) -> tuple[PairCoverage, ...]:
@@ -139,17 +139,17 @@ class Coverage:
 
     @property
     def open(self) -> tuple[PairCoverage, ...]:
-        """Pairs that are not watched, or in part, and of which nobody said why: bodies of them may touch unseen."""
+        """Pairs that are not or only partly watched, without a reason: their bodies may touch unnoticed."""
         return tuple(pair for pair in self.pairs if pair.is_open)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What files say about links that the robot does not have, and what marks over meshes do not say."""
+        """Notes about links in files that the robot does not have, and about meshes that several marks hold."""
         return self._survey.notes
 
     @cached_property
     def record(self) -> CoverageRecord:
-        """The numbers, and the line, as certificates record them."""
+        """The numbers and the summary, as certificates record them."""
         return record_of(tuple(self._survey.links.values()), self.pairs, len(self._boundaries))
 
     @property
@@ -159,7 +159,7 @@ class Coverage:
 
     @property
     def summary(self) -> str:
-        """The one line that is said with every verdict."""
+        """The line that every verdict shows."""
         return self.record.summary
 
 

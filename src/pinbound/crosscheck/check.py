@@ -1,4 +1,4 @@
-"""cross_check(): four levels, one record."""
+"""cross_check(): compares a robot with coal on four levels."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ class CrossCheck(Value):
 
     Attributes:
         robot: Its name.
-        samples: Configurations asked for.
-        rays: Rays asked for.
-        seed: Of the random numbers.
-        points: Clearances against coal's spheres; None if it was not asked for, or does not apply.
-        boundaries: Contacts against bisection on coal's distance.
-        bodies: Verdicts against coal on the collision bodies.
-        region: Membership against a flood fill.
-        not_checked: Why a level that was asked for does not apply.
-        coverage: Which bodies the boundaries watch, and which nobody looks at.
+        samples: Requested number of configurations.
+        rays: Requested number of rays.
+        seed: Seed of the random numbers.
+        points: Clearances compared with coal's spheres; None if the level was not requested or does not apply.
+        boundaries: Contacts compared with bisection on coal's distance.
+        bodies: Verdicts compared with coal on the collision bodies.
+        region: Membership compared with a flood fill.
+        not_checked: Why a requested level does not apply.
+        coverage: Which pairs of links the boundaries watch, and which they do not.
 
     Example:
         >>> import pinbound as pb
@@ -64,17 +64,17 @@ class CrossCheck(Value):
 
     @property
     def levels(self) -> dict[str, PointLevel | BoundaryLevel | BodyLevel | RegionLevel]:
-        """The levels that were checked, by name."""
+        """The checked levels, by name."""
         found = {name: getattr(self, name) for name in LEVELS}
         return {name: level for name, level in found.items() if level is not None}
 
     @property
     def holds(self) -> bool:
-        """Whether at least one level was checked, and every level that was holds."""
+        """Whether at least one level was checked, and every checked level holds."""
         return bool(self.levels) and all(level.holds for level in self.levels.values())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain values for JSON; metres and radians, arrays as lists."""
+        """Return all values for JSON: metres and radians, arrays as lists."""
         record = cast(dict[str, Any], _plain(self))
         return record | {"holds": self.holds}
 
@@ -110,21 +110,21 @@ def cross_check(
 
     Args:
         robot: The robot.
-        samples: Random configurations of the point and the body level.
-        seed: Of all random numbers; the same seed gives the same answer.
-        levels: Of ``"points"``, ``"boundaries"``, ``"bodies"``, ``"region"``.
-        rays: Rays of the boundary level, shared among the boundaries.
-        step: [rad or m], the grid of the region level; None: about 20,000 nodes over the region.
-        coordinates: The two coordinates of the region level; None: those that the boundaries use.
-        window: Ends of the region level's plane, by coordinate [rad or m]; needed for coordinates without limits.
-        accuracy: [rad or m], of the curved edges of the region level.
+        samples: Number of random configurations of the point level and the body level.
+        seed: Seed of all random numbers; the same seed gives the same answer.
+        levels: Some of ``"points"``, ``"boundaries"``, ``"bodies"``, ``"region"``.
+        rays: Number of rays of the boundary level, shared among the boundaries.
+        step: [rad or m], the spacing of the grid of the region level; None: about 20,000 nodes over the region.
+        coordinates: The two coordinates of the region level; None: the two that the boundaries use.
+        window: Ends of the slice of the region level, by coordinate [rad or m]; needed for coordinates without limits.
+        accuracy: [rad or m], the accuracy of curved edges of the region level.
 
     Returns:
-        What was seen, with a witness configuration for every worst case. `holds` is False if a level disagrees by
-        more than its tolerance (`tolerances.CROSSCHECK_*`).
+        The comparison, with a witness configuration for every worst case. `holds` is False if a level disagrees by more
+        than its tolerance (`tolerances.CROSSCHECK_*`).
 
     Raises:
-        UnknownNameError: If a level is none of these, or none is given.
+        UnknownNameError: If a level does not exist, or no level is given.
         DimensionError: If `samples` or `rays` is not positive.
         UnsupportedError: If no random configuration satisfies the limits of all joints.
 

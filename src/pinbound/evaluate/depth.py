@@ -1,14 +1,14 @@
-"""How deep two convex bodies are in each other, and which way leads out, with proof from both sides.
+"""Penetration depth of two convex bodies and the direction that separates them, with proven lower and upper bounds.
 
-All differences `x_a - x_b` of points of two bodies are one convex set D, and the bodies overlap where D holds the
-origin. With its support `h(n) = max n . p` over D the depth is
+All differences `x_a - x_b` of points of the two bodies form a convex set D. The bodies overlap if D holds the origin.
+With the support function `h(n) = max n . p` over p in D, the depth is
 
     depth = min over unit n of h(n):
 
-moving a by `-depth n` makes them touch, and no shorter move does. Any n proves `depth <= h(n)`. A polytope within D
-proves `depth >=` its own depth, the least distance of its faces from the origin. So D is approximated from within:
-faces that are nearer than the best h(n) are pushed out to the support along their normals, until both sides agree
-(expanding polytope). A ball around the bodies adds its radius everywhere. `docs/depth.md`.
+A displacement of body a by `-depth n` makes the bodies touch, and no shorter displacement does. Any n proves `depth <=
+h(n)`. A polytope within D proves that the depth is at least the smallest distance of its faces from the origin. So D is
+approximated from within: faces that are nearer than the best h(n) move out to the support point along their normals,
+until both bounds agree (expanding polytope). A radius around the bodies adds to the depth. `docs/depth.md`.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ _THIN = 1e-14  # relative: extents that are less are rounding
 
 @dataclass(frozen=True, eq=False)
 class Penetration(Value):
-    """How deep two bodies are in each other.
+    """The penetration depth of two bodies.
 
     Attributes:
-        depth: (N,) [m], the shortest way that makes them touch; zero where they are apart.
-        direction: (N, 3), unit, in the ancestor's frame: body a moved along it by the depth touches b. Where they
-            are apart it leads from b's nearest point to a's.
-        is_unique: (N,) bools, whether it is the only such direction; it is one of several if not.
+        depth: (N,) [m], the length of the shortest displacement that makes the bodies touch; zero where they are apart.
+        direction: (N, 3), unit vector in the ancestor's frame: body a, displaced by the depth along it, touches body b.
+            Where the bodies are apart, it points from b's nearest point to a's.
+        is_unique: (N,) bools, whether there is only one such direction. If not, `direction` is one of several.
 
     Example:
         >>> import pinbound as pb
@@ -76,7 +76,7 @@ class _Placed:
 
 
 def signed_distances(path: RelativePath, radius: float, Q: Array) -> Array:
-    """Return the signed distance (N,) of two bodies [m], `radius` around them together: minus the depth inside."""
+    """Return the signed distance (N,) of two bodies [m]; `radius` is the sum of their radii."""
     found = separation.separations(path, Q)
     inside = _overlapping(path, found)
     for row, deepest in _deepest_of(path, Q, inside):
@@ -85,7 +85,7 @@ def signed_distances(path: RelativePath, radius: float, Q: Array) -> Array:
 
 
 def penetrations(path: RelativePath, radius: float, Q: Array, is_plane_first: bool) -> Penetration:
-    """Return depth, direction, and whether it is the only one; NaN for rows that are not finite."""
+    """Return the depth, the direction, and whether it is unique; NaN for rows that are not finite."""
     apart = separation.separations(path, Q)
     inside = _overlapping(path, apart)
     direction, is_unique = numeric.unit(separation.vectors(path, Q)), np.isfinite(apart)
@@ -98,10 +98,10 @@ def penetrations(path: RelativePath, radius: float, Q: Array, is_plane_first: bo
 
 
 def signed_gradients(path: RelativePath, Q: Array) -> Array:
-    """Return the gradient (N, n) of the signed distance; NaN where the way out is not unique.
+    """Return the gradient (N, n) of the signed distance; NaN where the direction is not unique.
 
-    The depth is a least of `h(n)`, and h a largest `n . p`; so where n is the only one, `d(-h) = -n . dr/dq`, its
-    points p held fixed on their bodies.
+    The depth is the minimum of `h(n)` over n, and h is a maximum of `n . p`. So if n is unique, `d(-h) = -n . dr/dq`,
+    with the points of p fixed on their bodies.
     """
     found = separation.gradients(path, Q)
     inside = _overlapping(path, separation.separations(path, Q))

@@ -1,4 +1,4 @@
-"""explorer_page(): the page in one string, from the data of a robot and the files in `page/`."""
+"""explorer_page(): the page as one string, made from the data of a robot and the files in `page/`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SCRIPTS = (
     *("interpreter.js", "nearest.js", "limits.js", "plane.js"),
     *("solids.js", "pen_gl.js", "pen_soft.js", "scene.js", "app.js"),
 )
-"""Files of `page/`, each needing only those before it."""
+"""Files of `page/`; each needs only the files before it."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,10 @@ class ExplorerPage:
 
     Attributes:
         text: The page.
-        data: The JSON in it.
-        planes: The planes whose regions are on it.
-        notes: What it cannot show, a sentence each.
-        verdict: What was proven about the motion; None without one.
+        data: The JSON data in the page.
+        planes: The slices whose regions are on the page.
+        notes: One sentence for each thing that the page cannot show.
+        verdict: The verdict about the motion; None without a motion.
 
     Example:
         >>> import pinbound as pb
@@ -64,11 +64,11 @@ class ExplorerPage:
 
     @property
     def size(self) -> int:
-        """Bytes of the file."""
+        """The size of the file [bytes]."""
         return len(self.text.encode("utf-8"))
 
     def save(self, path: str | Path) -> Path:
-        """Write the page to a file; one that exists is replaced."""
+        """Write the page to a file; an existing file is replaced."""
         target = Path(path)
         target.write_text(self.text, encoding="utf-8")
         return target
@@ -91,27 +91,28 @@ def explorer_page(
     width: float = REGION_WIDTH,
     motion_name: str = "motion",
 ) -> ExplorerPage:
-    """Return a page in which one drags through a region and sees the robot move: one file, offline.
+    """Return a page in which a user drags through a region and sees the robot move: one file, which works offline.
 
-    The page computes signed clearances, gradients and places of links itself, from the same reduced paths as Python,
-    and its numbers equal Python's to 1e-12. Regions are those of `feasible_region`; where one cannot be computed, or a
-    slider leaves the values that it was computed for, the page samples a grid and says so.
+    The page computes signed clearances, gradients and link positions itself, from the same reduced paths as Python; its
+    numbers equal Python's to 1e-12. Regions are those of `feasible_region`. If a region cannot be computed, or a slider
+    leaves the values for which it was computed, the page samples a grid and says so.
 
     Args:
         robot: The robot.
-        planes: Two coordinates each, of which the region is computed; None: the two that most boundaries depend on.
-        at: (n,) where the other coordinates are held, and where the page starts [rad or m]; home by default.
+        planes: Pairs of coordinates for which regions are computed; None: the two that most boundaries depend on.
+        at: (n,) the values of the other coordinates, at which the page starts [rad or m]; home by default.
         motion: A motion to play, straight in q between its rows (N, n) [rad or m]; it is certified.
         window: Ends [rad or m] of coordinates without limits, by name.
-        meshes: Whether bodies that are meshes are drawn: then the page is as large as they are.
+        meshes: Whether to draw bodies that are meshes; then the page is as large as the meshes.
         budget: [s] for each region, after which the page samples instead.
         width: As in `feasible_region`.
-        motion_name: What the motion is called on the page.
+        motion_name: The name of the motion on the page.
 
     Raises:
         UnknownNameError: If the robot has no such coordinate.
-        DimensionError: If a plane has not two coordinates, or `at`, the motion or the window does not fit.
-        UnsupportedError: If the robot has no coordinate, or loops that are no parallelograms.
+        DimensionError: If an entry of `planes` has not two coordinates, or if `at`, the motion or the window does not
+            fit.
+        UnsupportedError: If the robot has no coordinate, or has loops that are not parallelograms.
 
     Example:
         >>> import pinbound as pb

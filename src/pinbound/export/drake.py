@@ -1,4 +1,4 @@
-"""Convex regions and polytopes as one file of Drake's named regions: `HPolyhedron`s, for `LoadIrisRegionsYamlFile`."""
+"""Convex regions and polytopes as a file of named `HPolyhedron`s, which Drake's `LoadIrisRegionsYamlFile` reads."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ def half_spaces(given: Any) -> tuple[Array, Array]:
 
 
 def drake_text(regions: Mapping[str, Any], coordinates: Sequence[str] = ()) -> str:
-    """Return named regions of the same coordinates as Drake reads them, every number to its last bit.
+    """Return named regions over the same coordinates as text for Drake; every number keeps its last bit.
 
     Args:
-        regions: By name, what `half_spaces` takes.
-        coordinates: Names of the columns, said in a comment; regions that name theirs need none.
+        regions: Arguments of `half_spaces`, by name.
+        coordinates: Names of the columns, for a comment; not needed if the regions know their coordinates.
 
     Raises:
         UnsupportedError: If a region is not convex, or a polytope is not certified.
@@ -80,14 +80,14 @@ def drake_text(regions: Mapping[str, Any], coordinates: Sequence[str] = ()) -> s
 
 
 def save_drake_regions(path: str | Path, regions: Mapping[str, Any], coordinates: Sequence[str] = ()) -> Path:
-    """Write `drake_text` to a file, and return it; one that exists is replaced.
+    """Write `drake_text` to a file and return its path; an existing file is replaced.
 
-    Drake's q must be in the order of the columns, which a comment at the head of the file names.
+    Drake's q must have the order of the columns; a comment at the top of the file names them.
 
     Args:
         path: The file.
-        regions: By name: regions, polytopes, or pairs (A, b) with `A x <= b`.
-        coordinates: Names of the columns; needed for pairs (A, b) alone.
+        regions: Regions, polytopes, or pairs (A, b) with `A x <= b`, by name.
+        coordinates: Names of the columns; needed only if all entries are pairs (A, b).
 
     Returns:
         The file.
