@@ -1,5 +1,6 @@
 """What the site takes from outside `docs/`: the changelog, two pages more, and the commands with their options.
 
+Links that name a file show the title of its page; inline code breaks between its words; pictures open alone.
 `mkdocs.yml` names this file as a hook.
 """
 
@@ -9,10 +10,13 @@ from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.nav import Navigation
 from mkdocs.structure.pages import Page
+from site_text import breakable, enlarged, listed, titled
 
 ROOT = Path(__file__).resolve().parents[1]
 TAKEN = {"CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md", "SECURITY.md": "security.md"}
+TITLES: dict[str, str] = {}  # of the pages, by their files
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -44,6 +48,17 @@ def command_lines() -> Iterator[str]:
         yield ""
 
 
+def on_nav(nav: Navigation, config: MkDocsConfig, files: Files) -> Navigation:
+    """Remember the title of each page, as the navigation has it."""
+    TITLES.update({page.file.src_path: str(page.title) for page in nav.pages})
+    return nav
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Let inline code break between its words, and each picture open alone."""
+    return enlarged(breakable(html))
+
+
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Let links out of `docs/` lead to the page of the site, or name the file where the site has none."""
 
@@ -55,6 +70,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         depth = page.file.src_path.count("/")
         return f"[{words}]({'../' * depth}{TAKEN[name]})" if name in TAKEN else f"{words} (`{name}`)"
 
+    markdown = titled(listed(markdown), page.file.src_path, TITLES)
     if page.file.src_path in TAKEN.values():
         return re.sub(r"\]\(docs/", "](", markdown)
     return re.sub(

@@ -11,16 +11,17 @@ from typer.testing import CliRunner
 from pinbound.cli import app
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "from-a-datasheet.md"
-BLOCKS: list[tuple[str, str]] = re.findall(r"```(\S.*?)\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+BLOCKS: list[tuple[str, str, str]] = re.findall(
+    r'```(\w+)(?: title="(.+?)")?\n(.*?)```', PAGE.read_text(encoding="utf-8"), re.DOTALL
+)
 
 
 def test_a_newcomer_gets_to_a_certified_cycle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     said: list[str] = []
-    for kind, text in BLOCKS:
-        language, *name = kind.split()
+    for language, name, text in BLOCKS:
         if name:
-            Path(name[0]).write_text(text)
+            Path(name).write_text(text)
         elif language == "python":
             test = doctest.DocTestParser().get_doctest(text, {}, "page", str(PAGE), 0)
             assert doctest.DocTestRunner().run(test).failed == 0
@@ -50,7 +51,7 @@ def test_a_newcomer_gets_to_a_certified_cycle(tmp_path: Path, monkeypatch: pytes
 def test_without_widths_the_answer_names_the_file_to_mark(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The robot's own name is no name of a file: `pinbound mark NAME` would not find it."""
     monkeypatch.chdir(tmp_path)
-    texts = {kind.split()[1]: text for kind, text in BLOCKS if len(kind.split()) > 1}
+    texts = {name: text for _, name, text in BLOCKS if name}
     text = re.sub(r"forearm_width=.*?/>", "/>", texts["mine/my_palletizer.urdf.xacro"])
     Path("mine.urdf.xacro").write_text(text)
     Path("motion.csv").write_text(texts["motion.csv"])

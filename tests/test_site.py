@@ -1,11 +1,13 @@
 """The site: its pages' code runs as it stands, every public name is in it, and no page is forgotten."""
 
 import doctest
+import importlib.util
 import os
 import re
 import shlex
 import shutil
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 import yaml
@@ -106,6 +108,66 @@ def test_what_the_pages_name_exists() -> None:
             assert (HERE / name).exists(), (page.name, name)
         for name in re.findall(r"`python ((?:benchmarks|examples)/\w+\.py)", text):
             assert (HERE / name).exists(), (page.name, name)
+
+
+def test_every_block_of_code_opens_as_the_site_reads_it() -> None:
+    """A name without `title=` ended the block on the site, and the rest of the page stood in the wrong letters."""
+    opens = re.compile(r'```\w+( title="[^"]+")?')
+    for page in [*DOCS.rglob("*.md"), *(HERE / name for name in ("CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md"))]:
+        fences = [line.strip() for line in page.read_text(encoding="utf-8").splitlines() if line.lstrip()[:3] == "```"]
+        assert fences[1::2] == ["```"] * (len(fences) // 2), page.name
+        assert [line for line in fences[::2] if not opens.fullmatch(line)] == [], page.name
+
+
+def site_text() -> ModuleType:
+    """Return what the site's hook does to text, which needs nothing but Python."""
+    spec = importlib.util.spec_from_file_location("site_text", HERE / ".ci" / "site_text.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_what_the_hook_does_to_text_is_what_its_examples_say() -> None:
+    result = doctest.testmod(site_text())
+    assert result.attempted >= 5
+    assert result.failed == 0
+
+
+def test_names_of_files_become_titles_and_code_stays_as_it_is() -> None:
+    titled = site_text().titled
+    titles = {"howto/regions.md": "Work with regions", "loops.md": "Loops"}
+    assert titled("[regions.md](regions.md#a)", "howto/index.md", titles) == "[Work with regions](regions.md#a)"
+    assert titled("(docs/loops.md, Branches)", "changelog.md", titles) == "([Loops](loops.md), Branches)"
+    for kept in (
+        "[the loops](loops.md)",
+        "`--out docs/loops.md`",
+        "```sh\ncat docs/loops.md\n```",
+        "[other.md](other.md)",
+        "mine/loops.md",
+    ):
+        assert titled(kept, "index.md", titles) == kept
+
+
+def test_code_breaks_between_words_only() -> None:
+    broken = {
+        "pip install .": "pip <wbr>install <wbr>.",
+        "tests/test_a.py": "tests/<wbr>test_<wbr>a.py",
+        "--require-coverage": "--require-<wbr>coverage",
+        "&lt;axis&gt;": "&lt;axis&gt;",
+        "-0.25": "-0.25",
+        "first.q": "first.q",
+    }
+    for code, there in broken.items():
+        assert site_text().breakable(f"<code>{code}</code>") == f"<code>{there}</code>"
+
+
+def test_the_words_of_the_glossary_are_in_order() -> None:
+    rows = (DOCS / "glossary.md").read_text(encoding="utf-8").splitlines()
+    words = [row.split("|")[1].strip() for row in rows if row.startswith("| ")][2:]
+    assert len(words) > 30
+    assert words == sorted(words)
 
 
 def test_the_site_asks_nobody_else() -> None:
