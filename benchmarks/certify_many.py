@@ -78,6 +78,7 @@ def main() -> int:
     parser.add_argument("--pairs", type=Path)
     parser.add_argument("--home", type=float, nargs="*", default=[])
     parser.add_argument("--count", type=int, default=300, help="motions one by one")
+    parser.add_argument("--passes", type=int, default=1, help="times that each of them is certified; the least counts")
     parser.add_argument("--out", type=Path)
     parser.add_argument("--compare", type=Path)
     options = parser.parse_args()
@@ -85,8 +86,11 @@ def main() -> int:
     print(f"{robot.name}: {len(robot.boundaries)} pairs, {len(robot.coordinates)} coordinates")
     starts, ends = motions(robot, options.count, 1.0, 0)
     pb.certify(robot, np.stack((starts[0], ends[0])))
-    found = [timed(lambda i=i: pb.certify(robot, np.stack((starts[i], ends[i])))) for i in range(len(starts))]
-    print(f"1 rad, median of {len(found)}: {1e3 * np.median([seconds for seconds, _ in found]):.2f} ms", end="; ")
+    least = np.full(len(starts), np.inf)
+    for _ in range(options.passes):
+        found = [timed(lambda i=i: pb.certify(robot, np.stack((starts[i], ends[i])))) for i in range(len(starts))]
+        least = np.minimum(least, [seconds for seconds, _ in found])
+    print(f"1 rad, median of {len(found)}: {1e3 * np.median(least):.2f} ms", end="; ")
     print(dict(Counter(one.verdict.value for _, one in found)))
     kept = np.array([[VERDICTS.index(one.verdict), one.lower, one.upper] for _, one in found])
     if options.out:

@@ -46,6 +46,7 @@ def resized(robot: pb.Robot, distance: float) -> pb.Robot:
 def test_tables_are_made_once_and_never_mistaken(arm: pb.Robot) -> None:
     chosen = tuple(arm.boundaries)
     assert tables_of(arm, chosen) is tables_of(arm, chosen)
+    assert tables_of(arm, chosen[:2]) is tables_of(arm, list(chosen[:2])) is not tables_of(arm, chosen)
     other = resized(arm, 0.01)
     assert tables_of(other, tuple(other.boundaries)) is not tables_of(arm, chosen)
     for size in (1.0, 3.0):  # bounds that depend on how far q reaches are not kept from the last time

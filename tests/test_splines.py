@@ -240,3 +240,15 @@ def test_a_periodic_spline_says_that_one_period_is_looked_at(tmp_path: Path) -> 
     found = pb.certify(hinge(tmp_path), interpolate.CubicSpline(x, y, bc_type="periodic"))
     assert [note for note in found.notes if "jumps" in note] == []
     assert any("one period" in note for note in found.notes)
+
+
+def test_one_straight_piece_is_known_as_the_same_piece_among_others() -> None:
+    rng = np.random.default_rng(8)
+    Q = np.concatenate((rng.normal(size=(3, 4)) * 10.0 ** rng.integers(-8, 4, size=(3, 4)), [[0.1, 0.3, -0.7, 1e9]]))
+    one, several = (as_trajectory(Q[:count], ("a", "b", "c", "d")) for count in (2, 4))
+    u = np.concatenate(([0.0, 1.0, np.nextafter(1.0, 0.0), 0.5], rng.uniform(size=50)))
+    first = np.zeros(len(u), dtype=np.intp)
+    assert np.array_equal(one.at(first, u), several.at(first, u))
+    for place, motion in ((0, one), (2, several)):  # the ends are the waypoints themselves, to the last bit
+        assert np.array_equal(motion.at(np.full(2, place), np.array([0.0, 1.0])), Q[place : place + 2])
+    assert np.array_equal(one.extent, (Q[:2].min(axis=0), Q[:2].max(axis=0)))

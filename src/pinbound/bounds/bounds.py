@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -137,7 +138,12 @@ class OneAngle:
     reach: Array
     arm: Array
 
-    def norm(self, which: Indices, phi: Array) -> Array:
+    @cached_property
+    def weights(self) -> Array:
+        """(m, n) `abs(coefficients)`."""
+        return np.abs(self.coefficients)
+
+    def norm(self, which: Indices | slice, phi: Array) -> Array:
         """Return the norms (N,) of chains `which` at the angles phi (N,) [m]."""
         sine = np.sin((phi - self.angle[which]) / 2.0)
         return np.sqrt(self.smallest[which] ** 2 + self.reach[which] * sine * sine)
@@ -150,7 +156,7 @@ class OneAngle:
         top = np.sqrt(self.smallest**2 + self.reach)[which]
         return self.least(which, lower, upper), np.where(passes, top, far)
 
-    def least(self, which: Indices, lower: Array, upper: Array) -> Array:
+    def least(self, which: Indices | slice, lower: Array, upper: Array) -> Array:
         """Return the smallest norm (N,) while phi runs over [lower, upper] [m]."""
         near = np.minimum(self.norm(which, lower), self.norm(which, upper))
         start = lower - self.angle[which]

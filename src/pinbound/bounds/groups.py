@@ -9,7 +9,7 @@ every pair, by the triangle inequality. `docs/certificates.md`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -95,6 +95,7 @@ class Groups:
     table: Array
     room: int
     results: int
+    _spaces: list[Array] = field(default_factory=list[Array])
 
     def is_worth(self, boxes: int, seconds: float) -> bool:
         """Count boxes of motions to come, and say whether there were enough to load machine code, or to compile it.
@@ -114,11 +115,15 @@ class Groups:
             each: Whether every pair gets tight bounds.
         """
         question = np.concatenate((_head(precision, elsewhere, budget, 0.0, each), ends.ravel()))
-        out = np.empty(self.room)
+        try:  # room that no other thread uses now
+            out = self._spaces.pop()
+        except IndexError:
+            out = np.empty(self.room)
         boxes = _MOTIONS.run(question, out, 0, 0, self.table, len(ends))
+        found = out[self.results : self.results + _RESULT * len(self.pairs)].reshape(-1, _RESULT)[self.places]
+        self._spaces.append(out)
         if boxes < 0:
             return None
-        found = out[self.results : self.results + _RESULT * len(self.pairs)].reshape(-1, _RESULT)[self.places]
         return MotionFound(
             lower=found[:, 0],
             upper=found[:, 1],

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -101,15 +102,25 @@ class Rounding:
     def bound(self, lower: Array, upper: Array, degree: int = 1) -> Array:
         """Return `rounding_bound` (m,) [m]."""
         walked, n = self.walked, self.walked.turning.shape[1]
+        constants, squares, dropping, slides = self._known
         farthest = np.maximum(np.abs(lower), np.abs(upper))
-        reach = self.reach + walked.sliding @ farthest
         angles = walked.turning @ farthest + walked.turned
+        evaluated = (n + 4 + 8 * degree) * (1.0 + angles) + squares * angles
+        dropped = dropping @ farthest
+        if slides is None:
+            return UNIT_ROUNDOFF * (self.reach * (constants + evaluated + dropped))
+        reach = self.reach + walked.sliding @ farthest
+        return UNIT_ROUNDOFF * (reach * (constants + evaluated + dropped) + slides @ farthest)
+
+    @cached_property
+    def _known(self) -> tuple[Array, Array, Array, Array | None]:
+        """What no box changes: constants, squares of joints, and what a unit of each |q_j| drops and slides."""
+        walked = self.walked
         joints = walked.joints + 1.0
         constants = FOLDING * joints**2 + EVALUATION * (self.rotations + 1)
-        evaluated = (n + 4 + 8 * degree) * (1.0 + angles) + (1.0 + joints**2) * angles
-        dropped = REDUCTION_ROUNDOFFS * joints * ((walked.turning > 0.0) @ farthest)
-        slid = REDUCTION_SLIDES * joints * ((walked.sliding > 0.0) @ farthest)
-        return UNIT_ROUNDOFF * (reach * (constants + evaluated + dropped) + slid)
+        dropping = (REDUCTION_ROUNDOFFS * joints)[:, None] * (walked.turning > 0.0)
+        slides = (REDUCTION_SLIDES * joints)[:, None] * (walked.sliding > 0.0)
+        return constants, 1.0 + joints**2, dropping, slides if np.any(slides) else None
 
 
 def rounding_bound(chains: Bundle, walked: Walks | None, lower: Array, upper: Array, degree: int = 1) -> Array:

@@ -38,7 +38,7 @@ def select(robot: Robot, boundaries: Sequence[str] | None) -> tuple[Boundary, ..
         UnknownNameError: If the robot has no boundary of that name.
     """
     if boundaries is None:
-        return tuple(robot.boundaries)
+        return tuple(robot.boundaries[:])  # always the same one, which `kept` knows again
     wanted = [boundaries] if isinstance(boundaries, str) else list(boundaries)
     known = robot.boundaries.names
     for name in sorted(set(wanted).difference(known), key=wanted.index):

@@ -65,7 +65,8 @@ _tables, _chains, _bodies = _Memory(), _Memory(), _Memory()
 def tables_of(robot: Robot, boundaries: Sequence[Boundary]) -> Tables:
     """Return the tables of some boundaries of a robot, those of the last time where it is the same question."""
     chosen = tuple(boundaries)
-    parts = (robot.tree, robot.coupling, robot.home, robot.linear_limits, robot.guarded_limits, *chosen)
+    named = (chosen,) if chosen is robot.boundaries[:] else chosen  # all of them at once, not one by one
+    parts = (robot.tree, robot.coupling, robot.home, robot.linear_limits, robot.guarded_limits, *named)
     return _tables.get(parts, lambda: Tables(robot, chosen))
 
 
@@ -192,9 +193,13 @@ class Tables:
         table = np.array(bounds).reshape(-1, 2)
         return tuple(names), np.array(rows).reshape(len(rows), self.n), table[:, 0], table[:, 1]
 
+    @cached_property
+    def _limit_sizes(self) -> Array:
+        return np.abs(self._limit_rows[1])
+
     def _limits(self, farthest: Array, degree: int) -> Limits | GuardedLimits:
         names, C, bounds, sizes = self._limit_rows
-        size = np.abs(C) @ farthest + sizes
+        size = self._limit_sizes @ farthest + sizes
         found = Limits(names, C, bounds, UNIT_ROUNDOFF * (C.shape[1] + 4 + 8 * degree) * size)
         return GuardedLimits.of(found, self.robot.guarded_limits) if self.robot.guarded_limits else found
 
@@ -235,10 +240,11 @@ class Tables:
         error = self._one_chains.rounding.bound(lower, upper, degree) + places
         farthest = np.maximum(np.abs(lower), np.abs(upper))
         closed, stop = known.chains, known.is_stop
-        size = np.abs(closed.coefficients) @ farthest + np.abs(closed.angle) + ends + 2.0 * np.pi
+        size = closed.weights @ farthest + np.abs(closed.angle) + ends + 2.0 * np.pi
         with np.errstate(divide="ignore"):
             angle_error = 4.0 * error / closed.arm + UNIT_ROUNDOFF * (self.n + 16 + 8 * degree) * size
-        error[stop] = 0.5 * known.amplitude[stop] * angle_error[stop] + 3.0 * ratio * error[stop]
+        if known.has_stops:
+            error[stop] = 0.5 * known.amplitude[stop] * angle_error[stop] + 3.0 * ratio * error[stop]
         gap = known.gap
         return OneAngleBoundaries(known.names, closed, known.threshold, stop, gap, known.amplitude, error, angle_error)
 

@@ -41,7 +41,7 @@ class Limits:
         """Return the margin of one end [rad or m]."""
         return float(self.bounds[row] - self.coefficients[row] @ q)
 
-    def at(self, which: Indices, phi: Array) -> Array:
+    def at(self, which: Indices | slice, phi: Array) -> Array:
         """Return the margins (N,) of ends `which` where `c . q` is phi (N,) [rad or m]."""
         return self.bounds[which] - phi
 
@@ -55,7 +55,7 @@ class Limits:
         middle, wide = np.einsum("ni,ni->n", c, centre), np.einsum("ni,ni->n", np.abs(c), half)
         return self.judge(which, middle, middle - wide, middle + wide)
 
-    def judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
+    def judge(self, which: Indices | slice, middle: Array, lower: Array, upper: Array) -> Enclosure:
         """Return the enclosure from the range of `c . q`; only its upper end matters."""
         error, bound = self.error[which], self.bounds[which]
         value, lower = bound - middle, bound - upper - error

@@ -180,7 +180,7 @@ def _rows_of(found: Findings, names: set[str]) -> list[int]:
 
 def _degrees(robot: Robot, trajectory: Trajectory, limits: Findings) -> tuple[str, ...]:
     """Return a note if a limit is violated by numbers that look like degrees."""
-    if not limits.any(Verdict.VIOLATED):
+    if not limits.contacts:
         return ()
     pieces = np.arange(len(trajectory.starts))
     Q = np.concatenate([trajectory.at(pieces, np.full(len(pieces), u)) for u in (0.0, 1.0)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -47,7 +48,12 @@ class OneAngleBoundaries:
     @property
     def weights(self) -> Array:
         """Coefficients of the effective angle."""
-        return np.abs(self.chains.coefficients)
+        return self.chains.weights
+
+    @cached_property
+    def has_stops(self) -> bool:
+        """Whether any of them is a stop."""
+        return bool(self.is_stop.any())
 
     def signed(self, Q: Array) -> Array:
         """Return the signed clearances (N, m) [m]."""
@@ -59,20 +65,20 @@ class OneAngleBoundaries:
         """Return the signed clearance of one boundary [m]."""
         return float(self.at(np.array([row]), self.chains.coefficients[row : row + 1] @ q)[0])
 
-    def at(self, which: Indices, phi: Array) -> Array:
+    def at(self, which: Indices | slice, phi: Array) -> Array:
         """Return the signed clearances (N,) of boundaries `which` at their angles phi (N,) [m]."""
         norm = self.chains.norm(which, phi) - self.threshold[which]
-        if not self.is_stop.any():
+        if not self.has_stops:
             return norm
         return np.where(self.is_stop[which], self._stopped(which, self._depth(which, phi)), norm)
 
-    def _depth(self, which: Indices, phi: Array) -> Array:
+    def _depth(self, which: Indices | slice, phi: Array) -> Array:
         return np.minimum(phi - self.gap[which, 0], self.gap[which, 1] - phi)
 
-    def _stopped(self, which: Indices, depth: Array) -> Array:
+    def _stopped(self, which: Indices | slice, depth: Array) -> Array:
         return self.amplitude[which] * signed_share(np.where(np.isfinite(depth), depth, 0.0))
 
-    def _least(self, which: Indices, lower: Array, upper: Array) -> Array:
+    def _least(self, which: Indices | slice, lower: Array, upper: Array) -> Array:
         """Return the smallest signed clearance of stops while phi runs over [lower, upper].
 
         The depth is concave in phi, so it runs over [least at an end, most]; the clearance grows with it from -pi to
@@ -98,13 +104,14 @@ class OneAngleBoundaries:
         middle, wide = np.einsum("ni,ni->n", c, centre), np.einsum("ni,ni->n", np.abs(c), half)
         return self.judge(which, middle, middle - wide, middle + wide)
 
-    def judge(self, which: Indices, middle: Array, lower: Array, upper: Array) -> Enclosure:
+    def judge(self, which: Indices | slice, middle: Array, lower: Array, upper: Array) -> Enclosure:
         """Return the enclosure from the range of the effective angle."""
-        error, slack, stop = self.error[which], self.angle_error[which], self.is_stop[which]
+        error = self.error[which]
         value, near = self.at(which, middle), self.chains.least(which, lower, upper)
-        if not self.is_stop.any():
+        if not self.has_stops:
             bound = near - self.threshold[which] - error
             return Enclosure(value, bound, error, bound > 0.0, value < -error, value - bound <= 2.0 * error)
+        slack, stop = self.angle_error[which], self.is_stop[which]
         start, end = self.gap[which, 0], self.gap[which, 1]
         home = (lower - slack > start) & (upper + slack < end)
         over = (middle + slack < start) | (middle - slack > end)

@@ -85,10 +85,17 @@ class Polynomials:
     @property
     def extent(self) -> tuple[Array, Array]:
         """Hull of all control points."""
+        if self.is_exact:
+            return self.controls.min(axis=(0, 1)), self.controls.max(axis=(0, 1))
         lower, upper = self.controls.min(axis=1) - self.radius, self.controls.max(axis=1) + self.radius
         return lower.min(axis=0), upper.max(axis=0)
 
-    @property
+    @cached_property
+    def is_exact(self) -> bool:
+        """Whether the motion is that of the control points, with no radius around it."""
+        return not self.radius.any()
+
+    @cached_property
     def ends(self) -> Array:
         """(2 K, n) both ends of each piece: start and end of the first, of the second, and so on."""
         return self.controls[:, [0, -1]].reshape(-1, self.controls.shape[2])
@@ -112,11 +119,16 @@ class Polynomials:
 
     def at(self, piece: Indices, u: Array) -> Array:
         """Return q by de Casteljau's scheme; exact at u = 0 and u = 1."""
+        if self.degree == 1 and len(self.controls) == 1:  # the same without a copy of the piece for each u
+            start, end = self.controls[0]
+            found = start + u[:, None] * (end - start)
+            found[u == 1.0] = end
+            return found
         return _value(self.controls[piece], u)
 
     def expand(self, piece: Indices, a: Array, b: Array) -> Expansion:
         """Restrict pieces, and their derivatives, to [a, b]; each by its own control points."""
-        if self.degree == 1 and not np.any(self.radius):
+        if self.degree == 1 and self.is_exact:
             return self._straight(piece, a, b)
         width = (b - a)[:, None, None]
         middle = 0.5 * (a + b)
@@ -184,4 +196,4 @@ def _restrict(controls: Array, a: Array, b: Array) -> Array:
 
 def is_straight(trajectory: Trajectory) -> TypeGuard[Polynomials]:
     """Return whether a motion is straight between its knots, which are known exactly."""
-    return isinstance(trajectory, Polynomials) and trajectory.degree == 1 and not np.any(trajectory.radius)
+    return isinstance(trajectory, Polynomials) and trajectory.degree == 1 and trajectory.is_exact

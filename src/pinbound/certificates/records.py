@@ -176,19 +176,19 @@ class Findings(Value, Sequence[Finding]):
         some = [part for part in parts if part.names]
         if len(some) == 1 and some[0].names == names:  # then `order` leaves each where it is
             return some[0]
-        starts: list[int] = np.cumsum([0, *(len(part.names) for part in parts)]).tolist()
-        contacts = {
-            start + row: one for start, part in zip(starts, parts, strict=False) for row, one in part.contacts.items()
-        }
-        places = {int(row): place for place, row in enumerate(order)} if contacts else {}
+        contacts, start = dict[int, Contact](), 0
+        places = {int(row): place for place, row in enumerate(order)} if any(part.contacts for part in parts) else {}
+        for part in parts:
+            contacts |= {places[start + row]: one for row, one in part.contacts.items()}
+            start += len(part.names)
         return cls(
             names,
-            owned(np.concatenate([part.codes for part in parts])[order]),
-            owned(np.concatenate([part.lower for part in parts])[order]),
-            owned(np.concatenate([part.upper for part in parts])[order]),
-            owned(np.concatenate([part.times for part in parts])[order]),
-            owned(np.concatenate([part.Q for part in parts])[order]),
-            {places[row]: contact for row, contact in contacts.items()},
+            owned(np.concatenate([part.codes for part in parts]).take(order)),
+            owned(np.concatenate([part.lower for part in parts]).take(order)),
+            owned(np.concatenate([part.upper for part in parts]).take(order)),
+            owned(np.concatenate([part.times for part in parts]).take(order)),
+            owned(np.concatenate([part.Q for part in parts]).take(order, axis=0)),
+            contacts,
         )
 
     @property

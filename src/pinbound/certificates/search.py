@@ -33,6 +33,7 @@ _A_SECOND = 5e6  # boxes that machine code bounds in a second, and less
 _WAYS = ((32, 8), (256, 4))
 _WAYS_IN_CODE = ((8, 32), (32, 16), (128, 8), (512, 4))  # where machine code bounds a part in microseconds
 _REASONS = tuple(Reason)
+_NONE = owned(np.zeros(0, dtype=np.intp))
 
 
 @dataclass
@@ -99,14 +100,14 @@ class Search:
         self.trajectory, self.meter = trajectory, meter
         self.precision, self.elsewhere = np.inf if precision is None else precision, best
         m = len(family.names)
-        self.lower = np.full(m, np.inf)
-        self.best, self.best_piece, self.best_u = np.full(m, np.inf), np.zeros(m, np.intp), np.zeros(m)
-        self.first, self.first_piece, self.first_u = np.full(m, np.inf), np.zeros(m, np.intp), np.zeros(m)
-        self.first_value = np.full(m, np.nan)
+        self.lower, self.best, self.first = np.full((3, m), np.inf)
+        self.best_piece, self.first_piece = np.zeros((2, m), np.intp)
+        self.best_u, self.first_u, self.first_value = np.zeros((3, m))
+        self.has_contact = False
         self.open: list[tuple[_Parts, Array, Indices]] = []
         self.unseen: tuple[float, Indices, Reason] | None = None
-        starts, durations = trajectory.starts, trajectory.durations
-        self.origin, self.total = float(starts[0]), float(starts[-1] + durations[-1] - starts[0])
+        starts = trajectory.starts
+        self.origin, self.total = float(starts[0]), float(starts[-1] + trajectory.durations[-1] - starts[0])
 
     def run(self, each: bool, rows: Indices | None = None) -> None:
         """Search until everything is decided, or the budget is spent.
@@ -150,25 +151,30 @@ class Search:
         is smallest at an end of the range, which a motion straight between knots takes at a knot. All control points of
         all pieces count, both ends of each among them: that a piece begins where the one before ends is not assumed.
         """
-        m, family = len(self.family.names), self.family
-        if not m or not isinstance(family, Limits | OneAngleBoundaries) or not isinstance(self.trajectory, Polynomials):
+        m, family, trajectory = len(self.family.names), self.family, self.trajectory
+        if not m or not isinstance(family, Limits | OneAngleBoundaries) or not isinstance(trajectory, Polynomials):
             return np.arange(m)
-        controls, which = self.trajectory.controls, np.arange(m)
-        phi = self.trajectory.ends @ family.angles.T
-        inner = phi if controls.shape[1] == 2 else controls.reshape(-1, controls.shape[2]) @ family.angles.T
-        wide = np.abs(family.angles) @ self.trajectory.radius.max(axis=0)
-        low, high = inner.min(axis=0) - wide, inner.max(axis=0) + wide
+        controls, every = trajectory.controls, slice(None)
+        phi = trajectory.ends @ family.angles.T
+        first, last = phi.min(axis=0), phi.max(axis=0)
+        if is_straight(trajectory):
+            low, high = first, last
+        else:
+            inner = controls.reshape(-1, controls.shape[2]) @ family.angles.T
+            wide = np.abs(family.angles) @ trajectory.radius.max(axis=0)
+            low, high = inner.min(axis=0) - wide, inner.max(axis=0) + wide
         self.meter.boxes += m
-        rows = phi.argmin(axis=0), phi.argmax(axis=0)
-        found = family.judge(which, phi[rows[1], which], low, high)
-        clear, lower, last = found.clear, found.lower, found.value + found.error
-        for row, upper in zip(rows, (family.at(which, phi[rows[0], which]) + found.error, last), strict=True):
-            better = upper < self.best
-            self.best = np.where(better, upper, self.best)
-            self.best_piece = np.where(better, row // 2, self.best_piece)
-            self.best_u = np.where(better, (row % 2).astype(np.float64), self.best_u)
-        target = self.best if each else np.full(m, min(float(self.best.min()), self.elsewhere))
+        found = family.judge(every, last, low, high)
+        clear, lower = found.clear, found.lower
+        upper, other = family.at(every, first) + found.error, found.value + found.error
+        better = other < upper
+        row = np.where(better, phi.argmax(axis=0), phi.argmin(axis=0))
+        self.best, self.best_piece, self.best_u = np.where(better, other, upper), row // 2, (row % 2).astype(np.float64)
+        target = self.best if each else min(float(self.best.min()), self.elsewhere)
         settled = clear & ((self.best - lower <= self.precision) | (lower >= target - self.precision))
+        if settled.all():
+            self.lower = lower
+            return _NONE
         self.lower[settled] = lower[settled]
         return np.flatnonzero(~settled)
 
@@ -209,6 +215,7 @@ class Search:
         upper = found.value + found.error
         self._smallest(parts, middle, upper)
         if np.any(found.violated):
+            self.has_contact = True
             self._earliest(parts.take(found.violated), middle[found.violated], found.value[found.violated])
         return found
 
@@ -266,7 +273,7 @@ class Search:
     def results(self) -> tuple[Findings, list[OpenPart]]:
         """Return one finding a constraint, and the open parts before its first contact, neighbours merged."""
         m, names = len(self.family.names), self.family.names
-        if not self.open and not self.unseen and not np.isfinite(self.first).any():
+        if not self.open and not self.unseen and not self.has_contact:
             return self._findings(np.zeros(m, dtype=np.int64), {}), []
         pending, hit = np.full(m, np.inf), np.isfinite(self.first)
         listed: list[OpenPart] = []
@@ -296,11 +303,11 @@ class Search:
     def _findings(self, codes: Indices, contacts: dict[int, Contact]) -> Findings:
         return Findings(
             self.family.names,
-            codes,
+            owned(codes),
             owned(np.minimum(self.lower, self.best)),
             self.best,
             owned(self.origin + self._times(self.best_piece, self.best_u)),
-            self.trajectory.at(self.best_piece, self.best_u),
+            owned(self.trajectory.at(self.best_piece, self.best_u)),
             contacts,
         )
 

@@ -49,16 +49,18 @@ def as_trajectory(motion: Any, coordinates: Sequence[str], times: ArrayLike | No
     Q = Q[None] if Q.ndim == 1 else Q
     if not len(Q):
         raise DimensionError("the motion has no waypoint; give at least one")
-    bad = np.flatnonzero(~np.all(np.isfinite(Q), axis=1))
-    if bad.size:
+    is_finite = np.isfinite(Q)
+    if not is_finite.all():
+        bad = np.flatnonzero(~np.all(is_finite, axis=1))
         raise DimensionError(
             f"waypoint {bad[0]} of the motion is not finite, {Q[bad[0]].tolist()}; give finite numbers"
         )
     knots = _times(times, len(Q))
     refuse_far(Q.min(axis=0), Q.max(axis=0), coordinates)
     ends = Q if len(Q) > 1 else np.repeat(Q, 2, axis=0)
-    durations = np.diff(knots) if len(Q) > 1 else np.zeros(1)
-    controls = np.stack([ends[:-1], ends[1:]], axis=1)
+    durations = knots[1:] - knots[:-1] if len(Q) > 1 else np.zeros(1)
+    controls = np.empty((len(ends) - 1, 2, Q.shape[1]))
+    controls[:, 0], controls[:, 1] = ends[:-1], ends[1:]
     return Polynomials(controls, knots[: len(controls)], durations, np.zeros((len(controls), Q.shape[1])))
 
 
@@ -91,8 +93,8 @@ def refuse_far(lower: Array, upper: Array, coordinates: Sequence[str]) -> None:
         DimensionError: If a coordinate may be beyond `tolerances.FARTHEST`.
     """
     farthest = np.maximum(np.abs(lower), np.abs(upper))
-    beyond = np.flatnonzero(~(farthest <= FARTHEST))
-    if beyond.size:
+    if not (farthest <= FARTHEST).all():
+        beyond = np.flatnonzero(~(farthest <= FARTHEST))
         name, value = coordinates[int(beyond[0])], farthest[beyond[0]]
         said = f"{name!r} may reach {value:.3g}, and float64 proves nothing beyond {FARTHEST:g} rad or m"
         raise DimensionError(f"{said}; give a motion that stays nearer to zero")

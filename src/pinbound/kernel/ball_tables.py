@@ -134,7 +134,11 @@ class BallTables:
             less: (m,) what is taken off the norms, in the mode ``"all"``.
             with_index: Whether `index` is written, in the mode ``"least"``.
         """
-        code, s = balls_code(self.mode), self._spaces.pop() if self._spaces else self._space()
+        code = balls_code(self.mode)
+        try:  # room that no other thread uses now
+            s = self._spaces.pop()
+        except IndexError:
+            s = self._space()
         head = s[: len(HEAD)].view(np.int32)
         head[_WITH_INDEX] = with_index
         for name, ends in zip(("lower", "upper"), limits or (), strict=False):
