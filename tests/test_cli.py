@@ -192,3 +192,18 @@ def test_mark_says_which_home_it_proposes(tmp_path: Path) -> None:
     assert "base.0 and c.0 overlap by 200 mm" in said
     home = pb.load(urdf, annotations=tmp_path / "out.yaml").home
     assert f"j1 = {math.degrees(home[0]):.6g} deg, j2 = {1e3 * home[1]:.6g} mm, with no pair in contact" in said
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["export minervabot_v3 json", "mark minervabot_v3", "plan minervabot_v3 --goal q2=0.1,q3=0.1", "new palletizer"],
+)
+def test_a_folder_that_is_not_there_is_made_and_a_file_in_its_place_is_told(command: str, tmp_path: Path) -> None:
+    """`mark` looked for minutes, and then the folder of its sidecar was not there."""
+    name = "" if command.startswith("new") else "out.csv"
+    run(*command.split(), "--out", str(tmp_path / "not" / "there" / name))
+    assert list((tmp_path / "not" / "there").iterdir())
+    (tmp_path / "taken").write_text("mine")
+    said = run(*command.split(), "--out", str(tmp_path / "taken" / name), code=2)
+    assert "is a file, not a folder. Give another folder." in said
+    assert (tmp_path / "taken").read_text() == "mine"

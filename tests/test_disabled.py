@@ -1,5 +1,6 @@
 """Pairs that an SRDF disables: each verdict has a proof or a witness that somebody else confirms."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -128,6 +129,31 @@ def test_the_command_says_which_disabled_pairs_touch_and_watches_them(load_text:
     assert pairs[frozenset(("base", "c"))] == "watched"
     none = CliRunner().invoke(app, ["mark", str(tmp_path / "robot.urdf"), "--srdf", str(tmp_path / "none.srdf")])
     assert none.exit_code == 2
+
+
+GROUPS_ONLY = '<robot name="r"><group name="arm"><chain base_link="base" tip_link="c"/></group></robot>'
+BY_DEFAULT = '<robot name="r"><disable_default_collisions link="c"/><enable_collisions link1="c" link2="a"/></robot>'
+
+
+def test_an_srdf_that_disables_nothing_is_no_fault_and_is_told(load_text: Load, tmp_path: Path) -> None:
+    load_text(urdf(LINKS, JOINTS))
+    (tmp_path / "robot.srdf").write_text(GROUPS_ONLY)
+    urdf_file = str(tmp_path / "robot.urdf")
+    for given in ([], ["--srdf", str(tmp_path / "robot.srdf")]):
+        ran = CliRunner().invoke(app, ["mark", urdf_file, *given])
+        assert ran.exit_code == 0, ran.output
+        assert "robot.srdf disables no pair of links." in ran.output
+    as_json = CliRunner().invoke(app, ["mark", urdf_file, "--json"])
+    assert json.loads(as_json.output)["srdf"] == "robot.srdf disables no pair of links."
+
+
+def test_pairs_that_a_link_disables_by_default_are_examined(load_text: Load, tmp_path: Path) -> None:
+    robot, path = load_text(urdf(LINKS, JOINTS)), tmp_path / "other.srdf"
+    path.write_text(BY_DEFAULT)
+    found = {frozenset(one.links): one for one in disabled_pairs(robot, covers(collision_bodies(robot), 0.02), path)}
+    assert frozenset(("base", "c")) in found
+    assert frozenset(("a", "c")) not in found
+    assert all("c" in one.links and one.reason == "disable_default_collisions" for one in found.values())
 
 
 @pytest.mark.parametrize("asked", [False, True])

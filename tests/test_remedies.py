@@ -773,6 +773,8 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
         "mark CRANE --out HERE/crane.urdf",
         "mark CRANE --skip-missing --out HERE/n.yaml",
     )
+    written = "export minervabot_v3 json --out HERE"
+    yield commands("Give the name of a file", written, written + "/not/yet/there/a.json")
     yield commands("Write NAME=NUMBER, NAME one of: {}", "limits CRANE --at lft=1", "limits CRANE --at lift=0")
     window = "Write NAME=LOWER..UPPER, e.g. q1=-1..1, NAME one of: {}"
     yield commands(window, "region CRANE --window lift=1", "region CRANE --window lift=-1..1")

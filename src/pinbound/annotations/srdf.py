@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
 from lxml import etree
 
-from pinbound.annotations.records import RawItem
+from pinbound.annotations.records import LeftOutMark, RawItem
 from pinbound.exceptions import Problems
 from pinbound.model.document import parse_file, parse_floats
 from pinbound.values import Value
 
-__all__ = ["RIGID", "Srdf", "read_srdf"]
+__all__ = ["RIGID", "Srdf", "read_disabled", "read_srdf"]
 
 RIGID = "never move against each other"
 """Reason for leaving out two links that fixed joints connect."""
@@ -75,6 +75,27 @@ def read_srdf(path: Path, problems: Problems, robot: etree._Element | None = Non
     items += _stated(root, source, left_out)
     known = None if robot is None else {str(link.get("name")) for link in robot.findall("link")}
     return Srdf(tuple(items), left_out, tuple(_notes(root, source, left_out, known)))
+
+
+def read_disabled(path: Path, links: Iterable[str]) -> tuple[LeftOutMark, ...]:
+    """Return the pairs of links that an SRDF disables: by name, or by `disable_default_collisions` of a link.
+
+    Args:
+        path: The SRDF.
+        links: Links with bodies; a default speaks of pairs of them.
+
+    Raises:
+        InputError: If the file cannot be read, or is no XML.
+    """
+    root = parse_file(path)
+    found = [
+        LeftOutMark(*(str(item.fields[key]) for key in ("a", "b", "reason")), item.source, item.line)
+        for item in _stated(root, path.name, {})
+    ]
+    known = {frozenset((one.a, one.b)) for one in found}
+    by_default = [pair for pair, why in _left_out(root, list(links), {}).items() if why == _BY_DEFAULT]
+    found += [LeftOutMark(*pair, _BY_DEFAULT, path.name) for pair in by_default if frozenset(pair) not in known]
+    return tuple(found)
 
 
 def _left_out(root: etree._Element, links: list[str], rigid: Mapping[str, str]) -> dict[tuple[str, str], str]:

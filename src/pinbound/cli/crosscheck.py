@@ -9,6 +9,7 @@ import numpy as np
 import typer
 
 from pinbound.cli.coverage import RequireCoverage, nothing_to_check, require_coverage, say_coverage
+from pinbound.cli.outputs import ready_file
 from pinbound.cli.shared import (
     Annotations,
     AsJson,
@@ -76,6 +77,7 @@ def crosscheck(
     if out is not None and "region" not in chosen:
         raise InputError([Problem("is drawn from the region level", "Add it to --levels", "--out")])
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    ready_file(out)
     plane = None if coordinates is None else [name.strip() for name in coordinates.split(",")]
     within = parse_window(loaded, window, deg)
     with working(f"asking coal: {', '.join(chosen)}"):

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from pinbound.cli.coverage import RequireCoverage, require_coverage, say_assumptions, say_coverage
+from pinbound.cli.outputs import ready_file
 from pinbound.cli.shared import (
     Annotations,
     PackageDirs,
@@ -62,6 +63,7 @@ def explore(
     """Write a page that works offline: drag a point through the region, and the robot moves with it."""
     require("report", "the explorer's page")
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    ready_file(out)
     with working("regions and page", budget * (len(plane or [""]) + (motion is not None))):
         page = explorer_page(
             loaded,

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from pinbound.cli.outputs import ready_file
 from pinbound.cli.shared import (
     Annotations,
     AsJson,
@@ -55,6 +56,7 @@ def export(
     if kind not in _KINDS:
         raise UnknownNameError("kind of export", kind, _KINDS)
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    ready_file(out)
     with working(f"writing {out.name}"):
         if kind != "table":
             files = loaded.export(kind, out, boundary)

@@ -13,6 +13,7 @@ import typer
 from rich.progress import Progress
 
 from pinbound.annotations import kind_of
+from pinbound.cli.outputs import ready_file
 from pinbound.cli.shared import (
     Annotations,
     AsJson,
@@ -29,7 +30,7 @@ from pinbound.cli.shared import (
 )
 from pinbound.coverage.covers import By, Cover
 from pinbound.exceptions import InputError, Problem
-from pinbound.marking.disabled import DisabledPair, disabled_pairs, find_srdf
+from pinbound.marking.disabled import DisabledPair, disabled_pairs, find_srdf, stated_pairs
 from pinbound.marking.judge import Evidence
 from pinbound.marking.propose import ALL_SHAPES, Proposal, propose_marks
 from pinbound.robot.robot import Robot
@@ -77,6 +78,8 @@ def mark(
     if out is not None and out.exists():
         raise InputError([Problem("exists already", "Remove it, or give another name", str(out))])
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    ready_file(out)
+    examined, said_of_srdf = _srdf(loaded, srdf)
     chosen = tuple(word.strip() for word in shapes.split(",") if word.strip())
     start = perf_counter()
     bar = console(stderr=True)
@@ -91,25 +94,27 @@ def mark(
                 progress.update(task, completed=0, total=None, description="pairs of marks, and home", visible=True)
 
         proposal = propose_marks(loaded, accuracy / 1e3, chosen, cast(By, by), neighbours, most, skip_missing, step)
-    disabled, files = _disabled(loaded, proposal, srdf)
+    disabled = disabled_pairs(loaded, proposal.covers, examined, _Raw(loaded), proposal.judge)
     if out is not None:
         proposal.annotations.save(out)
     if as_json:
-        emit_json(_record(proposal) | {"disabled": [_disabled_record(one) for one in disabled]})
+        emit_json(_record(proposal) | {"disabled": [_disabled_record(one) for one in disabled], "srdf": said_of_srdf})
     else:
         _print(loaded, proposal, out, perf_counter() - start)
-        _print_disabled(loaded, disabled, files)
+        _print_disabled(loaded, disabled, said_of_srdf)
     if proposal.uncovered:
         raise typer.Exit(1)
 
 
-def _disabled(robot: Robot, proposal: Proposal, srdf: Path | None) -> tuple[tuple[DisabledPair, ...], list[Path]]:
-    """Return what is found of the pairs that an SRDF disables, and SRDFs that were not read, for there are several."""
-    found = () if srdf is not None else find_srdf(robot)
-    if srdf is None and len(found) == 1:
-        srdf = found[0]
-    disabled = disabled_pairs(robot, proposal.covers, srdf, _Raw(robot), proposal.judge)
-    return disabled, list(found) if srdf is None else []
+def _srdf(robot: Robot, given: Path | None) -> tuple[Path | None, str]:
+    """Return the SRDF to examine, if any, and a sentence where none is read or it disables no pair."""
+    files = find_srdf(robot) if given is None else (given,)
+    if not files:
+        return None, ""
+    if len(files) > 1:
+        named = ", ".join(file.name for file in files)
+        return None, f"{len(files)} SRDFs name this robot, so none was read. Choose one with --srdf: {named}."
+    return files[0], "" if stated_pairs(robot, files[0]) else f"{files[0].name} disables no pair of links."
 
 
 class _Raw:
@@ -127,13 +132,10 @@ class _Raw:
         return self._known[links].first_contact(links, Q)
 
 
-def _print_disabled(robot: Robot, disabled: Sequence[DisabledPair], files: Sequence[Path]) -> None:
+def _print_disabled(robot: Robot, disabled: Sequence[DisabledPair], said_of_srdf: str) -> None:
     said = console()
-    if files:
-        named = ", ".join(file.name for file in files)
-        said.print(
-            f"{len(files)} SRDFs name this robot, so none was read. Choose one with --srdf: {named}.", markup=False
-        )
+    if said_of_srdf:
+        said.print(said_of_srdf, markup=False)
     if not disabled:
         return
     sources = ", ".join(dict.fromkeys(one.source for one in disabled))

@@ -21,6 +21,7 @@ from pinbound.cli.coverage import (
     say_assumptions,
     say_coverage,
 )
+from pinbound.cli.outputs import ready_file
 from pinbound.cli.shared import (
     Annotations,
     AsJson,
@@ -79,6 +80,7 @@ def plan(
     if out is not None and out.suffix != ".csv":
         raise InputError([Problem("is no name of a table", "Let it end in .csv", str(out))])
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    ready_file(out)
     ends = [parse_configuration(loaded, text, deg, option) for text, option in ((start, "--start"), (goal, "--goal"))]
     with working("looking for a motion", budget):
         found = find_plan(

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from pinbound.cli.coverage import RequireCoverage, require_coverage, say_coverage
+from pinbound.cli.outputs import ready_folder
 from pinbound.cli.shared import (
     Annotations,
     PackageDirs,
@@ -45,6 +46,7 @@ def report(
     """Write an HTML page with the kinematic tree, boundaries, region, workspace image and assumptions."""
     require("report", "a report")
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
+    ready_folder(out)
     drawn = None if free is None else [name.strip() for name in free.split(",")]
     with working("region, figures, page"):
         page, rows = write_report(loaded, out, frame, drawn)

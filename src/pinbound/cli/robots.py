@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from pinbound.cli.outputs import ready_folder
 from pinbound.cli.shared import AsJson, console, emit_json, print_table
 from pinbound.exceptions import PinboundError, UnknownNameError
 from pinbound.model.document import packaged_robots
@@ -109,6 +110,6 @@ def new(
     file = out / "my_palletizer.urdf.xacro"
     if file.exists():
         raise PinboundError(f"{file} is there already; give another --out, or move it away")
-    out.mkdir(parents=True, exist_ok=True)
+    ready_folder(out)
     file.write_text(_START, encoding="utf-8")
     console().print(f"Wrote {file}. Next: pinbound info {file}", markup=False, soft_wrap=True)

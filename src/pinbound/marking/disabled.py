@@ -15,11 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from pinbound.annotations import Mark
-from pinbound.annotations.srdf import read_srdf
+from pinbound.annotations.records import LeftOutMark
+from pinbound.annotations.srdf import read_disabled
 from pinbound.coverage.bodies import collision_bodies
 from pinbound.coverage.covers import Cover
 from pinbound.evaluate import depth, separation
-from pinbound.exceptions import InputError, Problems
+from pinbound.exceptions import InputError
 from pinbound.marking.judge import FREE_JOINT, NEVER, RIGID, Basis, Judge
 from pinbound.marking.narrow import Pair
 from pinbound.model.document import parse_file
@@ -28,7 +29,7 @@ from pinbound.robot.robot import Robot
 from pinbound.typing import Array, Flags
 from pinbound.values import Value
 
-__all__ = ["CAN_TOUCH", "NOT_SEEN", "DisabledPair", "disabled_pairs", "find_srdf"]
+__all__ = ["CAN_TOUCH", "NOT_SEEN", "DisabledPair", "disabled_pairs", "find_srdf", "stated_pairs"]
 
 Touches = Callable[[tuple[str, str], Array], int | None]
 
@@ -89,6 +90,21 @@ def _names(path: Path, robot: str) -> bool:
         return False
 
 
+def stated_pairs(robot: Robot, srdf: Path | None = None) -> tuple[LeftOutMark, ...]:
+    """Return the pairs of links that SRDFs among the annotations disable, and those of one more file, each pair once.
+
+    Raises:
+        InputError: If the file cannot be read, or is no XML.
+    """
+    stated = [one for one in robot.annotations.left_out if one.source.endswith(".srdf")]
+    if srdf is not None:
+        stated += read_disabled(srdf, dict.fromkeys(body.link for body in collision_bodies(robot)))
+    first: dict[frozenset[str], LeftOutMark] = {}
+    for one in stated:
+        first.setdefault(frozenset((one.a, one.b)), one)
+    return tuple(first.values())
+
+
 def disabled_pairs(
     robot: Robot,
     covers: Sequence[Cover],
@@ -107,27 +123,17 @@ def disabled_pairs(
         judge: That of the proposal with these covers, which knows most pairs of marks; None: all are judged anew.
 
     Raises:
-        InputError: If the file is no SRDF that disables something.
+        InputError: If the file cannot be read, or is no XML.
         UnsupportedError: If no configuration keeps the limits of all joints.
     """
-    said: dict[frozenset[str], tuple[str, str, str, str, int | None]] = {}
-    for one in robot.annotations.left_out:
-        if one.source.endswith(".srdf"):
-            said.setdefault(frozenset((one.a, one.b)), (one.a, one.b, one.reason, one.source, one.line))
-    if srdf is not None:
-        problems = Problems(robot.document.label)
-        for item in read_srdf(srdf, problems, robot.document.root).items:
-            if item.kind == "left_out":
-                a, b, reason = (str(item.fields[key]) for key in ("a", "b", "reason"))
-                said.setdefault(frozenset((a, b)), (a, b, reason, item.source, item.line))
-        problems.raise_if_any()
-    if not said:
+    stated = stated_pairs(robot, srdf)
+    if not stated:
         return ()
     finder = _Finder(robot, covers, touches, judge or Judge(robot))
     found: list[DisabledPair] = []
-    for a, b, reason, source, line in said.values():
-        verdict, basis, text, q = finder.judge(a, b)
-        found.append(DisabledPair((a, b), reason, source, line, verdict, basis, text, q))
+    for one in stated:
+        verdict, basis, text, q = finder.judge(one.a, one.b)
+        found.append(DisabledPair((one.a, one.b), one.reason, one.source, one.line, verdict, basis, text, q))
     return tuple(found)
 
 
