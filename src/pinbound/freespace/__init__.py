@@ -1,4 +1,4 @@
-"""Free space in all coordinates, proven: polytopes, volumes, motions; `docs/free-space.md` has the argument."""
+"""Proven free space in all coordinates: polytopes, volumes, covers, motions; `docs/free-space.md` has the proofs."""
 
 from pinbound.freespace.atlas import pair_atlas
 from pinbound.freespace.atlas_files import load_atlas

@@ -1,8 +1,8 @@
-"""pair_atlas(): of every pair, where in its own coordinates it is proven free, and where in contact.
+"""pair_atlas(): for every pair, where it is proven free and where it is proven in contact, in its own coordinates.
 
-Pairs of one effective angle are intervals of it. Of the others, those that turn alike are paved together, groups first;
-sets that are the same but for names are computed once. The set that has cost least so far goes on first, so that all
-that are cheap are decided, and the rest of the budget is shared evenly by those that are not.
+For a pair of one effective angle, the sets are intervals of the angle. Other pairs that move by the same chain are
+paved together, as one group. Sets that differ only in names are computed once. The group with the smallest cost so far
+is continued first: so all cheap groups are decided, and the others share the rest of the budget evenly.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ __all__ = ["Told", "pair_atlas"]
 _BUDGET = Budget(boxes=1_000_000_000, seconds=30.0)
 
 Told = Callable[[float, str], bool | None]
-"""Told the mean share that is decided, and the name of the next boundary; what is true ends the work."""
+"""Called with the mean decided share and the name of the next boundary; a true result ends the work."""
 
 
 def pair_atlas(
@@ -44,18 +44,18 @@ def pair_atlas(
     each: bool = False,
     progress: Told | None = None,
 ) -> PairAtlas:
-    """Return where every boundary is proven free, and where in contact, over the coordinates that it depends on.
+    """Return where each boundary is proven free, and where in contact, over the coordinates that it depends on.
 
     Args:
         robot: The robot.
         boundaries: Names of the boundaries; None: all.
-        budget: How much work is allowed; None: 30 seconds.
+        budget: The work allowed; None: 30 seconds.
         window: Ends [rad or m] by coordinate; needed for coordinates without limits.
-        decided: The share of the box of limits after which the search ends for a group of boundaries, in (0, 1].
-        each: Whether every boundary is paved by itself. Otherwise those that turn alike are paved together, and where
-            one is in contact the others of its group are left undecided.
-        progress: Called between parts of the work with the mean share that is decided, and the name of the next
-            boundary. If it returns true, the work ends as if the budget was spent.
+        decided: The decided share of the box of limits at which the search for a group of boundaries ends, in (0, 1].
+        each: Whether every boundary is paved alone. Otherwise boundaries that move by the same chain are paved as a
+            group, and where one is in contact, the others of the group are left undecided.
+        progress: Called between parts of the work with the mean decided share and the name of the next boundary. If it
+            returns true, the work ends as if the budget were spent.
 
     Raises:
         UnknownNameError: If the robot has no boundary of that name.

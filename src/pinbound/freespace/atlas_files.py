@@ -1,4 +1,4 @@
-"""load_atlas(): an atlas from its file, if it was proven about this very robot and these very marks."""
+"""load_atlas(): reads an atlas from its file, if it was proven about the same robot and the same marks."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ __all__ = ["load_atlas"]
 
 
 def load_atlas(robot: Robot, path: str | Path) -> PairAtlas:
-    """Return the atlas that `PairAtlas.save` wrote, if it was proven about this very robot and these very marks.
+    """Return the atlas that `PairAtlas.save` wrote, if it was proven about the same robot and the same marks.
 
-    The file holds a hash of coordinates, limits, paths and thresholds, and one of its own contents. The second finds a
-    file that was damaged, and not one that was forged: take atlases from people whom you trust.
+    The file holds a hash of coordinates, limits, paths and thresholds, and a hash of its own contents. The second hash
+    detects a damaged file, but not a forged one: use only atlases from people whom you trust.
 
     Args:
         robot: The robot.
         path: The file.
 
     Raises:
-        InputError: If the file is no atlas or is damaged, or the robot, its limits or its marks are not those that the
-            atlas was proven about.
+        InputError: If the file is not an atlas or is damaged, or if the atlas was proven about another robot, other
+            limits or other marks.
         OSError: If the file cannot be read.
 
     Example:

@@ -1,4 +1,4 @@
-"""What a pair atlas holds: of every boundary, where in its own coordinates it is proven free, or in contact."""
+"""Records of a pair atlas: for each boundary, where it is proven free or in contact, in its own coordinates."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from pinbound.values import Value
 __all__ = ["AtlasGroup", "AtlasPair", "PairAtlas"]
 
 _ROUNDING = 2.0**14 * UNIT_ROUNDOFF
-"""Of a volume: bound of the rounding of sums of boxes, which are made of parts of up to 4096 boxes each."""
+"""Bound of the relative rounding error of a volume, which is summed in parts of up to 4096 boxes."""
 _ROWS = 1 << 16
 
 
@@ -68,16 +68,16 @@ class _Shares:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AtlasGroup(_Shares, Value):
-    """Boundaries that turn alike, and what is proven of them: mostly those of the same two links.
+    """Boundaries that move by the same chain, mostly those between the same two links, and the sets proven for them.
 
-    Free is where all of them are proven free, in contact where one is.
+    A place is free if all of them are proven free there, and in contact if one is proven in contact.
 
     Attributes:
-        names: Of the boundaries.
-        coordinates: That they depend on, in the order of the boxes.
-        columns: Which entries of q these are.
-        known: What is proven, over these coordinates.
-        shared_with: Number of the group that it was computed for, if it is the same but for names; else None.
+        names: Names of the boundaries.
+        coordinates: The coordinates that they depend on, in the order of the boxes.
+        columns: The indices of these coordinates in q.
+        known: The proven sets over these coordinates.
+        shared_with: Index of the group from which it was copied, if the two differ only in names; else None.
 
     Example:
         >>> import pinbound as pb
@@ -101,9 +101,9 @@ class AtlasGroup(_Shares, Value):
 
     @property
     def kind(self) -> str:
-        """Which it is: ``"exact"``, ``"planar"`` or ``"paving"``.
+        """The kind of the sets: ``"exact"``, ``"planar"`` or ``"paving"``.
 
-        Exact are intervals of one effective angle, and pairs that nothing moves; planar are boxes over two coordinates.
+        Exact: intervals of one effective angle, or pairs that no coordinate moves. Planar: boxes over two coordinates.
         """
         if isinstance(self.known, AngleSet) or not len(self.columns):
             return "exact"
@@ -114,9 +114,9 @@ class AtlasGroup(_Shares, Value):
         return self.known.volume, self.known.free, self.known.contact
 
     def boxes(self, where: Where) -> Array:
-        """Return the corners (f, 2, k) of the boxes over `coordinates` that are proven so, or that are undecided.
+        """Return the corners (f, 2, k) of the boxes over `coordinates` with this result.
 
-        Of one effective angle they are intervals of it, (f, 2, 1).
+        For one effective angle they are intervals of the angle, (f, 2, 1).
 
         Example:
             >>> import pinbound as pb
@@ -137,9 +137,9 @@ class AtlasPair(_Shares):
     """One boundary of an atlas.
 
     Attributes:
-        name: Of the boundary.
+        name: Name of the boundary.
         group: The group that it is in.
-        slot: Which of its boundaries it is.
+        slot: Its index in the group.
 
     Example:
         >>> import pinbound as pb
@@ -159,7 +159,7 @@ class AtlasPair(_Shares):
 
     @property
     def kind(self) -> str:
-        """That of its group."""
+        """The kind of its group."""
         return self.group.kind
 
     @property
@@ -182,15 +182,15 @@ def _said(one: _Shares) -> str:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PairAtlas(Value):
-    """What is proven of every boundary over its own coordinates, within the box of limits. Made by `pair_atlas`.
+    """The proven sets of each boundary over its own coordinates, within the box of limits. Made by `pair_atlas`.
 
     Attributes:
         robot: The robot.
-        boundaries: Names of the boundaries that were asked for, in the robot's order.
+        boundaries: Names of the requested boundaries, in the robot's order.
         coverage: Which pairs of links these boundaries watch, and which they do not.
-        groups: Boundaries that turn alike, and what is proven of them.
-        window: The (lower, upper) ends that were given, by coordinate [rad, or m of a prismatic joint].
-        reason: Why less than what was asked for is decided; None if all is.
+        groups: Groups of boundaries that move by the same chain, with their proven sets.
+        window: The given (lower, upper) ends, by coordinate [rad, or m for a prismatic joint].
+        reason: Why less than the requested share is decided; None if it is decided.
         digest: SHA-256 of the coordinates, limits, paths and thresholds that the proof is about.
         work: The number of bounds computed, one for each box and boundary, or group of boundaries.
         seconds: Wall time [s].
@@ -238,12 +238,12 @@ class PairAtlas(Value):
 
     @property
     def pairs(self) -> tuple[AtlasPair, ...]:
-        """What is proven of each boundary, in the order of `boundaries`."""
+        """The proven sets of each boundary, in the order of `boundaries`."""
         return tuple(self[name] for name in self.boundaries)
 
     @property
     def shared(self) -> int:
-        """How many groups were not computed, since another is the same but for names."""
+        """The number of groups that were copied from another group, which differs only in names."""
         return sum(group.shared_with is not None for group in self.groups)
 
     @cached_property
@@ -252,10 +252,10 @@ class PairAtlas(Value):
         return {name: (number, slot) for number, group in groups for slot, name in enumerate(group.names)}
 
     def where(self, Q: ArrayLike) -> Any:
-        """Return what is proven of q (n,), as a `Where`, or of each of Q (N, n), as int8 values of it.
+        """Return what is proven about q (n,), as a `Where`, or about each of Q (N, n), as int8 values of `Where`.
 
         FREE: every boundary of the atlas is free, and all limits and rules are kept. CONTACT: one boundary is in
-        contact. UNDECIDED: neither is proven; so also beyond the box of limits, and for what is not finite.
+            contact. UNDECIDED: neither is proven; this includes q beyond the box of limits, and q that is not finite.
 
         Raises:
             DimensionError: If the last axis is not n long.
@@ -273,9 +273,9 @@ class PairAtlas(Value):
         return found if array.ndim > 1 else Where(int(found[0]))
 
     def pairs_where(self, Q: ArrayLike) -> Codes:
-        """Return what is proven of each boundary at q (n,) or Q (N, n): values of `Where`, (m,) or (N, m).
+        """Return what is proven about each boundary at q (n,) or Q (N, n): values of `Where`, (m,) or (N, m).
 
-        Columns are in the order of `boundaries`. Limits are not looked at, but that nothing is known beyond the box.
+        Columns are in the order of `boundaries`. Limits are not checked, but beyond their box everything is undecided.
 
         Raises:
             DimensionError: If the last axis is not n long.
@@ -308,7 +308,7 @@ class PairAtlas(Value):
         return found
 
     def save(self, path: str | Path) -> Path:
-        """Write the atlas to an NPZ file, with the hash of what was proven about; `pb.load_atlas` reads it.
+        """Write the atlas to an NPZ file, with the hash of the robot and its marks; `pb.load_atlas` reads it.
 
         Raises:
             OSError: If the file cannot be written.

@@ -1,7 +1,8 @@
-"""certified_cover(): sets proven free until a stated share of the free volume is in them.
+"""certified_cover(): sets that are proven free and hold a stated share of the free volume.
 
-Over two to four coordinates the box of limits is paved, and the share is proven. Over more, and where every boundary
-has one effective angle, polytopes are certified around samples that no other holds, and the share is estimated.
+Over two to four coordinates, the box of limits is paved, and the share is proven. Over more coordinates, and if every
+boundary has one effective angle, polytopes are certified around samples that no other polytope holds, and the share is
+estimated.
 """
 
 from __future__ import annotations
@@ -33,9 +34,9 @@ _BUDGET = Budget(boxes=1_000_000_000, seconds=60.0)
 _SAMPLES = 2000
 _DRAWS = 200
 _CHOICE = 64
-"""Samples that no set holds of which the one furthest from contact is the next seed."""
+"""Samples outside all sets; the one furthest from contact is the next seed."""
 _ONE_SET = 0.1
-"""Of the seconds: at most so much for one polytope."""
+"""Largest share of the seconds for one polytope."""
 _NORMAL_95 = 1.959964
 _FEWEST_SECONDS = 0.5
 
@@ -52,26 +53,27 @@ def certified_cover(
     limits_only: bool = False,
     seed: int = 0,
 ) -> FreeCover:
-    """Return sets that are proven free until at least a share of the free volume is in them, or the budget is spent.
+    """Return sets that are proven free and hold at least a share of the free volume, as far as the budget allows.
 
-    Two to four coordinates are paved with boxes, and the share is a proven one: volume of the boxes over the largest
-    volume that can be free. All coordinates of a robot with more, or of one whose boundaries have one effective angle
-    each, are covered by polytopes (`certified_polytope`), and the share is the 95 % interval of an estimate by samples.
+    Two to four coordinates are paved with boxes. Then the share is proven: the volume of the boxes, divided by the
+    largest volume that can be free. All coordinates of a robot with more than four, or of a robot whose boundaries have
+    one effective angle each, are covered by polytopes (`certified_polytope`). Then the share is the 95 % interval of an
+    estimate from samples.
 
     Args:
         robot: The robot.
-        coordinates: Names of two to four; None: all of them.
+        coordinates: Names of two to four coordinates; None: all coordinates.
         at: (n,) the values of the other coordinates; home by default.
         boundaries: Names of the boundaries; None: all.
-        budget: How much work is allowed; None: 60 seconds.
+        budget: The work allowed; None: 60 seconds.
         window: Ends [rad or m] by coordinate; needed for coordinates without limits.
-        share: Of the free volume, in (0, 1].
+        share: The share of the free volume that the sets should hold, in (0, 1].
         limits_only: Whether to use limits and rules only, without boundaries.
-        seed: Of the random samples; what is proven of a set does not depend on it.
+        seed: Seed of the random samples; the proofs do not depend on it.
 
     Raises:
-        UnknownNameError: If there is no coordinate, or no boundary, of a name.
-        UnsupportedError: If the coordinates are not two to four, each once, or there is no boundary.
+        UnknownNameError: If a coordinate or a boundary does not exist.
+        UnsupportedError: If there are not two to four different coordinates, or if there is no boundary.
         DimensionError: If `at` is not one finite configuration, `share` is not in (0, 1], or a coordinate has no
             limits.
 

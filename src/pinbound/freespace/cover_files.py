@@ -1,4 +1,4 @@
-"""load_cover(): a cover from its file, if it was proven about this very robot and these very marks."""
+"""load_cover(): reads a cover from its file, if it was proven about the same robot and the same marks."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ __all__ = ["load_cover"]
 
 
 def load_cover(robot: Robot, path: str | Path) -> FreeCover:
-    """Return the cover that `FreeCover.save` wrote, if it was proven about this very robot and these very marks.
+    """Return the cover that `FreeCover.save` wrote, if it was proven about the same robot and the same marks.
 
-    The file holds a hash of coordinates, limits, paths and thresholds, and one of its own contents. The second finds a
-    file that was damaged, and not one that was forged: take covers from people whom you trust.
+    The file holds a hash of coordinates, limits, paths and thresholds, and a hash of its own contents. The second hash
+    detects a damaged file, but not a forged one: use only covers from people whom you trust.
 
     Args:
         robot: The robot.
         path: The file.
 
     Raises:
-        InputError: If the file is no cover or is damaged, or the robot, its limits or its marks are not those that the
-            cover was proven about.
+        InputError: If the file is not a cover or is damaged, or if the cover was proven about another robot, other
+            limits or other marks.
         OSError: If the file cannot be read.
 
     Example:

@@ -1,4 +1,4 @@
-"""What a cover of free space holds: boxes or polytopes, each proven free, and what is known of the rest."""
+"""Records of a cover of free space: boxes or polytopes that are proven free, and the undecided rest."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ __all__ = ["APART", "NUMBERS", "TEXTS", "ConvexSet", "FreeCover"]
 
 TEXTS = ("robot", "robot_coordinates", "coordinates", "boundaries", "digest", "notes")
 NUMBERS = ("is_proven", "is_whole", "work", "seconds")
-"""Fields of a cover that its file holds as text and as numbers, beside arrays."""
+"""Fields of a cover that its file stores as text and as numbers, in addition to arrays."""
 
 APART: Final = 1e-11
-"""Radians or metres. Boxes no further apart may meet: limits are kept to `tolerances.LIMIT`, beyond the boxes' ends."""
+"""Radians or metres. Boxes that are this near may touch: limits are kept to `tolerances.LIMIT` beyond their ends."""
 
 _ROWS = 2048
 
 
 @dataclass(frozen=True, eq=False)
 class ConvexSet(Value):
-    """`{A x <= b}` over the coordinates of a cover, proven free.
+    """The set `{A x <= b}` over the coordinates of a cover, which is proven free.
 
     Attributes:
         A: (m, k).
@@ -44,35 +44,35 @@ class ConvexSet(Value):
     b: Array
 
     def contains(self, X: Array) -> Flags:
-        """Return which of X (N, k) are in it, the rounding of `A x` counted against them."""
+        """Return which of X (N, k) are certainly in the set, in spite of the rounding of `A x`."""
         size = np.abs(X) @ np.abs(self.A.T)
         return np.all(X @ self.A.T + UNIT_ROUNDOFF * (self.A.shape[1] + 2) * size <= self.b, axis=1)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FreeCover(Value):
-    """Sets of which every configuration is proven free and within all limits. Made by `certified_cover`.
+    """Sets in which every configuration is proven free and within all limits. Made by `certified_cover`.
 
     Attributes:
         robot: Name of the robot.
         robot_coordinates: Names of q's entries.
-        coordinates: Names of the coordinates x that the sets are over.
-        at: (n,) where the others are held; NaN for the coordinates of the sets.
-        boundaries: Names of the boundaries that were asked for.
+        coordinates: Names of the coordinates x of the sets.
+        at: (n,) the values of the other coordinates; NaN for the coordinates of the sets.
+        boundaries: Names of the requested boundaries.
         coverage: Which pairs of links these boundaries watch, and which they do not.
         boxes: (f, 2, k) corners of boxes.
         polytopes: Polytopes `{A x <= b}`. A cover has boxes or polytopes.
-        share: (2,) at least and at most so much of the free volume is in the sets. Proven if `is_proven`; otherwise the
-            95 % interval of an estimate by samples.
+        share: (2,) lower and upper bound of the share of the free volume that the sets hold. They are proven if
+            `is_proven`; otherwise they are the 95 % interval of an estimate from samples.
         is_proven: Whether the share is proven.
-        open: (u, 2, k) boxes that are not decided; none of a cover by polytopes, whose `share` alone says what is left.
-        is_whole: Whether boxes and open ones together hold every free configuration, whatever the other coordinates
-            are: where they do not connect two configurations, no motion does.
-        reason: Why the share that was asked for was not reached; None if it was.
+        open: (u, 2, k) undecided boxes. A cover by polytopes has none; its `share` says how much is missing.
+        is_whole: Whether the free and the open boxes together hold every free configuration, for all values of the
+            other coordinates. Then no motion connects two configurations that these boxes do not connect.
+        reason: Why the requested share was not reached; None if it was.
         digest: SHA-256 of the coordinates, limits, paths and thresholds that the proof is about.
         work: The number of bounds computed, one for each box and boundary.
         seconds: Wall time [s].
-        notes: What was left out.
+        notes: Sentences about what was left out.
 
     Example:
         >>> import pinbound as pb
@@ -113,12 +113,12 @@ class FreeCover(Value):
 
     @cached_property
     def axes(self) -> tuple[int, ...]:
-        """Which entries of q the coordinates of the sets are."""
+        """The indices in q of the coordinates of the sets."""
         return tuple(self.robot_coordinates.index(name) for name in self.coordinates)
 
     @cached_property
     def half_spaces(self) -> tuple[tuple[Array, Array], ...]:
-        """All sets, boxes too, as A (m, k) and b (m,) of `A x <= b`, x being the `coordinates`."""
+        """All sets, also boxes, as A (m, k) and b (m,) of `A x <= b`, with x in the order of `coordinates`."""
         one = np.eye(len(self.coordinates))
         A = read_only(np.concatenate([one, -one]))
         return (
@@ -128,18 +128,18 @@ class FreeCover(Value):
 
     @cached_property
     def graph(self) -> SetGraph:
-        """Which sets meet, and where."""
+        """The graph of sets that intersect, and where they do."""
         return SetGraph.of_boxes(self.boxes) if len(self.boxes) else SetGraph.of_polytopes(self.half_spaces)
 
     @cached_property
     def components(self) -> Indices:
-        """A number (f + u,) of each box, free ones first, then open ones: the same where a chain of boxes joins two."""
+        """Component (f + u,) of each box, free boxes first, then open ones: equal if a chain of boxes connects two."""
         return read_only(components(np.concatenate([self.boxes, self.open]), APART))
 
     def contains(self, Q: ArrayLike) -> Any:
-        """Return whether q (n,), or each of Q (N, n), is in one of the sets, and so proven free.
+        """Return whether q (n,), or each of Q (N, n), is in one of the sets, and thus proven free.
 
-        The coordinates that are held must have the very values of `at`.
+        The other coordinates must be exactly equal to `at`.
 
         Raises:
             DimensionError: If the last axis is not n long.
@@ -162,7 +162,7 @@ class FreeCover(Value):
         return found if array.ndim > 1 else bool(found[0])
 
     def contains_point(self, X: Array) -> Flags:
-        """Return which of X (N, k), in the coordinates of the sets alone, are in one of them."""
+        """Return which of X (N, k), given in the coordinates of the sets, are in one of them."""
         found: Flags = np.zeros(len(X), dtype=np.bool_)
         if len(self.boxes):
             for row, x in enumerate(X):
@@ -172,7 +172,7 @@ class FreeCover(Value):
         return found
 
     def save(self, path: str | Path) -> Path:
-        """Write the cover to an NPZ file, with the hash of what was proven about; `pb.load_cover` reads it.
+        """Write the cover to an NPZ file, with the hash of the robot and its marks; `pb.load_cover` reads it.
 
         Raises:
             OSError: If the file cannot be written.
@@ -187,11 +187,11 @@ class FreeCover(Value):
         return write_file(Path(path), COVER, header, {**arrays, "counts": counts})
 
     def export_drake(self, path: str | Path) -> Path:
-        """Write all sets as YAML of Drake's `HPolyhedron`s, named set_0, set_1, ..., over `coordinates` in this order.
+        """Write all sets as YAML of Drake's `HPolyhedron`s, named set_0, set_1, ..., over `coordinates` in their order.
 
-        `pydrake.geometry.optimization.LoadIrisRegionsYamlFile` reads it, for `GraphOfConvexSets` and trajectory
-        optimisation. Drake's `PointInSet` has a tolerance of 1e-8: what is proven is `A x <= b` itself, so give it
-        `tol=0.0`. Coordinates that the cover holds are not in the file: they must stay at `at`.
+        `pydrake.geometry.optimization.LoadIrisRegionsYamlFile` reads the file, for `GraphOfConvexSets` and trajectory
+        optimisation. The proof is about `A x <= b` itself, but Drake's `PointInSet` has a tolerance of 1e-8 by default:
+        pass `tol=0.0`. Other coordinates are not in the file; they must stay at `at`.
 
         Raises:
             OSError: If the file cannot be written.

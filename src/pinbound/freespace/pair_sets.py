@@ -1,7 +1,7 @@
-"""What is proven of pairs over their own coordinates: intervals of one angle, or a tree of boxes; who asks where q is.
+"""Sets proven for pairs over their own coordinates: intervals of one angle, or a tree of boxes.
 
-Both hold some pairs whose chains turn alike, the *slots*. A place is FREE if all of them are proven free there, CONTACT
-if one is proven in contact, UNDECIDED otherwise.
+Both hold several pairs that move by the same chain, the *slots*. A place is FREE if all slots are proven free there,
+CONTACT if one is proven in contact, and UNDECIDED otherwise.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["AngleSet", "BoxTree", "PairSet", "Where"]
 
 
 class Where(IntEnum):
-    """What is proven of a configuration.
+    """What is proven about a configuration.
 
     FREE: no boundary is in contact. CONTACT: at least one boundary is in contact. UNDECIDED: neither is proven.
 
@@ -38,14 +38,14 @@ class Where(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class PairSet(Value):
-    """What is proven of m pairs over k coordinates, or of one pair over one angle.
+    """Sets proven for m pairs over k coordinates, or for one pair over one angle.
 
     Attributes:
-        volume: Of all that was looked at [rad^k, metres for a prismatic joint; of one angle rad].
-        free: At least so much is free of all of them.
-        contact: In at least so much one of them is in contact.
-        slot_free: (m,) at least so much is free of each.
-        slot_contact: (m,) in at least so much each is in contact.
+        volume: Volume of the searched box [rad^k, metres for a prismatic joint; rad for one angle].
+        free: Lower bound of the volume where all pairs are free.
+        contact: Lower bound of the volume where at least one pair is in contact.
+        slot_free: (m,) lower bound of the volume where each pair is free.
+        slot_contact: (m,) lower bound of the volume where each pair is in contact.
         work: The number of bounds computed, one for each box and pair, or group of pairs.
     """
 
@@ -58,21 +58,21 @@ class PairSet(Value):
 
     @property
     def slots(self) -> int:
-        """How many pairs it is about."""
+        """The number of pairs."""
         return len(self.slot_free)
 
     def where(self, Y: Array) -> Codes:
-        """Return what is proven (N,) at places Y (N, k) of the coordinates: values of `Where`."""
+        """Return what is proven (N,) at values Y (N, k) of the coordinates: values of `Where`."""
         raise NotImplementedError
 
     def slots_where(self, Y: Array) -> Codes:
-        """Return what is proven (N, m) of each pair."""
+        """Return what is proven (N, m) about each pair."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True, eq=False)
 class AngleSet(PairSet):
-    """One pair of one effective angle `phi = c . y`: neighbouring intervals of phi, each with what is proven in it.
+    """One pair of one effective angle `phi = c . y`: adjacent intervals of phi, each with what is proven in it.
 
     Attributes:
         coefficients: (k,) c.
@@ -89,7 +89,7 @@ class AngleSet(PairSet):
     codes: Codes
 
     def where(self, Y: Array) -> Codes:
-        """Return what is proven (N,) at places Y (N, k); the rounding of `c . y` is counted against it."""
+        """Return what is proven (N,) at values Y (N, k), in spite of the rounding of `c . y`."""
         inside = _within(Y, self.low, self.high)
         Y = np.where(inside[:, None], Y, 0.0)
         size = np.abs(Y) @ np.abs(self.coefficients)
@@ -112,18 +112,18 @@ def _within(Y: Array, low: Array, high: Array) -> Flags:
 
 @dataclass(frozen=True, eq=False)
 class BoxTree(PairSet):
-    """Pairs over a box that is halved again and again: the nodes in order of their levels, each box before its halves.
+    """Pairs over a box that is halved recursively: nodes in order of their levels, each box before its halves.
 
     Attributes:
         low: (k,) corner of the box of limits.
         high: (k,) corner.
-        codes: (t,) of each node the coordinate it is halved across, or `FREE`, `CONTACT`, `OPEN`. The halves of the
-            i-th node that is halved are the nodes 2 i + 1 and 2 i + 2; the first has the lower values.
-        touching: One for each node that is in contact: the pair that is.
-        first: One for each node that is in contact or open, and one more: where its list in `listed` begins. No lists
-            are kept of one pair alone: the codes say all.
-        listed: Lists of what is not proven free there, rows of `members`.
-        members: (g, m) which pairs each of these is about.
+        codes: (t,) for each node, the coordinate in which it is halved, or `FREE`, `CONTACT`, `OPEN`. The halves of the
+            i-th halved node are the nodes 2 i + 1 and 2 i + 2; the first half has the lower values.
+        touching: For each node in contact, the pair that is in contact.
+        first: For each node in contact or open, the start of its list in `listed`, and one more entry. A single pair
+            has no lists, because the codes are sufficient.
+        listed: Lists of the pairs that are not proven free in each node, as rows of `members`.
+        members: (g, m) the pairs of each row.
     """
 
     low: Array
@@ -144,7 +144,7 @@ class BoxTree(PairSet):
         return 2 * np.cumsum(self.codes < self.FREE) - 1
 
     def leaves(self, Y: Array) -> Indices:
-        """Return the node (N,) that is not halved in which each of Y (N, k) lies; -1 outside the box."""
+        """Return the leaf (N,) in which each of Y (N, k) lies; -1 outside the box."""
         inside = _within(Y, self.low, self.high)
         found = np.where(inside, 0, -1)
         rows = np.flatnonzero(inside)
@@ -171,7 +171,7 @@ class BoxTree(PairSet):
         return np.where(leaf < 0, Where.UNDECIDED, found).astype(np.int8)
 
     def slots_where(self, Y: Array) -> Codes:
-        """Return what is proven (N, m) of each pair: free is what is on no list, in contact the one that is said."""
+        """Return what is proven (N, m) about each pair: pairs on no list are free; one pair is in contact."""
         if self.slots == 1:
             return self.where(Y)[:, None]
         leaf = self.leaves(Y)
@@ -200,7 +200,7 @@ class BoxTree(PairSet):
 
     @cached_property
     def boxes(self) -> tuple[Array, Indices]:
-        """Corners (l, 2, k) of all nodes that are not halved, and which nodes these are."""
+        """Corners (l, 2, k) of all leaves, and their node numbers."""
         level, nodes = np.stack([self.low, self.high])[None], np.zeros(1, dtype=np.intp)
         parts, numbers = list[Array](), list[Indices]()
         while len(level):
@@ -218,7 +218,7 @@ class BoxTree(PairSet):
         return np.concatenate(parts), np.concatenate(numbers)
 
     def boxes_of(self, where: Where) -> Array:
-        """Return the corners (f, 2, k) of all boxes of which this is proven, or of those that are undecided."""
+        """Return the corners (f, 2, k) of all boxes with this result."""
         corners, nodes = self.boxes
         code = {Where.FREE: self.FREE, Where.CONTACT: self.CONTACT, Where.UNDECIDED: self.OPEN}[where]
         return corners[self.codes[nodes] == code]

@@ -1,8 +1,8 @@
-"""free_volume(): how much of the box of limits is free, in two to four coordinates, as a proven interval.
+"""free_volume(): a proven interval of the free volume in the box of limits, over two to four coordinates.
 
-The box is halved into boxes, each with the pairs that are not yet proven free in it. A box without such a pair is free;
-a box over which one pair is proven in contact, or one limit passed, is not. Pairs are bounded in their own
-coordinates, all boxes of a round at once. `docs/free-space.md` has the bounds.
+The box is halved recursively. Each part has a list of the pairs that are not yet proven free in it. A part with an
+empty list is free. A part in which one pair is proven in contact, or one limit is violated, is not free. Pairs are
+bounded in their own coordinates, all boxes of a round at once. `docs/free-space.md` has the bounds.
 """
 
 from __future__ import annotations
@@ -43,22 +43,22 @@ __all__ = [
 
 _BUDGET = Budget(boxes=20_000_000, seconds=10.0)
 _FEWEST, MOST = 2, 4
-"""How many coordinates can be paved."""
+"""The numbers of coordinates that can be paved."""
 _BESIDE = 2.0 * LIMIT
-"""How far beyond a limit a joint is taken to go: it is kept up to LIMIT beyond it, and so are boxes at the edge."""
+"""How far beyond a limit a joint may go: limits are kept up to LIMIT, so boxes at the edge extend beyond them."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FreeVolume(Value):
-    """How much of a box is free, proven. Made by `free_volume`.
+    """Proven bounds of the free volume in a box. Made by `free_volume`.
 
     Attributes:
-        coordinates: Of the box.
+        coordinates: The coordinates of the box.
         at: (n,) the values of the other coordinates.
         coverage: Which pairs of links the boundaries watch, and which they do not.
         box: (2, k) corners of the box of limits [rad or m].
-        lower: At least so much of it is free [rad^k, metres for a prismatic joint].
-        upper: At most so much [as `lower`].
+        lower: Lower bound of the free volume [rad^k, metres for a prismatic joint].
+        upper: Upper bound of the free volume [as `lower`].
         free: (f, 2, k) corners of boxes that are proven free.
         open: (u, 2, k) corners of boxes that are not decided.
         reason: Why undecided boxes remain (the budget); None if the requested share was decided.
@@ -92,7 +92,7 @@ class FreeVolume(Value):
 
     @property
     def undecided(self) -> float:
-        """The volume that is not decided, `upper - lower` [as `lower`]."""
+        """The undecided volume, `upper - lower` [as `lower`]."""
         return self.upper - self.lower
 
     @property
@@ -102,7 +102,7 @@ class FreeVolume(Value):
 
     @property
     def decided(self) -> float:
-        """The share of the box that is decided, in [0, 1]."""
+        """The decided share of the box, in [0, 1]."""
         return max(0.0, 1.0 - self.undecided / self.volume)
 
 
@@ -118,20 +118,20 @@ def free_volume(
 ) -> FreeVolume:
     """Return a proven interval of the free volume in the box of limits of two to four coordinates.
 
-    Free is what `robot.boundaries.free` says: out of contact, and within all limits and rules.
+    Free has the meaning of `robot.boundaries.free`: out of contact, and within all limits and rules.
 
     Args:
         robot: The robot.
-        coordinates: Two, three or four names.
+        coordinates: Names of two, three or four coordinates.
         at: (n,) the values of the other coordinates; home by default.
         boundaries: Names of the boundaries; None: all.
-        budget: How much work is allowed; None: 10 seconds.
+        budget: The work allowed; None: 10 seconds.
         window: Ends [rad or m] by coordinate; needed for coordinates without limits.
-        decided: The share of the box after which the search ends, in (0, 1].
+        decided: The decided share of the box at which the search ends, in (0, 1].
 
     Raises:
-        UnknownNameError: If there is no coordinate, or no boundary, of a name.
-        UnsupportedError: If there are not two to four coordinates, each once.
+        UnknownNameError: If a coordinate or a boundary does not exist.
+        UnsupportedError: If there are not two to four different coordinates.
         DimensionError: If `at` is not one finite configuration, `decided` is not in (0, 1], or a coordinate has no
             limits.
 
@@ -169,11 +169,11 @@ def free_volume(
 
 
 def axes_of(robot: Robot, coordinates: Sequence[str]) -> tuple[tuple[str, ...], Indices]:
-    """Return the names of two to four coordinates, and which entries of q they are.
+    """Return the names of two to four coordinates, and their indices in q.
 
     Raises:
-        UnknownNameError: If there is no coordinate of a name.
-        UnsupportedError: If there are not two to four, each once.
+        UnknownNameError: If a coordinate does not exist.
+        UnsupportedError: If there are not two to four different ones.
     """
     names = (coordinates,) if isinstance(coordinates, str) else tuple(coordinates)
     for name in names:
@@ -187,13 +187,13 @@ def axes_of(robot: Robot, coordinates: Sequence[str]) -> tuple[tuple[str, ...], 
 def paved_box(
     robot: Robot, axes: Indices, at: Array, window: Mapping[str, tuple[float, float]]
 ) -> tuple[Array, Array, Array]:
-    """Return the corners (n,) of the box of limits of the axes, the others held, and how far it may be passed (n,).
+    """Return the corners (n,) of the box of limits of the axes, the others fixed, and the allowance beyond it (n,).
 
     Args:
         robot: The robot.
-        axes: Which entries of q the box is over.
+        axes: The indices in q of the coordinates of the box.
         at: (n,) the values of the other coordinates.
-        window: More ends, by coordinate [rad or m].
+        window: Additional ends, by coordinate [rad or m].
 
     Raises:
         DimensionError: If a coordinate of the box is not bounded.
@@ -220,7 +220,7 @@ def paved_box(
 
 
 def volume_of_boxes(parts: Sequence[Array]) -> float:
-    """Return the sum of the volumes of boxes (f, 2, k), each part an array of them."""
+    """Return the sum of the volumes of boxes; each part is an array (f, 2, k)."""
     sizes = [(one[:, 1] - one[:, 0]).prod(axis=1) for one in parts]
     return math.fsum(float(x) for one in sizes for x in one)
 
@@ -231,12 +231,12 @@ def corners_of(parts: Sequence[Array], k: int) -> Array:
 
 
 def rounding_of_volumes(total: float) -> float:
-    """Return a bound of the rounding of the volumes of boxes that together fill at most a box of this volume."""
+    """Return a bound of the rounding error of the sum of volumes of boxes, whose true sum is at most `volume`."""
     return 64.0 * UNIT_ROUNDOFF * total
 
 
 def halved(boxes: Array, across: Indices) -> Array:
-    """Halve each box (N, 2, k) across one coordinate of each (N,): all first halves, then all second ones."""
+    """Halve each box (N, 2, k) in one coordinate (N,); return all first halves, then all second halves."""
     rows = np.arange(len(boxes))
     middle = 0.5 * (boxes[rows, 0, across] + boxes[rows, 1, across])
     first, second = boxes.copy(), boxes.copy()
@@ -246,7 +246,7 @@ def halved(boxes: Array, across: Indices) -> Array:
 
 
 class Paving:
-    """Boxes [low, high] over the axes, and rows (box, pair) of what is not yet proven free in them."""
+    """Boxes [low, high] over the axes, and rows (box, pair) for pairs that are not yet proven free in a box."""
 
     def __init__(
         self,
@@ -271,7 +271,7 @@ class Paving:
         self.left: list[Array] = []
 
     def run(self, is_enough: Callable[[float, float], bool]) -> Reason | None:
-        """Halve until free and undecided volume are enough; return what of the budget ended it, if it did."""
+        """Halve boxes until enough volume is decided; return which part of the budget ended the search, if one did."""
         held = HeldPairs(self.pairs, self.axes, self.at, self.low, self.high, self.beside)
         items = np.setdiff1d(np.arange(len(self.pairs) + len(self.rules)), held.rows)
         boxes = np.stack([self.low, self.high])[None]
@@ -318,7 +318,7 @@ class Paving:
         return _Round(halves, found.lists.take(is_open), number[box[keep]], item[keep], ~contact & ~is_open, contact)
 
     def bounds(self, item: Indices, boxes: Array) -> tuple[Array, Array]:
-        """Return lower bounds, above zero where proven kept, and upper ones, below zero where proven not to be."""
+        """Return lower bounds, positive where proven free, and upper bounds, negative where proven in contact."""
         centre = np.tile(self.at, (len(item), 1))
         half = np.zeros_like(centre)
         middle = 0.5 * (boxes[:, 0] + boxes[:, 1])

@@ -1,9 +1,8 @@
-"""plan(): a motion between two configurations that is certified, or a proof that there is none, or neither.
+"""plan(): a certified motion between two configurations, or a proof that there is none, or UNDECIDED.
 
-How a path is found is a heuristic: the straight one, the shortest one through polytopes, a chain of the sets of a
-cover, two trees. What it is worth is not: `certify` proves it, over all of its length. That there is no motion is
-proven where an effective angle, or one inequality, has to pass through contact, and where all boxes of a cover that may
-be free do not connect start and goal.
+Heuristics find a path: the straight path, the shortest path through polytopes, a chain of sets of a cover, two trees.
+`certify` then proves the whole path. It is proven that no motion exists if an effective angle, or one inequality, must
+pass through contact, or if the boxes of a cover that may be free do not connect start and goal.
 """
 
 from __future__ import annotations
@@ -39,32 +38,34 @@ __all__ = ["Plan", "plan"]
 
 _BUDGET = Budget(boxes=20_000_000, seconds=30.0)
 _ANGLES = 257
-"""Angles between start and goal at which contact is looked for, beside the middles of its strips."""
+"""The number of angles between start and goal at which contact is tested, besides the middles of strips."""
 _SLIDES = 1.0
-"""Metres: how far at least a prismatic joint without limits is searched beyond start and goal."""
+"""Metres: the least range beyond start and goal in which a prismatic joint without limits is searched."""
 _PACES = (1.0, 0.5, 0.2, 0.0)
-"""How fast a smooth motion passes its waypoints: the first that is certified is taken. The last one stops at each."""
+"""Speeds at which a smooth motion passes its waypoints, tried in this order. The last one stops at each waypoint."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plan(Value):
-    """A motion, and what was proven of it. Made by `plan`.
+    """A motion, and what was proven about it. Made by `plan`.
 
     Attributes:
-        verdict: CERTIFIED: the motion, straight between `waypoints`, is proven clear and within limits. VIOLATED: there
-            is none, with proof: start or goal is not free, or `separated_by` is between them. UNDECIDED: none was
-            found, which proves nothing. NOTHING_TO_CHECK: there is no boundary.
-        waypoints: (k, n); none unless a motion was found.
-        certificate: Of the motion; None if none was found.
-        separated_by: The boundary that every motion between the two would touch, or what start or goal violate; "cover"
-            if the boxes of a cover prove it.
+        verdict: CERTIFIED: the motion, straight between `waypoints`, is proven free and within limits. VIOLATED: it is
+            proven that no motion exists, because start or goal is not free, or `separated_by` is between them.
+            UNDECIDED: no motion was found, which proves nothing. NOTHING_TO_CHECK: there is no boundary.
+        waypoints: (k, n); empty if no motion was found.
+        certificate: The certificate of the motion; None if no motion was found.
+        separated_by: The boundary that every motion from start to goal would touch, or the boundary or limit that start
+            or goal violates; "cover" if the boxes of a cover prove that there is no motion.
         notes: Sentences about what the verdict does not cover.
         seconds: Wall time [s].
-        found_by: How the way was found: "straight", "shortest" (in the polygon), "sets", "trees"; empty if none was.
-        times: (k,) seconds at which the straight motion passes its waypoints, by the velocities; None without them.
-        motion: A smooth motion past the waypoints, a SciPy BPoly over seconds, which keeps the velocities; None without
-            them, or where none was certified.
-        motion_certificate: Of the smooth motion.
+        found_by: How the motion was found: "straight", "shortest" (through polytopes), "sets", "trees"; empty if none
+            was.
+        times: (k,) times [s] at which the straight motion passes its waypoints at the given velocities; None without
+            them.
+        motion: A smooth motion past the waypoints, a SciPy BPoly over time [s], which keeps the velocities; None
+            without velocities, or if no smooth motion was certified.
+        motion_certificate: The certificate of the smooth motion.
 
     Example:
         >>> import pinbound as pb
@@ -87,7 +88,7 @@ class Plan(Value):
 
     @property
     def coverage(self) -> CoverageRecord | None:
-        """What the boundaries watch of the robot, and what they do not, by the certificate; None without one."""
+        """Which pairs of links the boundaries watch, and which they do not; None without a certificate."""
         return None if self.certificate is None else self.certificate.coverage
 
     @property
@@ -110,31 +111,31 @@ def plan(
 ) -> Plan:
     """Return a certified motion from one configuration to another, straight between waypoints.
 
-    The straight motion is tried first. Where all boundaries have one effective angle, what is free is a union of
-    polytopes, one for each choice that rules with conditions leave: the shortest path through it is next. Then a chain
-    of the sets of a cover, then two trees that grow from both ends through free samples. Every path is certified anew.
-    A joint without limits is searched one turn beyond start and goal. A prismatic joint without limits is searched one
-    metre beyond them, or as far as they are apart if that is more.
+    The straight motion is tried first. If all boundaries have one effective angle, the free set is a union of
+    polytopes, one for each way to satisfy the rules with conditions; the shortest path through it is tried next. Then
+    follow a chain of sets of a cover, and two trees that grow from both ends through free samples. Every path is
+    certified. A revolute joint without limits is searched one turn beyond start and goal; a prismatic joint without
+    limits, by the distance of start and goal, but at least one metre.
 
     Args:
         robot: The robot.
         start: (n,) [rad or m].
         goal: (n,).
         boundaries: Names of the boundaries; None: all.
-        budget: How much work is allowed; None: 30 seconds.
-        cover: Sets of this robot and these boundaries, by `certified_cover` or `load_cover`.
-        velocity: Largest speed of each coordinate [rad/s or m/s]: (n,), one number, or by name. With it come `times`
-            and a smooth `motion`.
+        budget: The work allowed; None: 30 seconds.
+        cover: A cover of this robot and these boundaries, from `certified_cover` or `load_cover`.
+        velocity: Largest speed of each coordinate [rad/s or m/s]: (n,), one number, or by name. It is needed for
+            `times` and the smooth `motion`.
         limits_only: Whether to use limits and rules only, without boundaries.
-        seed: Of the random samples.
+        seed: Seed of the random samples.
 
     Returns:
-        The motion with its certificate; or a proof that there is none; or UNDECIDED.
+        The motion with its certificate, or a proof that there is none, or UNDECIDED.
 
     Raises:
         DimensionError: If start or goal is not one finite configuration, or a velocity is not positive.
-        UnknownNameError: If the robot has no boundary, or no coordinate of the velocity, of that name.
-        UnsupportedError: If the cover is of another robot, or of other boundaries.
+        UnknownNameError: If a boundary, or a coordinate of `velocity`, does not exist.
+        UnsupportedError: If the cover belongs to another robot or to other boundaries.
 
     Example:
         >>> import pinbound as pb

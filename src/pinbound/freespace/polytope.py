@@ -1,4 +1,4 @@
-"""certified_polytope(): a polytope around a configuration, in all coordinates, every q of which is proven free."""
+"""certified_polytope(): a polytope around a configuration, in all coordinates, in which every q is proven free."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ __all__ = ["certified_polytope"]
 
 _BUDGET = Budget(boxes=1_000_000_000, seconds=60.0)
 _AT_Q = Budget(boxes=2_000_000, seconds=10.0)
-"""For the proof of q alone, which a budget of boxes does not count."""
+"""Boxes for the proof of q alone, which do not count in the budget."""
 _STAGES = ((1.0 / 16.0, 0.1 / 16.0), (0.25, 0.025), (1.0, 0.4), (1.0, 0.2), (1.0, 0.1))
 """Of the way from q to all limits, the box within which a polytope is proven, and how far faces keep away from contact
 there, where there is room [rad or m]. Twice the distance takes a fifth of the boxes, and little of the volume."""
 _JUDGED = 20_000
-"""Samples of the box of limits by which the largest of the polytopes that were proven is chosen."""
+"""Number of samples of the box of limits, which choose the largest of the proven polytopes."""
 _SAMPLES = 6000
 _SIDE = -1
-"""In place of a pair: a face that is a side of the box within which the polytope is proven."""
+"""Marks a face that is a side of the box within which the polytope is proven; it belongs to no pair."""
 _GROWING = 0.2
-"""Of the seconds that are left: for proposing faces."""
+"""Share of the remaining seconds for proposing faces."""
 
 
 def certified_polytope(
@@ -53,34 +53,34 @@ def certified_polytope(
     limits_only: bool = False,
     seed: int = 0,
 ) -> FreePolytope:
-    """Return a polytope `{A q <= b}` around q, every configuration of which is proven free and within all limits.
+    """Return a polytope `{A q <= b}` around q in which every configuration is proven free and within all limits.
 
-    Boundaries of several effective angles are searched: tangents of contact are proposed from samples, and then every
-    pair is proven free over the polytope in its own coordinates, boxes halved, until nothing is left; where contact
-    or what cannot be told from it is inside, a face is added. The polytope is not the largest one.
+    Boundaries of several effective angles need a search: samples propose tangents of contact as faces. Then every pair
+    is proven free over the polytope, in its own coordinates, by halving boxes. If a box with contact, or a box that
+    cannot be decided, is inside, a face is added. The polytope is not the largest possible one.
 
-    If every boundary has one effective angle, as those of parallelogram arms have, the polytope is exact: its faces are
-    limits, rules and contact angles, all in closed form, less a slack for rounding of some 1e-11 rad. Of a rule with
-    conditions the half-space is taken that keeps q furthest inside; a note says which.
+    If every boundary has one effective angle (as for parallelogram arms), the polytope is exact: its faces are limits,
+    rules and contact angles in closed form, minus a slack of about 1e-11 rad for rounding. A rule with conditions gives
+    several half-spaces; the one in which q is furthest inside is used, and a note says which.
 
     Args:
         robot: The robot.
         q: (n,) the configuration inside.
         boundaries: Names of the boundaries; None: all.
-        budget: How much work is allowed; None: 60 seconds. If it ends the search, the largest polytope that was proven
-            is returned, with a note; if there is none, the verdict is UNDECIDED.
+        budget: The work allowed; None: 60 seconds. If it ends the search, the largest proven polytope is returned, with
+            a note; if there is none, the verdict is UNDECIDED.
         window: Ends [rad or m] by coordinate; needed for coordinates without limits.
         limits_only: Whether to use limits and rules only, without boundaries. Without it, no boundary at all is
             NOTHING_TO_CHECK.
-        seed: Of the random samples that propose faces; what is proven does not depend on them.
+        seed: Seed of the random samples that propose faces; the proofs do not depend on them.
 
     Returns:
-        The polytope. If q itself is not free, an empty one, with the verdict VIOLATED.
+        The polytope. If q itself is not free, it is empty and has the verdict VIOLATED.
 
     Raises:
         DimensionError: If q is not one finite configuration, or a coordinate has no limits.
-        UnknownNameError: If the robot has no boundary, or the window no coordinate, of that name.
-        UnsupportedError: If no joint of the robot moves.
+        UnknownNameError: If a boundary, or a coordinate of `window`, does not exist.
+        UnsupportedError: If the robot has no moving joint.
 
     References:
         `docs/free-space.md`.
@@ -251,7 +251,7 @@ class _Ground:
 
 
 def needed_faces(faces: Sequence[Face]) -> tuple[Face, ...]:
-    """Return the faces that no others imply, each proven bound the tightest; equal ones once."""
+    """Return the faces that no other faces imply, each with its tightest proven bound; equal faces once."""
     kept: list[Face] = []
     for face in faces:
         scaled = face.normal / np.linalg.norm(face.normal)

@@ -1,7 +1,8 @@
-"""free_projection(): for which values of two coordinates there is a free value of all others, proven in and out.
+"""free_projection(): for which values of two coordinates a free value of all others exists, with proof.
 
-A cell is *in* if one value of the others, the witness, is proven free with every point of the cell. It is *out* if
-boxes that cover all values of the others are each proven in contact, or beyond a limit, with every point of the cell.
+A cell is *in* if one value of the other coordinates, the witness, is proven free for every point of the cell. A cell is
+*out* if boxes that cover all values of the other coordinates are each proven in contact, or beyond a limit, for every
+point of the cell.
 """
 
 from __future__ import annotations
@@ -27,27 +28,27 @@ __all__ = ["FreeProjection", "free_projection"]
 
 _BUDGET = Budget(boxes=20_000_000, seconds=20.0)
 _CANDIDATES = 48
-"""Values of the others that are tried in each cell, beside the witness of the cell that it is a half of."""
+"""Number of values of the others that are tried in each cell, besides the witness of its parent cell."""
 _SAMPLES = 4000
 _TRIED = 2
-"""Of these, the ones furthest from contact in the middle of a cell for which a proof is tried."""
+"""Number of these, furthest from contact in the middle of the cell, for which a proof is tried."""
 _PARTS = 48
-"""Boxes over the others, of one cell, up to which it is tried to prove it out."""
+"""Largest number of boxes over the others in an attempt to prove one cell out."""
 _CELLS = 256
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FreeProjection(Value):
-    """What of the box of limits of two coordinates is free for some value of all others. Made by `free_projection`.
+    """Values of two coordinates for which some value of all others is free. Made by `free_projection`.
 
     Attributes:
-        coordinates: The two.
+        coordinates: The two coordinates.
         coverage: Which pairs of links the boundaries watch, and which they do not.
         box: (2, 2) corners of the box of limits [rad or m].
-        inside: (f, 2, 2) corners of cells proven in: with the witness's values of the others all of the cell is free.
-        witnesses: (f, n) a configuration of each, in the middle of the cell.
-        outside: (o, 2, 2) cells proven out: no value of the others is free.
-        open: (u, 2, 2) cells that are not decided.
+        inside: (f, 2, 2) corners of cells proven in: with the other coordinates of the witness, the whole cell is free.
+        witnesses: (f, n) one configuration for each cell of `inside`, in the middle of the cell.
+        outside: (o, 2, 2) corners of cells proven out: no value of the others is free.
+        open: (u, 2, 2) corners of undecided cells.
         reason: Why undecided boxes remain (the budget); None if the requested share was decided.
         boxes: The number of bounds computed, one for each box and boundary.
         seconds: Wall time [s].
@@ -78,12 +79,12 @@ class FreeProjection(Value):
 
     @property
     def decided(self) -> float:
-        """The share of the box that is decided, in [0, 1]."""
+        """The decided share of the box, in [0, 1]."""
         return max(0.0, 1.0 - volume_of_boxes([self.open]) / float((self.box[1] - self.box[0]).prod()))
 
     @property
     def areas(self) -> tuple[float, float]:
-        """At least and at most so much is in [rad^2, metres for a prismatic joint]."""
+        """Lower and upper bound of the area that is in [rad^2, metres for a prismatic joint]."""
         inside, left = volume_of_boxes([self.inside]), volume_of_boxes([self.open])
         room = rounding_of_volumes(float((self.box[1] - self.box[0]).prod()))
         return max(0.0, inside - room), inside + left + room
@@ -100,20 +101,20 @@ def free_projection(
     limits_only: bool = False,
     seed: int = 0,
 ) -> FreeProjection:
-    """Return for which values of two coordinates the others can be such that the robot is free, proven in and out.
+    """Return for which values of two coordinates the robot is free for some value of the others, with proof.
 
     Args:
         robot: The robot.
-        coordinates: Two names.
+        coordinates: Names of two coordinates.
         boundaries: Names of the boundaries; None: all.
-        budget: How much work is allowed; None: 20 seconds.
-        window: Ends [rad or m] by coordinate, the others' too; needed for coordinates without limits.
-        decided: The share of the box after which the search ends, in (0, 1].
+        budget: The work allowed; None: 20 seconds.
+        window: Ends [rad or m] by coordinate, also for the others; needed for coordinates without limits.
+        decided: The decided share of the box at which the search ends, in (0, 1].
         limits_only: Whether to use limits and rules only, without boundaries.
-        seed: Of the random samples that propose witnesses; what is proven does not depend on them.
+        seed: Seed of the random samples that propose witnesses; the proofs do not depend on them.
 
     Raises:
-        UnknownNameError: If there is no coordinate, or no boundary, of a name.
+        UnknownNameError: If a coordinate or a boundary does not exist.
         UnsupportedError: If there are not two coordinates.
         DimensionError: If `decided` is not in (0, 1], or a coordinate has no limits.
 

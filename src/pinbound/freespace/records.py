@@ -1,4 +1,4 @@
-"""What is known of a free polytope: its faces, a verdict, and what its geometry says."""
+"""Records of a free polytope: its faces, its verdict, and its geometry."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ __all__ = ["FreePolytope"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FreePolytope(Value):
-    """`{q : A q <= b}`, in all coordinates, and what was proven of it. Made by `certified_polytope`.
+    """The polytope `{q : A q <= b}` in all coordinates, and what was proven about it. Made by `certified_polytope`.
 
     Attributes:
-        verdict: CERTIFIED: every q in it is free and within all limits, rounding included. VIOLATED: the q that was
-            asked about is not free, and the polytope is empty. UNDECIDED: `open_boxes` has what is left, and no q is
-            in it for `contains`. NOTHING_TO_CHECK: no boundary.
+        verdict: CERTIFIED: every q in it is free and within all limits, rounding included. VIOLATED: the requested q is
+            not free, and the polytope is empty. UNDECIDED: `open_boxes` holds the undecided boxes, and `contains` is
+            False for every q. NOTHING_TO_CHECK: there is no boundary.
         coverage: Which pairs of links the boundaries watch, and which they do not.
         coordinates: Names of q's entries.
-        q: (n,) the configuration that was asked about.
-        faces: Its faces, named; in the order of the rows of A. Unless the verdict is CERTIFIED they are not proven.
-        is_exact: Whether all faces are limits, rules, or contact angles in closed form. Otherwise some were placed by a
-            search.
-        violated: What q violates; None unless the verdict is VIOLATED.
-        open_boxes: What was not decided.
+        q: (n,) the requested configuration.
+        faces: Its named faces, in the order of the rows of A. They are proven only if the verdict is CERTIFIED.
+        is_exact: Whether all faces are limits, rules, or contact angles in closed form. Otherwise a search placed some
+            faces.
+        violated: The boundary or limit that q violates; None unless the verdict is VIOLATED.
+        open_boxes: The undecided boxes.
         boxes: The number of bounds computed, one for each box and boundary.
         seconds: Wall time [s].
         notes: Sentences about what the verdict does not cover.
@@ -79,14 +79,14 @@ class FreePolytope(Value):
 
     @cached_property
     def A(self) -> Array:
-        """(m, n) outward normals of the faces; one row of zeros, which no q keeps, unless the verdict is CERTIFIED."""
+        """(m, n) outward normals of the faces; unless the verdict is CERTIFIED, one row of zeros."""
         return self._normals if self.verdict is Verdict.CERTIFIED else read_only(np.zeros((1, len(self.coordinates))))
 
     @cached_property
     def b(self) -> Array:
-        """(m,) proven bounds [rad or m]: every q with A q <= b is free; less than the closed form by `Face.slack`.
+        """(m,) proven bounds [rad or m]: every q with A q <= b is free. They are the closed forms minus `Face.slack`.
 
-        Unless the verdict is CERTIFIED it is -1, so that `A q <= b` holds of no q.
+        Unless the verdict is CERTIFIED, it is -1, so that no q satisfies `A q <= b`.
         """
         if self.verdict is not Verdict.CERTIFIED:
             return read_only(np.full(1, -1.0))
@@ -104,7 +104,7 @@ class FreePolytope(Value):
     def contains(self, Q: ArrayLike) -> Any:
         """Return whether q (n,), or each of Q (N, n), is proven free by this polytope.
 
-        So A q <= b, the rounding of A q counted against it, and the verdict is CERTIFIED.
+        It is True if the verdict is CERTIFIED and A q <= b holds in spite of the rounding of A q.
 
         Raises:
             DimensionError: If the last axis is not n long.
@@ -127,13 +127,14 @@ class FreePolytope(Value):
         return found if array.ndim > 1 else bool(found[0])
 
     def export_drake(self, path: str | Path, name: str = "free") -> Path:
-        """Write `{A q <= b}` as YAML of one Drake `HPolyhedron`, which `LoadIrisRegionsYamlFile` reads.
+        """Write `{A q <= b}` as YAML of a Drake `HPolyhedron`, which `LoadIrisRegionsYamlFile` reads.
 
-        Drake's `PointInSet` has a tolerance of 1e-8: what is proven is `A q <= b` itself, so give it `tol=0.0`.
+        The proof is about `A q <= b` itself, but Drake's `PointInSet` has a tolerance of 1e-8 by default: pass
+        `tol=0.0`.
 
         Args:
             path: The file.
-            name: Of the set in it.
+            name: Name of the set in the file.
 
         Raises:
             OSError: If the file cannot be written.
@@ -144,17 +145,17 @@ class FreePolytope(Value):
 
     @cached_property
     def factors(self) -> tuple[Factor, ...]:
-        """The polytopes of which it is the product, from the closed forms of the faces (`Face.bound`)."""
+        """The polytopes whose Cartesian product it is, from the closed forms of the faces (`Face.bound`)."""
         if not self.faces:
             return ()
         return factors(self._normals, np.array([face.bound for face in self.faces]))
 
     @cached_property
     def vertices(self) -> Array:
-        """(v, n) its vertices, solved from the closed forms of the faces that meet [rad or m].
+        """(v, n) its vertices, computed from the closed forms of the faces that meet [rad or m].
 
         Raises:
-            UnsupportedError: If faces tie more than four coordinates together.
+            UnsupportedError: If faces couple more than four coordinates.
         """
         if not self.faces:
             return read_only(np.empty((0, len(self.coordinates))))
@@ -167,10 +168,10 @@ class FreePolytope(Value):
 
     @property
     def volume(self) -> float:
-        """Volume of `{A q <= bound}`, the closed forms [rad^n, metres for a prismatic joint]; see `volume_error`.
+        """Volume of `{A q <= bound}` with the closed forms [rad^n, metres for a prismatic joint]; see `volume_error`.
 
         Raises:
-            UnsupportedError: If faces tie more than four coordinates together; `sampled_volume` estimates it.
+            UnsupportedError: If faces couple more than four coordinates; `sampled_volume` estimates the volume then.
 
         Example:
             >>> import pinbound as pb
@@ -188,11 +189,11 @@ class FreePolytope(Value):
         return volume_of(self.factors)[1] if self.faces else 0.0
 
     def sampled_volume(self, samples: int = 200_000, seed: int = 0) -> tuple[float, float]:
-        """Return an estimate of `volume` and its standard error [its unit]; factors of up to 4 coordinates are exact.
+        """Return an estimate of `volume` and its standard error [its unit]. Factors of at most 4 coordinates are exact.
 
         Args:
-            samples: In the smallest box around each factor that is estimated.
-            seed: Of the random numbers.
+            samples: Number of samples in the smallest box around each estimated factor.
+            seed: Seed of the random numbers.
         """
         if not self.faces:
             return 0.0, 0.0
