@@ -231,7 +231,7 @@ def corners_of(parts: Sequence[Array], k: int) -> Array:
 
 
 def rounding_of_volumes(total: float) -> float:
-    """Return a bound of the rounding error of the sum of volumes of boxes, whose true sum is at most `volume`."""
+    """Return a bound of the rounding error of a sum of volumes of boxes that is at most `total`."""
     return 64.0 * UNIT_ROUNDOFF * total
 
 

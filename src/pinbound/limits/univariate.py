@@ -1,16 +1,16 @@
-"""One coordinate at a time: contact angles and allowed arcs.
+"""Contact angles and allowed arcs of one coordinate, with the others fixed.
 
-If a coordinate turns one rotation of a chain, then for the other coordinates fixed `r = p + R(u, phi) s` and
+If a coordinate occurs in one rotation of a chain, and the other coordinates are fixed, `r = p + R(u, phi) s` and
 
     |r|^2 = h^2 + (|p| - |s|)^2 + 4 |p| |s| sin^2((phi - phi*) / 2),
 
-with p and s taken across u, h the sum of both along u, and phi* the angle at which R s points against p. The norm
-is smallest at phi*; it is at or below a threshold t on the strip `phi* +- w`, sin^2(w / 2) = (t^2 - m^2) / (4 |p| |s|),
-where m is the smallest norm. The form in sin^2 keeps full accuracy near contact. If a coordinate only slides,
-`r = p + d x` and contact is where `|x - x*| <= sqrt(t^2 - m^2) / |d|`. Above a plane the height is
-`m + 2 D sin^2((phi - phi*) / 2)`, a strip again. All are evaluated for many q at once; every other use of a coordinate
-goes to `isolation`, which finds all roots with a proof, and segments and lines to `piecewise_isolation`, or, where the
-coordinate only slides them, to `prismatic`. See `docs/limits.md` and `docs/segments.md`.
+where p and s are the parts perpendicular to u, h is the sum of both parts along u, and phi* is the angle at which R s
+is opposite to p. The norm is smallest at phi*. It is at most t on the strip `phi* +- w`, sin^2(w / 2) = (t^2 - m^2) /
+(4 |p| |s|), where m is the smallest norm. The form with sin^2 keeps full accuracy near contact. If a coordinate only
+translates, `r = p + d x`, and contact is `|x - x*| <= sqrt(t^2 - m^2) / |d|`. Above a plane the height is `m + 2 D
+sin^2((phi - phi*) / 2)`, which gives a strip, too. All this is evaluated for many q at once. In all other cases
+`isolation` finds all roots with a proof; for segments and lines, `piecewise_isolation` does, or `prismatic` if the
+coordinate only translates them. See `docs/limits.md` and `docs/segments.md`.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Strip:
-    """Where `|p + R(u, phi) s|` is in contact: `phi = angle +- half_width`, every turn.
+    """The contact strip of `|p + R(u, phi) s|`: `phi = angle +- half_width`, repeated every turn.
 
     Attributes:
         angle: phi* [rad], in (-pi, pi].
-        half_width: w [rad]: None if there is no contact, 0 if the two arms just align, pi if there is always.
+        half_width: w [rad]: None: no contact; 0: contact only where the two arms align; pi: contact at every angle.
         smallest: m [m], the smallest norm over a turn.
     """
 
@@ -58,14 +58,14 @@ class Strip:
 
 @dataclass(frozen=True, eq=False)
 class AllowedArcs(Value):
-    """The allowed values of one coordinate, the others fixed.
+    """The allowed values of one coordinate, with the others fixed.
 
     Attributes:
         coordinate: Its name.
-        intervals: (k, 2) open intervals [rad or m] of one period, ascending; ends are contacts, infinite, or ends of
-            the window.
-        period: [rad]; the intervals repeat every period, or not at all if it is infinite.
-        window: [rad or m], within which the intervals were found; infinite unless the coordinate never repeats.
+        intervals: (k, 2) open intervals [rad or m] of one period, ascending. An end is a contact, infinite, or an end
+            of the window.
+        period: [rad]; the intervals repeat with this period; infinite: they do not repeat.
+        window: [rad or m], the range in which the intervals were found; infinite unless the coordinate has no period.
 
     Example:
         >>> arcs = AllowedArcs("q1", np.array([[-1.0, 2.0]]), 2 * np.pi)
@@ -79,7 +79,7 @@ class AllowedArcs(Value):
     window: tuple[float, float] = (-math.inf, math.inf)
 
     def around(self, value: float) -> tuple[float, float] | None:
-        """Return the interval (2,) that holds `value`, or None; an end of the window is no contact, and holds it."""
+        """Return the interval (2,) that holds `value`, or None; an end of the window is no contact and belongs to it."""
         for lower, upper in self.intervals:
             turns = 0.0
             if math.isfinite(self.period) and math.isfinite(lower):
@@ -144,14 +144,15 @@ def strips(p: Array, s: Array, axis: Array, threshold: float, tolerance: float) 
     """Return `phi*` (N,), `w` (N,) and `m` (N,) of the contact strips `|p + R(axis, phi) s| <= threshold`.
 
     Args:
-        p: (N, 3) [m], the parts that stand still.
-        s: (N, 3) [m], the parts that turn.
+        p: (N, 3) [m], the fixed parts.
+        s: (N, 3) [m], the rotating parts.
         axis: (3,) unit vector.
         threshold: t [m].
-        tolerance: [m]. A smallest norm up to this still counts as contact, at the aligned angle: infinite for a stop.
+        tolerance: [m]. A smallest norm up to this is contact at the aligned angle; infinite for a stop.
 
     Returns:
-        Angles in (-pi, pi], half widths (NaN: no contact; 0: the arms just align; pi: always) and smallest norms [m].
+        Angles in (-pi, pi], half widths (NaN: no contact; 0: only where the arms align; pi: always), smallest norms
+        [m].
     """
     height = (p + s) @ axis
     p_perpendicular, s_perpendicular = p - np.outer(p @ axis, axis), s - np.outer(s @ axis, axis)
@@ -171,13 +172,13 @@ def strips(p: Array, s: Array, axis: Array, threshold: float, tolerance: float) 
 
 
 def strip(p: Array, s: Array, axis: Array, threshold: float, tolerance: float) -> Strip:
-    """Return one contact strip, of p (3,) and s (3,); see `strips`."""
+    """Return the contact strip of one p (3,) and s (3,); see `strips`."""
     angle, half_width, smallest = (float(x[0]) for x in strips(p[None], s[None], axis, threshold, tolerance))
     return Strip(angle, None if math.isnan(half_width) else half_width, smallest)
 
 
 def gap_around(angle: float, half_width: float, phi: float) -> tuple[float, float]:
-    """Return the open interval without contact `angle +- half_width` (every turn) that holds phi; NaN if in contact."""
+    """Return the open interval around phi without contact `angle +- half_width` (every turn); NaN if in contact."""
     turn = 2.0 * math.pi
     turns = math.floor((phi - angle) / turn)
     lower = angle + turns * turn + half_width
@@ -189,8 +190,8 @@ def height_strips(p: Array, s: Array, axis: Array, normal: Array, threshold: flo
     """Return `phi*` (N,), `w` (N,) and `m` (N,) of the contact strips `n . (p + R(axis, phi) s) <= threshold`.
 
     Args:
-        p: (N, 3) [m], the parts that stand still.
-        s: (N, 3) [m], the parts that turn.
+        p: (N, 3) [m], the fixed parts.
+        s: (N, 3) [m], the rotating parts.
         axis: (3,) unit vector.
         normal: (N, 3) unit vectors n.
         threshold: t [m].
@@ -210,7 +211,7 @@ def height_strips(p: Array, s: Array, axis: Array, normal: Array, threshold: flo
 
 
 def one_angle(chain: Chain) -> tuple[Array, Array] | None:
-    """Return the one effective angle's coefficients (n,), the last of them positive, and its axis; None if several."""
+    """Return the coefficients (n,) of the one effective angle, the last positive, and its axis; None if several."""
     if chain.rotations != 1 or np.any(chain.slides):
         return None
     axis, c = chain.axes[0], chain.coefficients[0]
@@ -219,10 +220,11 @@ def one_angle(chain: Chain) -> tuple[Array, Array] | None:
 
 
 def one_angle_strips(path: RelativePath, threshold: float, tolerance: float) -> tuple[Array, tuple[Strip, ...]] | None:
-    """Return the effective angle's coefficients (n,) and all its contact strips; None if there are several angles.
+    """Return the coefficients (n,) of the effective angle and all contact strips; None if there are several angles.
 
-    Two points, or a point and a plane, have one strip, whose half width is None if there is no contact; segments may
-    have several, and one without contact if there is none. The tolerance, as in `strips`, is for two points alone.
+    Two points, or a point and a plane, have one strip; its half width is None if there is no contact. Segments may have
+    several strips; without contact they have one such strip, too. The tolerance, as in `strips`, applies to two points
+    only.
     """
     found = one_angle(path.minimal)
     if found is None:
@@ -232,14 +234,14 @@ def one_angle_strips(path: RelativePath, threshold: float, tolerance: float) -> 
 
 
 def one_angle_smallest(path: RelativePath) -> float | None:
-    """Return a lower bound of the separation over a turn [m], tight, if the path has one effective angle; else None."""
+    """Return a tight lower bound of the separation over a turn [m] if the path has one effective angle; else None."""
     return None if one_angle(path.minimal) is None else _of(path).smallest(path)
 
 
 def one_angle_strip(chain: Chain, threshold: float, tolerance: float) -> tuple[Array, Strip] | None:
-    """Return the effective angle's coefficients (n,) and its contact strip, if the chain is of one angle.
+    """Return the coefficients (n,) of the effective angle and its contact strip, if the chain has one angle.
 
-    The effective angle is `c . q`, signed so that the last coefficient that is not zero is positive.
+    The effective angle is `c . q`; its sign is chosen so that the last nonzero coefficient is positive.
     """
     found = one_angle(chain)
     if found is None:
@@ -256,9 +258,9 @@ def allowed_arcs_table(
     tolerance: float,
     window: tuple[float, float] | None = None,
 ) -> AllowedArcsTable:
-    """Return the values of coordinate `index` with a separation above the threshold, the others as in Q (N, n).
+    """Return the values of coordinate `index` with a separation above the threshold; other coordinates are those of Q.
 
-    What the threshold and the tolerance are is the contact rule's decision (`contact`).
+    The contact rule (`contact`) decides threshold and tolerance.
 
     Args:
         path: The reduced path.
@@ -266,12 +268,12 @@ def allowed_arcs_table(
         name: Its name.
         Q: (N, n) finite.
         threshold: t [m].
-        tolerance: [m], as in `strips`, where the coordinate turns one rotation or slides.
-        window: Within which to look, where the coordinate never repeats.
+        tolerance: [m], as in `strips`, for coordinates in one rotation, or that only translate.
+        window: The range in which to search if the coordinate has no period.
 
     Raises:
-        UnsupportedError: If the coordinate both turns and slides, or turns by angles without a common period, and no
-            finite window is given.
+        UnsupportedError: If no finite window is given, and the coordinate both rotates and translates, or rotates by
+            angles without a common period.
     """
     chain = path.minimal
     turned = np.flatnonzero(chain.coefficients[:, index])

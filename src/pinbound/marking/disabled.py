@@ -1,9 +1,9 @@
-"""What an SRDF's `disable_collisions` is worth: which of its pairs can never meet, and which can in fact touch.
+"""Checks the `disable_collisions` of an SRDF: which of its pairs can never meet, and which can touch.
 
-A pair that a file disables is not taken for safe. It is proven never to meet, or a configuration is looked for at
-which its bodies touch: among samples, and from the nearest of them on by random steps that bring the covers closer.
-Where covers stick out of their bodies, their contact is no contact of bodies yet: `touches` asks somebody who knows the
-bodies.
+A pair that a file disables is not assumed to be safe. Either it is proven never to meet, or a search looks for a
+configuration at which its bodies touch: among samples, and from the nearest samples by random steps that bring the
+covers closer. Covers may stick out of their bodies, so contact of covers is not yet contact of bodies: the function
+`touches` checks the bodies.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _MOST = 200  # configurations that one pair's bodies are asked about
 
 @dataclass(frozen=True, eq=False)
 class DisabledPair(Value):
-    """Two links whose collisions a file disables, and what was found of them.
+    """Two links whose collisions a file disables, and the result of the check.
 
     Attributes:
         links: The two links.
@@ -52,10 +52,10 @@ class DisabledPair(Value):
         source: The file.
         line: Its line; None if it was not kept.
         verdict: ``"can touch"``, ``"can never meet"``, ``"never move against each other"``, ``"no contact found"``, or
-            why nothing can be said.
-        basis: What that rests on, as of `Evidence`.
-        text: The number or the sentence behind it.
-        q: (n,), where they touch; None if that was not seen.
+            why there is no result.
+        basis: The basis of the verdict, as in `Evidence`.
+        text: The number or the sentence that supports it.
+        q: (n,) a configuration at which they touch; None if none was found.
     """
 
     links: tuple[str, str]
@@ -69,9 +69,9 @@ class DisabledPair(Value):
 
 
 def find_srdf(robot: Robot) -> tuple[Path, ...]:
-    """Return the SRDFs beside a robot's file, or in `srdf/` beside its folder, that name the robot.
+    """Return the SRDFs of this robot beside its file, or in `srdf/` beside its folder.
 
-    One of the file's own stem comes alone; else all of them.
+    An SRDF with the same stem as the file is returned alone; otherwise all are returned.
     """
     path = robot.document.path
     if not path.is_file():
@@ -112,19 +112,20 @@ def disabled_pairs(
     touches: Touches | None = None,
     judge: Judge | None = None,
 ) -> tuple[DisabledPair, ...]:
-    """Return what is found of every pair of links that an SRDF disables.
+    """Return the result for every pair of links that an SRDF disables.
 
     Args:
-        robot: The robot; what an SRDF among its annotations disables is looked at as well.
-        covers: Marks over its bodies, as of a `Proposal`.
-        srdf: A file; None: the annotations alone.
-        touches: Returns the first row of Q (k, n) at which bodies of two links touch, or None; without it covers are
-            taken for bodies where nothing sticks out.
-        judge: That of the proposal with these covers, which knows most pairs of marks; None: all are judged anew.
+        robot: The robot; pairs that an SRDF among its annotations disables are checked, too.
+        covers: Marks over its bodies, as in a `Proposal`.
+        srdf: An SRDF; None: only the annotations.
+        touches: Returns the first row of Q (k, n) at which bodies of two links touch, or None. Without it, only covers
+            that do not stick out stand for their bodies.
+        judge: The judge of the proposal with these covers, which knows most pairs of marks; None: all pairs are judged
+            again.
 
     Raises:
-        InputError: If the file cannot be read, or is no XML.
-        UnsupportedError: If no configuration keeps the limits of all joints.
+        InputError: If the file cannot be read, or is not XML.
+        UnsupportedError: If no configuration keeps all joint limits.
     """
     stated = stated_pairs(robot, srdf)
     if not stated:

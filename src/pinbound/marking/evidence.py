@@ -1,4 +1,4 @@
-"""What each reason for leaving out a pair of links rests on: a proof, a witness, samples, or custom."""
+"""The evidence for each reason to leave out a pair of links: a proof, a witness, samples, or custom."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Key = tuple[str, str, str]
 
 
 class Evidences(MadeMapping[Key, Evidence]):
-    """What each entry of `left_out` rests on, made when it is asked for: large robots have millions of pairs."""
+    """The evidence for each entry of `left_out`, made when asked for: large robots have millions of pairs."""
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class Evidences(MadeMapping[Key, Evidence]):
         }
 
     def make(self, key: Key) -> Evidence:
-        """Return what an entry of `left_out` rests on."""
+        """Return the evidence for an entry of `left_out`."""
         a, b, reason = key
         names = self._names.get(key, ())
         if reason == NEVER:

@@ -1,4 +1,4 @@
-"""Which home a proposal has, and what is said of the one that the robot has: never is it replaced without a word."""
+"""The home of a proposal, and a note about the robot's present home: it is never replaced without a note."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["Home", "choose_home", "home_note"]
 
 @dataclass(frozen=True)
 class Home:
-    """Which candidate is home, which would be best, in how many candidates pairs touch, and if home can be written."""
+    """The candidate that is home, the best candidate, numbers of touching pairs, and whether home can be written."""
 
     chosen: int
     best: int
@@ -27,7 +27,7 @@ class Home:
 
 
 def choose_home(judge: Judge, touching: Ints) -> Home:
-    """Choose today's home if the user has given it or no candidate is better; `touching` (N,) counts pairs."""
+    """Choose the present home if the user has given it or no candidate is better; `touching` (N,) counts pairs."""
     robot = judge.robot
     inside = bool(within_limits(robot.linear_limits, robot.home[None], robot.guarded_limits)[0])
     best: int | None = None
@@ -44,12 +44,12 @@ def choose_home(judge: Judge, touching: Ints) -> Home:
 
 
 def home_note(judge: Judge, home: Home, at_home: Sequence[tuple[Pair, float]]) -> str:
-    """Return what is wrong with the robot's home, by how much, and which home is proposed and why; empty if nothing.
+    """Return what is wrong with the robot's home, and which home is proposed and why; empty if nothing is wrong.
 
     Args:
         judge: The configurations; the first is the robot's home.
-        home: The choice.
-        at_home: The pairs that touch at the robot's home and not everywhere, and their signed distances [m].
+        home: The chosen home.
+        at_home: The pairs that touch at the robot's home, but not everywhere, and their signed distances [m].
     """
     robot = judge.robot
     inside = within_limits(robot.linear_limits, robot.home[None], robot.guarded_limits)[0]

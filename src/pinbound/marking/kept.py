@@ -1,4 +1,4 @@
-"""What of the robot's own annotations a proposal repeats, and which names are still to be had."""
+"""The annotations of the robot that a proposal repeats, and the names that are still unused."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["kept", "known", "unused"]
 
 
 def known(robot: Robot, covers: Sequence[Cover]) -> list[Cover]:
-    """Return covers by marks that the robot has already, where it has them, the others under names not yet taken."""
+    """Return covers with marks that the robot already has, where it has them; the other covers get unused names."""
     alike = {_unnamed(mark): mark for mark in robot.annotations.marks.values()}
     names = set(robot.annotations.marks)
     found: list[Cover] = []
@@ -30,7 +30,7 @@ def _unnamed(mark: Mark) -> Mark:
 
 
 def unused(name: str, names: set[str]) -> str:
-    """Return the name, or the name and a number, that is not taken; take it."""
+    """Return the name, or the name with a number, that is unused, and mark it as used."""
     found, count = name, 1
     while found in names:
         count += 1
@@ -40,7 +40,7 @@ def unused(name: str, names: set[str]) -> str:
 
 
 def kept(robot: Robot) -> Annotations:
-    """Return what the robot's annotations say beside the URDF: what a sidecar that replaces today's must repeat."""
+    """Return the annotations outside the URDF, which a sidecar that replaces the present one must repeat."""
     inline = read_inline(robot.document.root, Problems(robot.document.label))
     said = {(_GROUPS.get(item.kind, item.kind), _key(item)) for item in inline}
     own = robot.annotations

@@ -1,7 +1,7 @@
-"""Propose marks for a robot: marks over its bodies, and every pair of them worth checking.
+"""Proposes marks that hold a robot's bodies, and a boundary for every pair that can collide.
 
-What is left out is left out with a reason that is proven, or that a reader can judge. Bodies that cannot be covered
-are named, for the boundaries then say nothing of them. What the user has marked already stays as it is.
+Every pair that is left out has a reason that is proven or that a reader can judge. Bodies that cannot be covered are
+named, because no boundary is about them. Marks of the user stay unchanged.
 """
 
 from __future__ import annotations
@@ -39,30 +39,29 @@ __all__ = ["ALL_SHAPES", "Proposal", "left_out_marks", "propose_marks"]
 
 
 ALL_SHAPES = (*SHAPES, "mesh")
-"""What can be covered."""
+"""The shapes that can be covered."""
 _FINEST = 0.01  # of a body's smallest measure: the excess to aim at where marks touch at home
 
 
 @dataclass(frozen=True)
 class Proposal(Value):
-    """Marks for a robot, and what they leave out.
+    """Proposed marks for a robot, and the pairs that are left out.
 
     Attributes:
-        annotations: Marks, boundaries and home, to save as a sidecar. It repeats what the robot's own sidecar says
-            (limits, mimic joints, closures, marks, assumptions), and nothing of what is inside the URDF, so that it
-            can take the sidecar's place.
-        covers: The bodies that are covered, each with its excess [m].
-        uncovered: Bodies that no mark holds: meshes, other shapes, or shapes that were not asked for.
-        left_out: Pairs left out, counted by pair of links and reason: pairs of marks, or of bodies if one of the two
-            is not covered. Any two links with bodies that no boundary watches are in it; so are two that are watched
-            only in part.
-        home_note: What was done about home, and why; empty if home is as it was and no pair touches at it.
-        touching: Pairs of marks in contact at the robot's home that are apart elsewhere, and their signed distance
-            [m]: negative is how deep they overlap.
-        notes: What of the geometry was ignored, a sentence each.
-        evidence: What leaving out each pair of links rests on, by the keys of `left_out`: a proof, a witness, samples,
-            or nothing but custom.
-        judge: What judged the pairs, and knows them; for `disabled_pairs`, which then asks nothing twice.
+        annotations: Marks, boundaries and home, to save as a sidecar. They include the content of the robot's own
+            sidecar (limits, mimic joints, closures, marks, assumptions), but not the annotations inside the URDF. So
+            the new file can replace the sidecar.
+        covers: The covered bodies, each with its excess [m].
+        uncovered: Bodies that no mark holds: meshes, other shapes, or shapes that were not requested.
+        left_out: The number of left-out pairs, by pair of links and reason. Pairs of marks are counted, or pairs of
+            bodies if one body is not covered. It holds every pair of links with bodies that is not watched, or only
+            watched in part.
+        home_note: Whether and why home was changed; empty if home is unchanged and no pair touches there.
+        touching: Pairs of marks that are in contact at the robot's home and apart elsewhere, and their signed distance
+            [m], which is minus the depth if they overlap.
+        notes: One sentence for each part of the geometry that was ignored.
+        evidence: The evidence for each reason, by the keys of `left_out`: a proof, a witness, samples, or only custom.
+        judge: The object that judged the pairs; `disabled_pairs` uses its results again.
 
     Example:
         >>> import pinbound as pb
@@ -84,7 +83,7 @@ class Proposal(Value):
 
     @property
     def excess(self) -> float:
-        """[m], the largest excess of a cover: a refusal may be needless by twice this."""
+        """[m], the largest excess of a cover. In a refused configuration, bodies may be up to twice this apart."""
         return max((one.excess for one in self.covers), default=0.0)
 
 
@@ -105,31 +104,31 @@ def propose_marks(
     its boundary, unless its marks touch at home. A given home is kept. Otherwise the home at which the fewest pairs
     touch is proposed; the present home is tried first, and `home_note` says if another one is proposed. Bodies of pairs
     that touch at home are covered again, with the finest polygons. If they still touch, they are left out, because no
-    region could contain home. They are counted apart: pairs that are proven to overlap always, pairs that touch in
-    every sample, and others, for which a better home may exist. `evidence` says what each reason rests on.
+    region could contain home. They are counted in three groups: pairs that are proven to overlap always, pairs that
+    touch in every sample, and others, for which a better home may exist. `evidence` has the evidence for each reason.
 
     Args:
-        robot: The robot; marks and boundaries that it has already are kept and not proposed again.
-        accuracy: [m], how far a mark may stick out of its body, where that can be reached.
-        shapes: The shapes to cover, of ``"sphere"``, ``"box"``, ``"cylinder"``, ``"capsule"``, ``"mesh"``.
-        by: What holds meshes: ``"hulls"``, ``"capsules"``, ``"spheres"`` or ``"boxes"``. Other bodies are held by
-            points, capsules, boxes and prisms, which fit; with ``"spheres"`` by spheres alone, which are many, but
-            compiled as a whole, and whose regions have curved edges.
-        neighbours: Watch neighbours, too, where their marks do not touch at home: their contact is what many joint
-            limits stand for.
-        most: Marks of one link that hold its meshes, at most; None: 8, and 32 if the accuracy is below 10 mm.
-        skip_missing: Whether a mesh that cannot be read is named as not covered, with the reason in `notes`; if not, it
-            is an error.
-        progress: Called with how many links with meshes are done, how many there are, and the name of the next.
+        robot: The robot; its own marks and boundaries are kept and not proposed again.
+        accuracy: [m], how far a mark may stick out of its body; not always reached.
+        shapes: The shapes to cover, some of ``"sphere"``, ``"box"``, ``"cylinder"``, ``"capsule"``, ``"mesh"``.
+        by: The marks for meshes: ``"hulls"``, ``"capsules"``, ``"spheres"`` or ``"boxes"``. Other bodies get points,
+            capsules, boxes and prisms, which fit closely. With ``"spheres"`` all bodies get spheres: there are many of
+            them, they are compiled together, and their regions have curved edges.
+        neighbours: Whether to watch neighbours, too, if their marks do not touch at home.
+        most: The largest number of marks for the meshes of one link; None: 8, or 32 if the accuracy is below 10 mm.
+        skip_missing: Whether a mesh that cannot be read is only listed as not covered, with the reason in `notes`.
+            Otherwise it is an error.
+        progress: Called with the number of finished links with meshes, their total number, and the name of the next
+            link.
 
     Returns:
         The proposal; `proposal.annotations.save(path)` writes the sidecar.
 
     Raises:
-        UnknownNameError: If a shape is none of these, or `by` neither.
+        UnknownNameError: If a shape or `by` is none of these.
         DimensionError: If the accuracy is not positive.
-        InputError: If the geometry of a body has a fault: all faults at once.
-        UnsupportedError: If no configuration keeps all limits, or distances are too large to compute.
+        InputError: If the geometry of a body has faults; the error lists all of them.
+        UnsupportedError: If no configuration keeps all limits, or if distances are too large to compute.
 
     Example:
         >>> import pinbound as pb
@@ -272,11 +271,11 @@ def _why_in_contact(pair: Pair) -> str:
 
 
 def left_out_marks(proposal: Proposal) -> tuple[LeftOutMark, ...]:
-    """Return what the sidecar of a proposal states about pairs of links that it leaves out.
+    """Return the statements of a proposal's sidecar about pairs of links that it leaves out.
 
-    Stated are pairs that can never meet, pairs that always overlap, and those that overlap in every sample. Not stated
-    are neighbours and links that never move, which `robot.coverage` knows; nor pairs that touch at home only, or that
-    are not covered: they stay open, for nobody looks at them and nothing says why nobody needs to.
+    It states pairs that can never meet, pairs that always overlap, and pairs that overlap in every sample. It does not
+    state neighbours and links that never move, because `robot.coverage` finds them itself. It does not state pairs that
+    touch at home only, or that are not covered: they stay open, because there is no reason to leave them out.
     """
     annotations = proposal.annotations
     marks = annotations.marks

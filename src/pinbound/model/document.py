@@ -1,4 +1,4 @@
-"""XML in: a URDF or xacro file read safely, entities refused, default namespace dropped."""
+"""Reads a URDF or xacro file safely: entities are refused, the default namespace is dropped."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ __all__ = [
 ]
 
 URDF_TEXT = "URDF text"
-"""How messages name a robot that was given as text."""
+"""The name, in messages, of a robot that was given as text."""
 
 _DECLARATION = re.compile(r"^\s*<\?xml[^>]*\?>")
 
 TRUST = ("xacro", "urdf-only")
-"""What of a stranger's files may be read: xacro, which runs code, or plain URDF only."""
+"""The file types that may be read: xacro, too, which can run code, or plain URDF only."""
 
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A URDF as XML, xacro expanded, entities refused.
+    """A URDF as XML, with xacro expanded and entities refused.
 
     Attributes:
-        label: The file as error messages name it.
-        path: Where it was read from.
+        label: The name of the file in error messages.
+        path: The path of the file.
         root: The `<robot>` element.
-        notes: What was normalised while reading.
+        notes: Sentences about what was normalised while reading.
     """
 
     label: str
@@ -83,19 +83,19 @@ def read_document(
     package_dirs: Sequence[str | Path] = (),
     trust: str = "xacro",
 ) -> Document:
-    """Read a packaged robot, a `.urdf` or a `.xacro`, or the text of a URDF, without resolving any entity.
+    """Read a packaged robot, a `.urdf`, a `.xacro`, or the text of a URDF; no entity is resolved.
 
     Args:
         robot: A name of `packaged_robots`, or a path, or the text of a URDF, which begins with `<`.
-        xacro_args: Arguments of the xacro file; each must be declared in it, or in what it includes.
+        xacro_args: Arguments of the xacro file; each must be declared in it, or in an included file.
         package_dirs: Folders of ROS packages, for `$(find name)`.
-        trust: `"xacro"`, or `"urdf-only"`, which refuses xacro files, but for those that ship with pinbound.
+        trust: `"xacro"`, or `"urdf-only"`, which refuses all xacro files except those that ship with pinbound.
 
     Returns:
-        The document, xacro expanded.
+        The document, with xacro expanded.
 
     Raises:
-        InputError: If there is no such file, or if it is not well-formed XML, or if xacro refuses it.
+        InputError: If the file does not exist, is not well-formed XML, or is refused by xacro.
     """
     if trust not in TRUST:
         raise refusal("trust", f"{trust!r} is not a valid value of trust", f"Valid: {', '.join(TRUST)}")

@@ -1,4 +1,4 @@
-"""Motions as files and as arrays over time: reading, membership, distance to the region, clearances."""
+"""Reads motions from files, and samples clearances, membership and distance to the region over time."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _MOST_FAULTS = 8
 
 @dataclass(frozen=True, eq=False)
 class Motion(Value):
-    """Waypoints of one robot, straight in q between them.
+    """Waypoints of a robot; the motion is straight in q between them.
 
     Attributes:
         waypoints: (N, n) [rad or m].
-        times: (N,) as the file gives them, or None if it has no `time` column.
+        times: (N,) the times in the file, or None if it has no `time` column.
 
     Example:
         >>> Motion(np.zeros((2, 3)), np.array([0.0, 1.0])).times.tolist()
@@ -46,19 +46,20 @@ class Motion(Value):
 
 @dataclass(frozen=True, eq=False)
 class MotionHistory(Value):
-    """A motion sampled over time, for figures and tables; certificates do not sample.
+    """A motion sampled over time, for figures and tables. Certificates do not sample.
 
     Attributes:
         coordinates: Active coordinates (n).
-        angles: Whether each coordinate is an angle (n); else a length.
+        angles: (n) whether each coordinate is an angle; otherwise it is a length.
         boundaries: Names of the boundaries (m).
         times: (N,).
         Q: (N, n) [rad or m].
-        clearances: (N, m) signed clearances [m], as certificates use them.
+        clearances: (N, m) signed clearances [m].
         mu: (N, n) membership of Eq. (21) [rad or m]; None without a region.
-        signed_distance: (N,) to the region's contour [unit], positive inside; None without a region.
-        places: (N,) of `Place`; None without a region.
-        unit: Of the signed distance, as `Membership.unit` says it.
+        signed_distance: (N,) signed distance to the contour of the region [unit], positive inside; None without a
+            region.
+        places: (N,) values of `Place`; None without a region.
+        unit: Unit of the signed distance, as in `Membership.unit`.
 
     Example:
         >>> import pinbound as pb
@@ -92,8 +93,8 @@ def history(
         robot: The robot.
         waypoints: As in `certify`.
         times: As in `certify`.
-        region: A region of the robot, for membership; the paper takes the scaled one.
-        samples: About how many samples; every waypoint or knot is one.
+        region: A region of the robot, for membership; the paper uses the scaled region.
+        samples: The approximate number of samples; every waypoint or knot is one.
 
     Raises:
         DimensionError: As in `certify`.
@@ -139,20 +140,20 @@ def history(
 
 
 def read_motion(robot: Robot, path: str | Path, deg: bool = False) -> Motion:
-    r"""Read a motion from a file: one column a coordinate, by name, and optionally `time`.
+    r"""Read a motion from a file with one named column for each coordinate, and optionally a column `time`.
 
-    The file is a .csv, .npy, .npz or .parquet (`pinbound.tables` has the rules). Mimic joints may have columns too, as
-    recordings do; they must follow. An `.npz` holds one array a column; the columns of an `.npy` are the coordinates,
-    in order.
+    The file is a .csv, .npy, .npz or .parquet (`pinbound.tables` has the rules). Mimic joints may have columns, too, as
+    in recordings; their values must fit the coupling. An `.npz` holds one array for each column. The columns of an
+    `.npy` are the coordinates, in order.
 
     Args:
         robot: The robot.
         path: The file.
-        deg: Angles are in degrees; slides are in metres always.
+        deg: Whether angles are in degrees. Prismatic joints are always in metres.
 
     Raises:
-        InputError: If columns are missing or unknown, cells are no finite numbers, times do not increase, a follower
-            does not follow, or the file is empty or of another kind: all faults at once.
+        InputError: If columns are missing or unknown, a cell is not a finite number, times do not increase, a mimic
+            joint does not fit the coupling, or the file is empty or of another type. The error lists all faults.
 
     Example:
         >>> import pinbound as pb, tempfile
@@ -233,6 +234,6 @@ def _line(lines: Sequence[int] | None, row: int) -> int | None:
 
 
 def tightest(names: Sequence[str], clearances: Array, most: int) -> list[int]:
-    """Return the columns of the smallest clearances, the smallest first."""
+    """Return the indices of the columns with the smallest clearances, the smallest first."""
     order = np.argsort(clearances.min(axis=0), kind="stable")
     return [int(column) for column in order[: min(most, len(names))]]

@@ -1,12 +1,13 @@
-"""Inverse kinematics of one point of one link: damped least squares within all joint limits, followers' too.
+"""Inverse kinematics of one point of a link: damped least squares within all joint limits, also of mimic joints.
 
 With e = target - p(q) and J = dp/dq each step minimises
 
-    |J dq - e|^2 + damping |dq|^2   subject to   c_k . dq = 0 for the limits k that hold the step back,
+    |J dq - e|^2 + damping |dq|^2   subject to   c_k . dq = 0 for the active limits k,
 
-and is cut where it meets the next limit. The damping follows the residual (Levenberg-Marquardt), so the iteration is
-quadratic near a target in reach and calm near singular places. Boundaries are not looked at: a path may leave the
-feasible region, and `pinbound.region.membership` says where. `docs/inverse-kinematics.md` derives the step.
+and is shortened where it meets the next limit. The damping is proportional to the residual (Levenberg-Marquardt), so
+the iteration converges quadratically near a reachable target, and steps stay small near singular configurations.
+Boundaries are not checked: a path may leave the feasible region, and `pinbound.region.membership` says where.
+`docs/inverse-kinematics.md` derives the step.
 """
 
 from __future__ import annotations
@@ -49,13 +50,13 @@ class InverseKinematics(Value):
     """Configurations found for a sequence of targets.
 
     Attributes:
-        q: (N, n) the configurations [rad or m]; where not reached, the nearest found.
-        residuals: (N,) distance from frame to target [m].
+        q: (N, n) the configurations [rad or m]; for a target that was not reached, the nearest one found.
+        residuals: (N,) distance from the point to its target [m].
         reached: (N,) whether the residual is within the tolerance.
         iterations: (N,) steps taken.
         endings: Why each iteration ended.
-        restarts: (N,) how many other starts were tried: above 0 the path may have jumped to another branch.
-        limits: For each target, the joints whose limits held the last step back.
+        restarts: (N,) number of additional starts; if it is above 0, the path may have jumped to another branch.
+        limits: For each target, the joints whose limits were active in the last step.
 
     Example:
         >>> import pinbound as pb
@@ -73,7 +74,7 @@ class InverseKinematics(Value):
     limits: tuple[tuple[str, ...], ...]
 
     def text(self) -> str:
-        """Return a report for people: one line if all is reached, else one line a failure."""
+        """Return a report for people: one line if all targets are reached, else one line for each failure."""
         count = len(self.q)
         lines = [f"{int(self.reached.sum())} of {count} targets reached"]
         for i in np.flatnonzero(~self.reached):
@@ -93,28 +94,28 @@ def solve_ik(
     restarts: int = 12,
     seed: int = 0,
 ) -> InverseKinematics:
-    """Find configurations that bring a point of a link to its targets, each started from the last one reached.
+    """Find configurations that bring a point of a link to its targets; each search starts from the last solution.
 
-    A local method can end beside a target that is in reach. Then it starts again from `start` and from random
-    places within the limits (within half a turn or half a metre of `start` where there are none).
+    A local method can fail although the target is reachable. Then it starts again from `start` and from random
+    configurations within the limits (for coordinates without limits, within half a turn or half a metre of `start`).
 
     Args:
         robot: The robot.
-        link: The link whose point is meant.
+        link: The link of the point.
         targets: (3,) or (N, 3) positions in the root link's frame [m].
-        start: (n,) where to start; home by default. It must be within the joint limits.
+        start: (n,) the first configuration; home by default. It must be within the joint limits.
         xyz: (3,) the point in the link's frame [m].
-        max_iterations: For each target.
+        max_iterations: Largest number of iterations for each target.
         tolerance: [m] residual at which a target counts as reached.
-        restarts: How many other starts to try at most, for each target; 0 keeps a path on its branch.
-        seed: Of the random starts.
+        restarts: Largest number of additional starts for each target; 0 keeps a path on its branch.
+        seed: Seed of the random starts.
 
     Returns:
-        The result, failures included: a target out of reach is no exception.
+        The result, with failures: an unreachable target raises no exception.
 
     Raises:
         UnknownNameError: If there is no such link.
-        DimensionError: If targets or start have another shape, or the start is out of limits or not finite.
+        DimensionError: If targets or start have another shape, or if the start is outside the limits or not finite.
         UnsupportedError: If a floating or planar joint lies between the root and the link.
 
     Example:

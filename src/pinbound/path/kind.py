@@ -1,7 +1,8 @@
-"""Which case a pair of marks is: decided once, when its path is reduced, and handed on as values.
+"""The case of a pair of marks, decided once, when its path is reduced.
 
-Three questions have an answer here. `Kind` says how the two links lie to each other, `Case` what is measured between
-what, `Form` how many angles and pieces it has. An interpreter has one table a question, with an entry for each answer.
+`Kind` says how the two links are related in the tree, `Case` says which quantity is measured between which shapes, and
+`Form` says how many angles and smooth pieces it has. An interpreter has one table for each of these, with an entry for
+each value.
 """
 
 from __future__ import annotations
@@ -29,28 +30,28 @@ class Kind(Enum):
 
 
 class Case(Enum):
-    """What is measured between what; with `r = x_a - x_b`, A the projection and n the normal of a path."""
+    """The measured quantity; `r = x_a - x_b`, A is the projection and n the normal of the path."""
 
     POINTS = "two points"
     """`|r|`, one vector."""
     BODIES = "two bodies, or a point and a body"
-    """The least `|r|` over all points of segments, parallelograms, boxes, prisms and hulls."""
+    """The minimum of `|r|` over all points of segments, parallelograms, boxes, prisms and hulls."""
     LINE = "across a line"
-    """The least `|A r|` over all points of the other mark."""
+    """The minimum of `|A r|` over all points of the other mark."""
     PLANE = "above a plane"
-    """The least `n . r` over all points of the other mark: a height, which may be negative."""
+    """The minimum of `n . r` over all points of the other mark: a height, which may be negative."""
 
 
 class Form(Enum):
-    """Which case a path is, decided once: how an interpreter gets its separation."""
+    """The form of a path, which decides how an interpreter computes its separation."""
 
     CONSTANT = "constant"
-    """Of no coordinate: two points that nothing moves to each other."""
+    """No coordinate: two points that never move relative to each other."""
     ONE_ANGLE = "one effective angle"
-    """Two points, or a point and a plane, and one effective angle, no slide."""
+    """Two points, or a point and a plane, with one effective angle and no prismatic joint."""
     SMOOTH = "smooth"
-    """Two points, a point across a line, or a point above a plane."""
+    """Two points, a point and a line, or a point and a plane."""
     PIECEWISE = "piecewise"
-    """The least of smooth functions in closed form: two directions at most, or a height."""
+    """The minimum of smooth functions in closed form: at most two directions, or a height."""
     SEARCHED = "searched"
-    """The nearest points are searched for, by their vertices."""
+    """An iteration over vertices finds the nearest points."""

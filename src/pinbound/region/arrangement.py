@@ -1,15 +1,15 @@
-"""Faces of the plane between limits and contact curves: connected components, their edges named.
+"""Faces of a slice between limits and contact curves: the connected components, with named edges.
 
-All lines and traced curves are put together, cut where they cross, and the faces between them found (GEOS). No curve
-runs through the inside of a face, so all of it is free or none is, and one exact evaluation inside decides. Free faces
-are the connected components. Each piece of a face's contour is named after the curve it came from; where two names
-meet, the corner is solved from the two exact functions.
+All lines and traced curves are cut where they cross, and GEOS finds the faces between them. No curve passes through the
+interior of a face. So a face is either completely free or not free at all, and one exact evaluation inside decides.
+Free faces are the connected components. Each piece of the contour of a face has the name of its curve. Where two names
+meet, the corner is computed from the two exact functions.
 
-Where a contact curve may cross or touch itself, a box of 1e-8 of the window is left undecided (`contours`). A wall is
-drawn around each. What is inside is not free: that is the reading in which parts on both sides of it are apart. In the
-other reading they are one, and `Arrangement.joined_area` says how large it is.
+Where a contact curve may cross or touch itself, a box of 1e-8 of the window is undecided (`contours`). Its interior
+counts as not free, so the parts on both sides of it are separate. If they are connected in truth,
+`Arrangement.joined_area` is the area.
 
-Everything here is in units of `Slice.scales`; what leaves (`arranged_loops`, `drawn`) is in radians and metres.
+Everything here is in units of `Slice.scales`; results (`arranged_loops`, `drawn`) are in radians and metres.
 """
 
 from __future__ import annotations
@@ -53,15 +53,16 @@ _TURN = 2.0 * np.pi
 
 @dataclass(frozen=True, eq=False)
 class Edge(Value):
-    """One edge of a region, with the name of its boundary or joint limit, and its points.
+    """An edge of a region, with the name of its boundary or joint limit, and its points.
 
     Attributes:
         name: Boundary name, or joint and end, e.g. ``"q2 upper"``.
         source: Boundary name, or joint name.
         is_contact: True for a boundary, False for a joint limit.
         start: (2,) [rad or m].
-        end: (2,) [rad or m]; the region lies to the left of start -> end. Equal to start if the edge is a closed curve.
-        points: (k, 2) polyline from start to end: two points if it is straight.
+        end: (2,) [rad or m]; the region lies to the left of start -> end. It equals start if the edge is a closed
+            curve.
+        points: (k, 2) polyline from start to end; two points for a straight edge.
 
     Example:
         >>> import pinbound as pb
@@ -80,14 +81,14 @@ class Edge(Value):
 
 @dataclass(frozen=True, eq=False)
 class Corner(Value):
-    """Where two edges of a region meet.
+    """The point where two edges of a region meet.
 
     Attributes:
         point: (2,) [rad or m].
         before: Name of the edge that ends here.
         after: Name of the edge that starts here.
-        polished: Whether the point solves both contact equations to `tolerances.VERTEX`; False only where the two
-            touch so flatly that it is known no better than the region's accuracy.
+        polished: Whether the point solves both contact equations to `tolerances.VERTEX`. It is False only where the two
+            curves are nearly tangent; then the point has the region's accuracy.
 
     Example:
         >>> import pinbound as pb
@@ -104,14 +105,14 @@ class Corner(Value):
 
 @dataclass(frozen=True)
 class Unresolved:
-    """A place that is smaller than can be resolved, in which a contact curve may cross or only touch itself.
+    """A place too small to resolve, in which a contact curve may cross or only touch itself.
 
     Attributes:
         name: The boundary.
         point: The two coordinates of its middle [rad or m].
         width: Its largest extent [rad or m].
-        joins: Whether this part and another meet there: in one reading they are joined by a passage as wide as a
-            point, in the other, which the region takes, contact parts them.
+        joins: Whether this part and another part meet there. They may be connected by a passage of zero width. The
+            region assumes that contact separates them.
     """
 
     name: str
@@ -122,7 +123,7 @@ class Unresolved:
 
 @dataclass(frozen=True, eq=False)
 class Arrangement(Value):
-    """The free faces of a plane.
+    """The free faces of a slice.
 
     Attributes:
         plane: The plane.
@@ -130,9 +131,9 @@ class Arrangement(Value):
         faces: Free faces as `shapely.Polygon`, counter-clockwise, in the same units; the start's first, then the
             largest first.
         chord_error: No point of a contact curve is further than this from its polyline, in the same units.
-        smooth_error: The same of curves that are not searched for.
-        blocks: Undecided places in the same units: a polygon and the boundary's name.
-        settled: Of contacts that are searched for: the undecided cells; None if there are none.
+        smooth_error: The same for smooth curves, which need no search.
+        blocks: Undecided places in the same units: a polygon and the name of the boundary.
+        settled: The undecided cells of contacts that need a search; None if there are none.
     """
 
     slice: Slice
@@ -176,7 +177,7 @@ class Arrangement(Value):
         return float(sum(self.faces[i].area for i in sorted(reached))) * float(np.prod(self.slice.scales))
 
     def area_interval(self, index: int) -> tuple[float, float] | None:
-        """Return proven bounds of the area of a face's component, if contact is searched for."""
+        """Return proven bounds of the area of the component of a face, if contacts need a search."""
         if self.settled is None:
             return None
         unit = float(np.prod(self.slice.scales))
@@ -187,14 +188,14 @@ class Arrangement(Value):
 def arrange(
     slice_: Slice, accuracy: float, deadline: Deadline | None = None, width: float | None = None
 ) -> Arrangement:
-    """Return the free faces of a plane, contact curves traced to an accuracy, a share of `Slice.scales`.
+    """Return the free faces of a slice, with contact curves traced to an accuracy in units of `Slice.scales`.
 
-    The start may be nearer to contact than the accuracy can tell; then a finer one is taken. Contacts that are searched
-    for are enclosed in cells of the width; None: `REGION_WIDTH`, or a wider one where that many cells are enough.
+    If the start is nearer to contact than the accuracy resolves, a finer accuracy is used. Contacts that need a search
+    are enclosed in cells of this width; None: `REGION_WIDTH`, or wider if there would be too many cells.
 
     Raises:
-        UnsupportedError: If a contact curve is degenerate (`contours.trace`), the window holds too many turns, the
-            start is too near to contact even so, there are too many cells, or time is up.
+        UnsupportedError: If a contact curve is degenerate (`contours.trace`), if the window holds too many turns, if
+            the start is too near to contact even then, if there are too many cells, or if the time is spent.
     """
     searched = tuple(curve for curve in slice_.curves if is_searched(slice_, curve))
     tubes = None
@@ -351,7 +352,7 @@ def _straight(wide: Array, half: HalfPlane, limit: HalfPlane | None = None) -> L
 def arranged_loops(
     arrangement: Arrangement, polygon: Any, accuracy: float
 ) -> tuple[tuple[tuple[Edge, ...], ...], tuple[Corner, ...]]:
-    """Return a face's loops of named edges, the exterior first, and its corners, in radians and metres."""
+    """Return the loops of named edges of a face, the exterior first, and its corners, in radians and metres."""
     lines, scales = arrangement.lines, arrangement.slice.scales
     keys, owners = vertex_owners(lines)
     loops: list[tuple[Edge, ...]] = []

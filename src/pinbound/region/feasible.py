@@ -1,7 +1,7 @@
-"""feasible_region(): from a robot to the region around home.
+"""feasible_region(): the region of a robot around home.
 
-If every boundary has one effective angle in the plane, the component that holds home is an intersection of half-planes:
-closed form. Otherwise contact curves are traced (`contours`) and the faces between them found (`arrangement`).
+If every boundary has one effective angle in the slice, the component that holds home is an intersection of half-planes
+in closed form. Otherwise contact curves are traced (`contours`), and the faces between them are found (`arrangement`).
 """
 
 from __future__ import annotations
@@ -32,33 +32,34 @@ def feasible_region(
     budget: float = REGION_BUDGET,
     width: float | None = None,
 ) -> Region:
-    """Return the connected component, containing home, of the joint limits less the contacts.
+    """Return the connected component, containing home, of the free set of two coordinates.
 
     Args:
         robot: The robot.
-        coordinates: The two coordinates of the plane; None: those that the boundaries use, or the robot's own two.
-        at: (n,) where the other coordinates are held, and the start point; home by default. It may be on a limit.
-            Between it and home there may be no contact of a boundary of one effective angle.
-        window: Ends [rad or m] within which to look, by coordinate; needed for coordinates without limits.
-        accuracy: The largest distance allowed between a curved edge and its polyline [rad or m]; of a coordinate whose
-            window is narrower than 1 rad or 1 m, this share of the window. Straight edges are exact.
+        coordinates: The two coordinates; None: those that the boundaries use, or the only two of the robot.
+        at: (n,) the values of the other coordinates, and the start point; home by default. It may be on a limit. No
+            contact of a boundary of one effective angle may lie between it and home.
+        window: Ends [rad or m] of the range to search, by coordinate; needed for coordinates without limits.
+        accuracy: The largest allowed distance between a curved edge and its polyline [rad or m]. For a coordinate whose
+            window is narrower than 1 rad or 1 m, it is a share of the window. Straight edges are exact.
         margin: [m], added to every threshold.
-        budget: [s], after which tracing ends in an error that says what is left; `inf`: never.
-        width: Of contacts that are searched for (boxes, prisms, segments edge to edge, where they turn by several
-            angles): the longest side of the cells that enclose their curves, in the units of `accuracy`. None: 2 mrad,
-            or 4, 8, ... where the curves are so long that 20,000 cells are used up; `region.width` says which. What
-            cells leave open, `unresolved` tells, and `area_interval`.
+        budget: [s], after which tracing ends with an error that says what remains; `inf`: never.
+        width: The longest side of the cells that enclose contact curves which need a search (boxes, prisms, and
+            segments edge to edge, if they rotate by several angles), in the units of `accuracy`. None: 2 mrad, or 4, 8,
+            ... if the curves would need more than 20,000 cells; `region.width` is the chosen value. `unresolved` and
+            `area_interval` say what the cells leave open.
 
     Returns:
-        The region, with a named edge for every boundary or limit that is active; `components` has the others. Limits
-        belong to it, contacts do not. `unresolved` lists the points at which it is undecided whether parts meet.
+        The region, with a named edge for every active boundary or limit. `components` holds the other components.
+        Limits belong to the region, contacts do not. `unresolved` lists the points at which it is undecided whether
+        parts meet.
 
     Raises:
         UnknownNameError: If the robot has no such coordinate.
-        UnsupportedError: If there are not two coordinates, a contact curve is degenerate along its length, the window
-            holds too many turns, or the budget runs out.
-        DimensionError: If a coordinate is without limits, or `at` is in contact or out of the limits of any joint, or
-            the accuracy, the margin, the budget or the window is no usable number.
+        UnsupportedError: If there are not two coordinates, if a contact curve is degenerate along its length, if the
+            window holds too many turns, or if the budget is spent.
+        DimensionError: If a coordinate has neither limits nor a window, if `at` is in contact or outside a joint limit,
+            or if the accuracy, the margin, the budget or the window is not a usable number.
 
     References:
         The paper's Fig. 9; `docs/regions.md`.

@@ -1,4 +1,4 @@
-"""Safety margins of a region: scaled, inset by an angle, and the smallest clearance as a proven number."""
+"""Safety margins of a region: scaling, an inset, and proven bounds of the smallest clearance."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ class SmallestClearance(Value):
     Attributes:
         lower: [m]; no q of the region has a smaller signed clearance.
         upper: [m]; the signed clearance at `q`.
-        boundary: The boundary that is tightest at `q`; empty if there is none.
-        q: (n,) where it is; NaN if there is no boundary.
+        boundary: The boundary with the smallest clearance at `q`; empty if there is no boundary.
+        q: (n,) the configuration of `upper`; NaN if there is no boundary.
 
     Example:
         >>> import pinbound as pb
@@ -80,7 +80,7 @@ def check_scaled(polygon: Any, factor: float, slice_: Slice, accuracy: float) ->
     """Raise if a polygon scaled about its centroid leaves it.
 
     Raises:
-        LeavesRegionError: With the configuration that is furthest outside, of the scaled contour's points.
+        LeavesRegionError: With the configuration of the scaled contour that is furthest outside.
     """
     scaled = gis_affinity.scale(polygon, factor, factor, origin=polygon.centroid)
     beyond = gis.get_coordinates(scaled.difference(polygon))
@@ -98,12 +98,12 @@ def check_scaled(polygon: Any, factor: float, slice_: Slice, accuracy: float) ->
 def inset_parts(
     polygon: Any, edges: Sequence[Edge], angle: float, accuracy: float, start: Array, factors: Array, deadline: Deadline
 ) -> list[Loops]:
-    """Return the named loops of a polygon's points that are at least `angle` inside, part by part.
+    """Return the named loops of the set of points that are at least `angle` inside a polygon, for each part.
 
     Distances are those of the coordinates times factors (2,).
 
-    Around a reflex corner the inset contour is an arc, drawn by chords that come nearer to the corner by the factor
-    `cos(pi / (4 n))`; the depth is divided by it, and `accuracy` added.
+    Around a reflex corner, the inset contour is an arc. It is drawn with chords, which are nearer to the corner by the
+    factor `cos(pi / (4 n))`. So the depth is divided by this factor, and `accuracy` is added.
     """
     depth = (angle + accuracy) / float(np.cos(np.pi / (4 * _ARC_SEGMENTS))) if angle else 0.0
     drawn = polygon if np.all(factors == 1.0) else gis_affinity.scale(polygon, *factors.tolist(), origin=(0.0, 0.0))
@@ -124,7 +124,7 @@ def _unscaled(loops: Loops, factors: Array) -> Loops:
 
 
 def named_loops(polygon: Any, edges: Sequence[Edge]) -> Loops:
-    """Return a polygon's loops, each segment named after the nearest of the given edges."""
+    """Return the loops of a polygon; each segment has the name of the nearest given edge."""
     polygon = gis.orient_polygons(polygon)
     # one entry a segment of an edge, not one an edge: a tree over few long curves would measure every one of them
     segments = np.concatenate([np.stack((edge.points[:-1], edge.points[1:]), axis=1) for edge in edges])
@@ -147,7 +147,7 @@ def named_loops(polygon: Any, edges: Sequence[Edge]) -> Loops:
 
 
 def loop_corners(loops: Loops) -> tuple[Corner, ...]:
-    """Return where the edges of each loop meet."""
+    """Return the corners, at which edges of a loop meet."""
     return tuple(
         Corner(edge.start, loop[i - 1].name, edge.name, True)
         for loop in loops
@@ -159,15 +159,16 @@ def loop_corners(loops: Loops) -> tuple[Corner, ...]:
 def smallest_clearance(slice_: Slice, polygon: Any, gap: float) -> SmallestClearance:
     """Bound the smallest clearance over a polygon from both sides.
 
-    One effective angle phi: its range over the polygon is that over the vertices, and the norm grows with the angle
-    between phi and phi*: closed form. Several: branch and bound. With `u = r(m) / |r(m)|` and `|r| >= u . r`,
+    For one effective angle phi, the range over the polygon is the range over the vertices, and the norm grows with the
+    angle between phi and phi*: this is a closed form. For several angles, branch and bound is used. With `u = r(m) /
+    |r(m)|` and `|r| >= u . r`,
 
-        |r(x)| >= |r(m)| + u . J(m) (x - m) - h^T A h / 2,   |x - m| <= h, A bounding the second derivatives;
+        |r(x)| >= |r(m)| + u . J(m) (x - m) - h^T A h / 2,   |x - m| <= h, where A bounds the second derivatives;
 
-    the linear part is least at a vertex of the polygon's part in the box.
+    the linear part is smallest at a vertex of the part of the polygon in the box.
 
     Raises:
-        DimensionError: If the gap is not positive, or the polygon is empty.
+        DimensionError: If the gap is not positive, or if the polygon is empty.
     """
     if not gap > 0.0 or polygon.is_empty:
         raise DimensionError(f"the gap is {gap}; give metres above 0")
@@ -338,7 +339,7 @@ def _branch_and_bound(
 
 
 def named_sides(polygon: Any, edges: Sequence[Edge]) -> tuple[tuple[Edge, ...], tuple[HalfPlane, ...]]:
-    """Return the sides of a convex polygon, counter-clockwise, each named by the edge that is nearest to its middle."""
+    """Return the sides of a convex polygon, counter-clockwise, each with the name of the edge nearest to its middle."""
     A, b = convex.polygon_halfspaces(polygon)
     vertices = gis.get_coordinates(gis.orient_polygons(polygon).exterior)
     middle = gis.points(0.5 * (vertices[1:] + vertices[:-1]))
@@ -358,7 +359,7 @@ def named_sides(polygon: Any, edges: Sequence[Edge]) -> tuple[tuple[Edge, ...], 
 def moved(
     loops: Sequence[Sequence[Edge]], corners: Sequence[Corner], move: Callable[[Array], Array]
 ) -> tuple[tuple[tuple[Edge, ...], ...], tuple[Corner, ...]]:
-    """Return loops and corners with every point moved."""
+    """Return loops and corners with every point mapped."""
     found = tuple(
         tuple(Edge(e.name, e.source, e.is_contact, move(e.start), move(e.end), move(e.points)) for e in loop)
         for loop in loops

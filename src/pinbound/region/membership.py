@@ -1,12 +1,12 @@
-"""How far inside a region a configuration is: the paper's mu_n of Eq. (21), and the signed distance beside it.
+"""How far a configuration is inside a region: the paper's mu_n of Eq. (21), and the signed distance.
 
     mu(x) = x - lower              if x < lower,
             min(x - lower, upper - x)  if lower <= x <= upper,
             upper - x              if x > upper,
 
-taken, as the paper does, along each axis between the ends of the region's projection. The paper's third line prints
-`x - upper`, which is positive outside; its own text asks for a negative value there. `printed=True` gives the print.
-Even so corrected, all mu > 0 only says that q is in the box around the region. The signed distance is positive
+computed, as in the paper, along each axis between the ends of the region's projection. The paper prints `x - upper` in
+the third line, which is positive outside, although its text requires a negative value. `printed=True` gives the printed
+form. Even the corrected mu > 0 only says that q is in the box around the region. The signed distance is positive
 exactly inside. `docs/membership.md` compares them.
 """
 
@@ -31,7 +31,7 @@ __all__ = ["Membership", "Place", "axis_membership", "classify", "projections", 
 
 
 class Place(IntEnum):
-    """Where a configuration lies; UNKNOWN for rows that are not finite or of another slice.
+    """Where a configuration lies. UNKNOWN is for rows that are not finite or belong to another slice.
 
     `INSIDE` the region, `ON` its contour, or `OUTSIDE`.
 
@@ -52,14 +52,15 @@ class Membership(Value):
 
     Attributes:
         coordinates: All active coordinates of the robot (n).
-        lower: (n,) lower ends [rad or m]: of the region's projection, or the joint limit of other coordinates.
+        lower: (n,) lower ends [rad or m]: of the region's projection, or the joint limit for other coordinates.
         upper: (n,) upper ends.
-        mu: (N, n) memberships along each axis [rad or m], negative outside the ends, as the paper's text asks.
-        mu_printed: (N, n) the same, its third line as Eq. (21) prints it: positive beyond the upper end.
-        signed_distance: (N,) [unit], in the region's plane: positive inside, zero on the contour, NaN for rows of
+        mu: (N, n) memberships along each axis [rad or m], negative outside the ends, as the paper's text requires.
+        mu_printed: (N, n) the same with the third line as printed in Eq. (21): positive beyond the upper end.
+        signed_distance: (N,) [unit], in the region's slice: positive inside, zero on the contour, NaN for rows of
             another slice.
-        unit: Unit of the signed distance: ``"rad"``, ``"m"``, ``"weighted"``, or, in a plane of an angle and a
-            prismatic joint without weights, ``"1"``: each coordinate as a share of the region's projection on it.
+        unit: Unit of the signed distance: ``"rad"``, ``"m"``, ``"weighted"``, or ``"1"``. The last is used for a
+            revolute and a prismatic joint without weights: each coordinate is divided by the length of the region's
+            projection on its axis.
 
     Example:
         >>> import pinbound as pb
@@ -79,7 +80,7 @@ class Membership(Value):
 
 
 def axis_membership(values: ArrayLike, lower: ArrayLike, upper: ArrayLike, printed: bool = False) -> Array:
-    """Return mu of values along one axis, Eq. (21); NaN stays NaN, infinite ends stop nothing.
+    """Return mu of values along one axis, Eq. (21); NaN stays NaN, and an infinite end does not limit mu.
 
     Args:
         values: (N,) or (N, n), any shape that broadcasts with the ends.
@@ -126,22 +127,22 @@ def region_membership(
 ) -> Membership:
     """Return mu_n of every coordinate, and the signed distance.
 
-    Coordinates outside the region's plane are measured against their own joint limits, as the paper does for q1.
+    Coordinates outside the region's slice are compared with their own joint limits, as in the paper for q1.
 
     Args:
         robot: The robot.
-        region: A region of it; the paper takes the scaled one.
+        region: A region of the robot; the paper uses the scaled region.
         Q: (n,) or (N, n) configurations [rad or m].
-        weights: By coordinate of the plane, how much one radian or metre of it counts in the signed distance.
+        weights: The weight of one radian or metre of each coordinate of the slice in the signed distance, by name.
 
     Raises:
-        DimensionError: If Q has another shape, the region is empty, or the weights are no positive numbers for both.
+        DimensionError: If Q has another shape, if the region is empty, or if the weights are not two positive numbers.
 
     References:
         Eq. (21), Fig. 22.
 
     Example:
-        At (q2, q3) = (0, 60) degrees every mu is positive, and yet the configuration is in contact's shadow:
+        At (q2, q3) = (0, 60) degrees every mu is positive, although the configuration is outside the region:
 
         >>> import pinbound as pb
         >>> robot = pb.load("minervabot_v3")
@@ -163,11 +164,11 @@ def region_membership(
 
 
 def classify(signed_distance: ArrayLike, tolerance: float = ON_CONTOUR) -> Ints:
-    """Return the `Place` of each signed distance as an integer array: on the contour within `tolerance` [rad].
+    """Return the `Place` of each signed distance as an integer array; up to `tolerance` [rad], it is ON the contour.
 
     Args:
-        signed_distance: Of any shape; positive inside.
-        tolerance: In the unit of the distances.
+        signed_distance: An array of any shape; positive inside.
+        tolerance: The tolerance in the unit of the distances.
 
     Raises:
         DimensionError: If the tolerance is negative or not finite.

@@ -1,6 +1,6 @@
-"""The feasible region in the plane of two coordinates, its edges named.
+"""The feasible region in a slice of two coordinates, with named edges.
 
-If each boundary has one effective angle in the plane, half-planes bound it; else curves do (`docs/regions.md`).
+If each boundary has one effective angle in the slice, half-planes bound the region; else curves (`docs/regions.md`).
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ _PLANE = 2
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Region(Shown, PlanarShape):
-    """A connected part of the free set in the plane of two coordinates: a `ConvexRegion` or a `TracedRegion`.
+    """A connected component of the free set in a slice of two coordinates: a `ConvexRegion` or a `TracedRegion`.
 
     Attributes:
-        half_planes: Every half-plane that bounds it, edges and implied ones alike, if it is convex in closed form.
+        half_planes: Every half-plane that bounds it, edges and implied half-planes, if it is convex in closed form.
 
     Example:
         >>> import pinbound as pb
@@ -63,13 +63,14 @@ class Region(Shown, PlanarShape):
 
     @abstractmethod
     def scale(self, factor: float) -> Region:
-        """Return the region scaled about its centroid, the paper's safety margin; edges keep their names.
+        """Return the region scaled about its centroid (the paper's safety margin); edges keep their names.
 
-        A convex region holds every smaller copy of itself. Another one need not, and then the copy is refused.
+        A convex region holds every smaller copy of itself. If another region does not hold the copy, the copy is
+        refused.
 
         Raises:
             DimensionError: If the factor is not in (0, 1]: beyond 1 the region would leave the feasible one.
-            LeavesRegionError: If the scaled region leaves the feasible one; `witness` is a q that does.
+            LeavesRegionError: If the scaled region leaves the feasible region; `witness` is a q outside it.
 
         Example:
             >>> import pinbound as pb
@@ -82,24 +83,24 @@ class Region(Shown, PlanarShape):
     def inset(self, angle: float, weights: Mapping[str, float] | None = None, budget: float = REGION_BUDGET) -> Region:
         """Return the points at least `angle` [rad or m] inside every edge; it may be empty.
 
-        Where edges are curved the inset is deeper by `accuracy` and its own rounding, so that "at least" holds. If it
-        falls apart, the part that holds the start is returned, or the largest; `components` has all.
+        At curved edges the inset is deeper by `accuracy` and its own rounding, so that "at least" is true. If the inset
+        has several parts, the part with the start is returned, or the largest part; `components` has all parts.
 
         Args:
-            angle: How far inside.
+            angle: The least distance from every edge [rad or m].
             weights: The weight of one radian or metre of each coordinate, by name; needed if the two units differ.
-            budget: [s], after which it ends in an error.
+            budget: [s], after which the work ends with an error.
 
         Raises:
             DimensionError: If the angle is negative or not finite, or radians and metres would be added.
-            UnsupportedError: If the budget runs out.
+            UnsupportedError: If the budget is spent.
         """
 
     def with_clearance(self, margin: float) -> Region:
-        """Return the feasible region with every threshold raised by a margin [m]: the metric safety margin.
+        """Return the feasible region with a margin [m] added to every threshold: a metric safety margin.
 
         Raises:
-            DimensionError: If the margin is negative or not finite, or the start has less clearance than that.
+            DimensionError: If the margin is negative or not finite, or if the start has less clearance.
 
         Example:
             >>> import pinbound as pb
@@ -119,7 +120,7 @@ class Region(Shown, PlanarShape):
         """Return proven bounds of the smallest clearance of any boundary over the region.
 
         Args:
-            gap: [m], how far apart the two bounds may be.
+            gap: [m], the largest difference of the two bounds.
 
         Example:
             >>> import pinbound as pb
@@ -134,7 +135,7 @@ class Region(Shown, PlanarShape):
         """Return a large convex polygon inside the region; the region itself if it is a convex polygon.
 
         Args:
-            rim: [rad or m], how far from the contour its simplified copy may stay, in which the polygon is grown.
+            rim: [rad or m], the largest distance of a simplified contour, in which the polygon grows, from the contour.
             weights: The weight of one radian or metre of each coordinate, by name; needed if the two units differ.
 
         Raises:
@@ -143,10 +144,10 @@ class Region(Shown, PlanarShape):
 
     @abstractmethod
     def convex_parts(self, rim: float = 1e-3, weights: Mapping[str, float] | None = None) -> tuple[Region, ...]:
-        """Return convex polygons that do not overlap and together are the region, less a rim.
+        """Return convex polygons that do not overlap and together cover the region except a rim.
 
         Args:
-            rim: [rad or m], how far from the contour the parts may stay; less rim, more parts.
+            rim: [rad or m], the largest width of the rim; a smaller rim gives more parts.
             weights: The weight of one radian or metre of each coordinate, by name; needed if the two units differ.
 
         Raises:
@@ -160,9 +161,9 @@ class Region(Shown, PlanarShape):
 
     @cached_property
     def components(self) -> tuple[Region, ...]:
-        """All connected components of the free set within the limits: this one first, then the largest first.
+        """All connected components of the free set within the limits: this component first, then by size.
 
-        Of an inset: the parts that it fell into. Components thinner than `accuracy` are left out.
+        For an inset: all its parts. Components thinner than `accuracy` are left out.
 
         Example:
             >>> import pinbound as pb
@@ -186,7 +187,7 @@ class ConvexRegion(Region):
         return intersect(self.half_planes)[1]
 
     def supports(self, weights: Mapping[str, float] | None = None) -> dict[str, Support]:
-        """Return the slack of every half-plane, and the edges that imply it; see `PlanarShape.supports`."""
+        """Return the slack of every half-plane and the edges that imply it; see `PlanarShape.supports`."""
         factors, mixed = self._slack_factors(weights)
         found: dict[str, Support] = {}
         for half_plane in () if self.is_empty else self.half_planes:
@@ -198,13 +199,13 @@ class ConvexRegion(Region):
         return found
 
     def halfspaces(self) -> tuple[Array, Array]:
-        """Return A (k, 2) and b (k,) with `A x <= b`, rows of unit length, one an edge."""
+        """Return A (k, 2) and b (k,) with `A x <= b`: one row of unit length for each edge."""
         lengths = np.array([np.linalg.norm(side.normal) for side in self._sides])
         normals = np.array([side.normal for side in self._sides]).reshape(-1, _PLANE)
         return normals / lengths[:, None], np.array([side.bound for side in self._sides]) / lengths
 
     def scale(self, factor: float) -> ConvexRegion:
-        """Return the region scaled about its centroid; it holds every smaller copy of itself. See `Region.scale`."""
+        """Return the region scaled about its centroid, which is always inside it; see `Region.scale`."""
         _check_factor(factor)
         centre = self.centroid
         moved = [(half, factor * half.bound + (1 - factor) * float(half.normal @ centre)) for half in self.half_planes]
@@ -236,7 +237,7 @@ class ConvexRegion(Region):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TracedRegion(Region):
-    """A face between limits and contact curves, traced to an accuracy."""
+    """A region whose contact curves are traced to an accuracy."""
 
     _lines: tuple[Line, ...] = field(default=(), repr=False, compare=False)
     _joined: float | None = field(default=None, repr=False, compare=False)
@@ -250,7 +251,7 @@ class TracedRegion(Region):
 
     @property
     def unresolved_text(self) -> str:
-        """What is undecided, in one sentence for people; empty if nothing is."""
+        """One sentence about undecided places, for people; empty if there are none."""
         if not self.unresolved:
             return ""
         places = [
@@ -302,7 +303,7 @@ class TracedRegion(Region):
         return found
 
     def halfspaces(self) -> tuple[Array, Array]:
-        """Return A (k, 2) and b (k,) with `A x <= b`, rows of unit length, one an edge.
+        """Return A (k, 2) and b (k,) with `A x <= b`: one row of unit length for each edge.
 
         Raises:
             UnsupportedError: If the region is not a convex polygon; see `convex_parts` and `inscribed_polygon`.
@@ -340,7 +341,7 @@ class TracedRegion(Region):
         return self._part(inside.weighted(convex.inscribed_polygon(found), 1.0 / factors))
 
     def convex_parts(self, rim: float = 1e-3, weights: Mapping[str, float] | None = None) -> tuple[Region, ...]:
-        """Return convex polygons that do not overlap and together are the region, less a rim."""
+        """Return convex polygons that do not overlap and together cover the region except a rim."""
         if self.is_convex:
             return (self,)
         found, factors = self._inner(rim, weights)
@@ -380,7 +381,7 @@ def _check_angle(angle: float) -> None:
 def convex_region(
     slice_: Slice, half_planes: tuple[HalfPlane, ...], others: Callable[[], tuple[Region, ...]] | None = None
 ) -> ConvexRegion:
-    """Return the intersection of half-planes, the first four of which bound it, as a region."""
+    """Return the intersection of half-planes as a region; the first four must form a box around it."""
     vertices, sides = intersect(half_planes)
     ends = np.roll(vertices, -1, axis=0)
     edges = tuple(
@@ -395,10 +396,10 @@ def convex_region(
 def region_of(
     slice_: Slice, accuracy: float = REGION_ACCURACY, width: float | None = None, budget: float = REGION_BUDGET
 ) -> Region:
-    """Return the component of a plane's free set that holds its start; arguments as for `feasible_region`.
+    """Return the component of a slice's free set that holds its start; arguments as for `feasible_region`.
 
     Raises:
-        UnsupportedError: If a contact curve is degenerate along its length, or the budget runs out.
+        UnsupportedError: If a contact curve is degenerate along its length, or if the budget is spent.
     """
     deadline = Deadline(budget, f"tracing the region of ({', '.join(slice_.coordinates)})")
     if slice_.curves or slice_.obstacles:

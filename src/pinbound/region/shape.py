@@ -231,7 +231,7 @@ class PlanarShape(ABC):
 
     @abstractmethod
     def halfspaces(self) -> tuple[Array, Array]:
-        """Return A (k, 2) and b (k,) with `A x <= b`, rows of unit length, one an edge.
+        """Return A (k, 2) and b (k,) with `A x <= b`: one row of unit length for each edge.
 
         Raises:
             UnsupportedError: If the region is not a convex polygon; see `convex_parts` and `inscribed_polygon`.
