@@ -1,7 +1,7 @@
-"""What a region is: named edges around a part of a plane, its area and units, and the points that it holds.
+"""A region as a planar shape: its named edges, its area and units, and the points that it holds.
 
-`region` makes regions, and others of them. Which points are inside is told in `inside`. A plane of an angle and a
-prismatic joint has no distance of its own: what would add radians and metres takes `weights`, or is refused.
+`region` makes regions. `inside` decides which points are inside. A slice of a revolute and a prismatic joint has no
+natural distance: a method that would add radians and metres needs `weights`, or refuses.
 """
 
 from __future__ import annotations
@@ -36,17 +36,18 @@ _PLANE = 2
 
 @dataclass(frozen=True, eq=False)
 class PlanarShape(ABC):
-    """Where a region is: its edges, its area, what it implies, and which points it holds.
+    """The shape of a region: its edges, its area, the constraints that it implies, and the points that it holds.
 
     Attributes:
-        slice: The plane: robot, coordinates, limits and contacts.
+        slice: The slice: robot, coordinates, limits and contacts.
         loops: Named edges of the exterior, counter-clockwise, then of each hole, clockwise.
-        corners: Where two edges meet, in the order of the loops.
-        accuracy: [rad or m]; no point of the true contour is further than this from the edges. Zero if all is straight.
-        unresolved: Places on its contour, each with its two coordinates, that are too small to be resolved: there a
-            contact curve may cross itself, and it is undecided whether parts meet. The region is the reading in
-            which they do not; `joined_area` is the area if they do.
-        width: [rad or m]; contact curves that are searched for are enclosed in cells of this side; zero if there are
+        corners: The points where two edges meet, in the order of the loops.
+        accuracy: [rad or m]; no point of the true contour is further than this from the edges. It is zero if all edges
+            are straight.
+        unresolved: Places on the contour, with their two coordinates, that are too small to resolve. A contact curve
+            may cross itself there, so it is undecided whether parts meet. The region assumes that they do not;
+            `joined_area` is the area if they do.
+        width: [rad or m]; the side of the cells that enclose contact curves which need a search; zero if there are
             none.
     """
 
@@ -67,7 +68,7 @@ class PlanarShape(ABC):
 
     @property
     def unresolved_text(self) -> str:
-        """What is undecided, in one sentence for people; empty if nothing is."""
+        """One sentence about undecided places, for people; empty if there are none."""
         return ""
 
     @property
@@ -77,9 +78,9 @@ class PlanarShape(ABC):
 
     @cached_property
     def slits(self) -> tuple[Slit, ...]:
-        """Walls that end inside it, of loops whose passive joints jump by a turn there: a motion has to go round them.
+        """Walls inside the region, at which passive joints of loops jump by a turn: a motion has to go around them.
 
-        Both sides belong to the region; empty for all robots but those with loops that are no parallelograms.
+        Both sides belong to the region. Only robots with loops that are not parallelograms have slits.
         """
         if self.slice.lifted is None or self.polygon.is_empty:
             return ()
@@ -90,17 +91,17 @@ class PlanarShape(ABC):
 
     @property
     def units(self) -> tuple[str, str]:
-        """The unit of each coordinate: ``"rad"``, or ``"m"`` of a prismatic joint."""
+        """The unit of each coordinate: ``"rad"``, or ``"m"`` for a prismatic joint."""
         return self.slice.units
 
     @property
     def area_unit(self) -> str:
-        """The unit of `area`: ``"rad^2"``, ``"m^2"``, or ``"m rad"`` of an angle and a prismatic joint."""
+        """The unit of `area`: ``"rad^2"``, ``"m^2"``, or ``"m rad"`` for a revolute and a prismatic joint."""
         return units.product(self.units)
 
     @property
     def coordinates(self) -> tuple[str, str]:
-        """The two coordinates of the plane."""
+        """The two coordinates of the slice."""
         return self.slice.coordinates
 
     @property
@@ -115,7 +116,7 @@ class PlanarShape(ABC):
 
     @property
     def fixed(self) -> tuple[str, ...]:
-        """Other coordinates that some boundary or limit depends on: a q inside must have them as in `at`."""
+        """Other coordinates that a boundary or limit depends on: a q inside must have their values of `at`."""
         return self.slice.fixed
 
     @cached_property
@@ -124,12 +125,13 @@ class PlanarShape(ABC):
         return tuple(edge for loop in self.loops for edge in loop)
 
     def touching(self, edge: Edge) -> tuple[Touch, ...]:
-        """Return which parts of the two bodies touch along a contact edge: a vertex, an edge or a face of each.
+        """Return which part of each body touches along a contact edge: a vertex, an edge or a face.
 
-        One `Touch` for each stretch of `edge.points`, in their order. Vertices are counted in `mark.shape.vertices`.
+        There is one `Touch` for each interval of `edge.points`, in their order. Indices are those of
+        `mark.shape.vertices`.
 
         Raises:
-            UnknownNameError: If the edge is a joint limit or a rule.
+            UnknownNameError: If the edge is a joint limit or a rule, and no contact.
             UnsupportedError: If one of the two marks is a line or plane.
 
         Example:
@@ -144,14 +146,14 @@ class PlanarShape(ABC):
 
     @cached_property
     def vertices(self) -> Array:
-        """(k, 2) where each edge starts [rad or m], in the order of `edges`."""
+        """(k, 2) the start of each edge [rad or m], in the order of `edges`."""
         starts = np.array([edge.start for edge in self.edges]).reshape(-1, _PLANE)
         starts.flags.writeable = False
         return starts
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing is left."""
+        """Whether the region is empty."""
         return not self.loops
 
     @property
@@ -161,7 +163,7 @@ class PlanarShape(ABC):
 
     @cached_property
     def polygon(self) -> Any:
-        """The region as a `shapely.Polygon`, holes included."""
+        """The region as a `shapely.Polygon`, with holes."""
         rings = [np.concatenate([edge.points[:-1] for edge in loop]) for loop in self.loops]
         return gis.Polygon(rings[0], rings[1:]) if rings else gis.Polygon()
 
@@ -172,24 +174,24 @@ class PlanarShape(ABC):
 
     @property
     def area_error(self) -> float:
-        """[`area_unit`], a bound of what the accuracy leaves open: accuracy times the length of the curved edges.
+        """[`area_unit`], a bound of the error of `area`: the accuracy times the length of the curved edges.
 
-        Both are taken in units of `Slice.scales`, which is one of rad and m or less. Where contact is searched for it
-        is how far `area_interval` reaches from `area`.
+        Both are measured in units of `Slice.scales`, which are at most 1 rad or 1 m. If contacts need a search, it is
+        the largest distance of `area` from the ends of `area_interval`.
         """
         return 0.0
 
     @property
     def area_interval(self) -> tuple[float, float]:
-        """Bounds of the area [`area_unit`] of the true region: proven of contacts that are searched for.
+        """Bounds of the area [`area_unit`] of the true region; they are proven if contacts need a search.
 
-        Of those, from the part that is proven free and connected with the start to all that undecided cells may add;
-        else `area` less and plus `area_error`.
+        Then the lower bound is the area that is proven free and connected with the start, and the upper bound adds all
+        undecided cells. Otherwise the bounds are `area` minus and plus `area_error`.
         """
         return max(self.area - self.area_error, 0.0), max(self.area + self.area_error, self.joined_area)
 
     def perimeter(self, weights: Mapping[str, float] | None = None) -> float:
-        """Return the length of the contour, holes included [rad or m, or the unit of the weights].
+        """Return the length of the contour with holes [rad or m, or the unit of the weights].
 
         Args:
             weights: The weight of one radian or metre of each coordinate, by name; needed if the two units differ.
@@ -201,18 +203,18 @@ class PlanarShape(ABC):
 
     @property
     def centroid(self) -> Array:
-        """(2,) centre of area [rad or m]; NaN if the region is empty."""
+        """(2,) the centroid [rad or m]; NaN if the region is empty."""
         if self.is_empty:
             return read_only(np.full(2, np.nan))
         return read_only(np.array([self.polygon.centroid.x, self.polygon.centroid.y]))
 
     @abstractmethod
     def supports(self, weights: Mapping[str, float] | None = None) -> dict[str, Support]:
-        """Return, for everything that could bound the region, its slack and, if convex, the edges that imply it.
+        """Return the slack of every limit and contact and, for a convex region, the edges that imply it.
 
-        Slack is zero for an edge. For a convex region it is measured along the half-plane's normal; otherwise it is
-        the distance from the region to the limit or contact curve, and boundaries without a curve here are left out.
-        It is in rad or m; where it would add both, it is NaN without weights.
+        The slack is zero for an edge. For a convex region it is measured along the normal of the half-plane. Otherwise
+        it is the distance from the region to the limit or contact curve; boundaries without a curve in the slice are
+        left out. Its unit is rad or m; if both units would be added, it is NaN without weights.
 
         Args:
             weights: The weight of one radian or metre of each coordinate, by name.
@@ -245,7 +247,7 @@ class PlanarShape(ABC):
         """
 
     def points(self, Q: ArrayLike, order: inside.Order | None = None) -> Array:
-        """Return the region's two coordinates (N, 2) of q's; rows of another slice, or not finite, become NaN.
+        """Return the two coordinates (N, 2) of configurations; NaN for rows that are not finite, or of another slice.
 
         Args:
             Q: As in `contains`.
@@ -256,7 +258,7 @@ class PlanarShape(ABC):
         return reading.points
 
     def applies(self, Q: ArrayLike, order: inside.Order | None = None) -> Any:
-        """Return whether the region can tell of q: finite, and its held coordinates as in `at` where they matter.
+        """Return whether q belongs to the slice: it is finite, and its fixed coordinates are those of `at`.
 
         Args:
             Q: As in `contains`.
@@ -272,19 +274,19 @@ class PlanarShape(ABC):
     def contains(self, Q: ArrayLike, order: inside.Order | None = None) -> Any:
         """Return whether q is inside: a bool, or (N,) bools; False for rows that are not finite.
 
-        Limits belong to the region, and may be passed by `tolerances.LIMIT`; contact does not. A point counts as inside
-        only if the exact clearances say so too, so that no chord ever hides a contact; a point nearer to a curved
-        edge than `accuracy` may count as outside. The limits of all held coordinates count, mimic joints' too.
+        Limits belong to the region and may be passed by `tolerances.LIMIT`; contacts do not belong to it. A point is
+        inside only if the exact clearances are positive, too, so no chord hides a contact. A point nearer to a curved
+        edge than `accuracy` may be reported as outside. Limits of all other coordinates count, also of mimic joints.
 
         Args:
-            Q: (n,) or (N, n) configurations of the robot, or (2,) or (N, 2) points of the plane.
-            order: ``"robot"``: Q holds configurations, ``"region"``: points of the plane, in the order of
-                `coordinates`. By default the last axis tells; it cannot if the robot has two coordinates and the plane
+            Q: (n,) or (N, n) configurations of the robot, or (2,) or (N, 2) points of the slice.
+            order: ``"robot"``: Q holds configurations; ``"region"``: Q holds points in the order of `coordinates`. By
+                default the length of the last axis decides. This fails if the robot has two coordinates and the slice
                 has them in another order.
 
         Raises:
-            DimensionError: If Q has another shape or could be read in two ways, or a held coordinate, on which some
-                boundary or limit depends (`fixed`), is not as in `at`: this slice does not know (`applies` tells).
+            DimensionError: If Q has another shape or could be read in two ways, or if a coordinate of `fixed` differs
+                from `at`: then the slice has no answer (`applies` is False).
 
         Example:
             >>> import pinbound as pb
@@ -300,23 +302,24 @@ class PlanarShape(ABC):
     def signed_distance(
         self, Q: ArrayLike, order: inside.Order | None = None, weights: Mapping[str, float] | None = None
     ) -> Any:
-        """Return the Euclidean distance to the contour in the plane [rad or m]: positive inside, negative outside.
+        """Return the signed Euclidean distance to the contour [rad or m]: positive inside, negative outside.
 
-        For curved edges it is that to the polyline, right to `accuracy`; a point in contact never gets a positive one.
-        It is zero on the contour, of which limits belong to the region and contacts do not.
+        For curved edges it is the distance to the polyline, with an error of at most `accuracy`. A point in contact
+        never has a positive distance. It is zero on the contour; limits belong to the region, contacts do not.
 
         Args:
             Q: As in `contains`.
             order: As in `contains`.
-            weights: By coordinate, how much one radian or metre of it counts, `|(w_1 dx_1, w_2 dx_2)|`; needed where
-                the two units differ.
+            weights: The weight of one radian or metre of each coordinate, by name: the distance is `|(w_1 dx_1, w_2
+                dx_2)|`. Needed if the two units differ.
 
         Returns:
-            A float, or (N,); NaN for non-finite rows and for rows of another slice; -inf if the region is empty, or a
-            held coordinate is out of limits.
+            A float, or (N,); NaN for rows that are not finite or belong to another slice; -inf if the region is empty,
+            or if another coordinate is outside its limits.
 
         Raises:
-            DimensionError: If Q has another shape or could be read in two ways, or radians and metres would be added.
+            DimensionError: If Q has another shape or could be read in two ways, or if radians and metres would be
+                added.
 
         Example:
             >>> import pinbound as pb

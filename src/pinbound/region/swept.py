@@ -1,11 +1,11 @@
-"""The body that a section sweeps when the coordinate below it turns: volume, and a closed mesh.
+"""The body that a section sweeps when a coordinate rotates it: its volume, and a closed mesh.
 
-A point of the section at distance u from the axis moves on an arc of radius |u|, so with `alpha` the angle turned
+A point of the section at distance u from the axis moves on an arc of radius |u|. So, with the rotation angle `alpha`,
 
     volume = alpha * int |u| dA      (Pappus),
 
-as long as no place is swept twice. If the section reaches across the axis, the part beyond is mirrored first, and
-what lies on both sides is swept over `min(2 alpha, 2 pi)`, once.
+if no point is swept twice. If the section crosses the axis, the part beyond it is mirrored first; the overlap of both
+sides is swept over `min(2 alpha, 2 pi)`, and counts once.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ _FORMATS = (".ply", ".stl", ".obj")
 
 @dataclass(frozen=True)
 class SweptBody:
-    """What a section sweeps between two values of the coordinate that turns it.
+    """The body that a section sweeps between two values of the coordinate that rotates it.
 
     Attributes:
         section: The section, with its `turn`.
         lower: First value of the coordinate [rad].
         upper: Last value [rad].
-        start: Angle turned at `lower`, from where the section is [rad].
+        start: Rotation angle at `lower`, relative to the section [rad].
 
     Example:
         >>> import pinbound as pb
@@ -62,7 +62,7 @@ class SweptBody:
 
     @property
     def angle(self) -> float:
-        """The angle that is swept [rad], at most a full turn."""
+        """The swept angle [rad], at most a full turn."""
         turn = self.section.turn
         return min(abs(turn.coefficient) * (self.upper - self.lower), _TURN) if turn is not None else 0.0
 
@@ -74,10 +74,10 @@ class SweptBody:
 
     @cached_property
     def volume(self) -> Measure:
-        """The volume [m^3], each place counted once.
+        """The volume [m^3]; each point counts once.
 
         Raises:
-            UnsupportedError: If the section crosses the axis in a plane that does not hold the axis.
+            UnsupportedError: If the section crosses the axis, and its plane does not contain the axis.
 
         Example:
             >>> import pinbound as pb
@@ -118,7 +118,7 @@ class SweptBody:
 
         Raises:
             UnsupportedError: If the section crosses the axis.
-            DimensionError: If nothing is swept, or the chord is not positive.
+            DimensionError: If the swept angle or the section is empty, or if the chord is not positive.
 
         Example:
             >>> import pinbound as pb
@@ -160,14 +160,14 @@ class SweptBody:
         return np.vstack(turned) + turn.point
 
     def export(self, path: str | Path, chord: float = MESH_CHORD) -> Path:
-        """Write the body's mesh: `.ply`, `.stl` (binary) or `.obj`, in metres, in the root link's frame.
+        """Write the mesh as `.ply`, `.stl` (binary) or `.obj`, in metres, in the frame of the root link.
 
         Args:
-            path: The file; one that exists is replaced.
-            chord: [m], how far the mesh may be off.
+            path: The file; an existing file is replaced.
+            chord: [m], the largest error of the mesh.
 
         Raises:
-            DimensionError: If the suffix is another one.
+            DimensionError: If the file has another suffix.
         """
         target = Path(path)
         if target.suffix not in _FORMATS:
@@ -181,12 +181,12 @@ def swept_body(robot: Robot, section: Section, lower: float | None = None, upper
 
     Args:
         robot: The robot.
-        section: Made with `turn=...`.
-        lower: First value of the turning coordinate [rad]; its lower limit by default.
+        section: A section made with `turn=...`.
+        lower: First value of the coordinate `turn` [rad]; its lower limit by default.
         upper: Last value [rad]; its upper limit by default.
 
     Raises:
-        DimensionError: If the section was made without `turn`, or the range is not finite or is reversed.
+        DimensionError: If the section was made without `turn`, or if the range is not finite or is reversed.
 
     References:
         The paper's Figs. 11 and 12; `docs/workspace.md`.

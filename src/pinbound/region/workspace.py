@@ -1,13 +1,13 @@
-"""The image of a region under forward kinematics: its contour, its area, what it sweeps when another joint turns.
+"""The image of a region under forward kinematics: its contour, its area, and the body that another joint sweeps.
 
-Where the map does not fold and the contour's image does not cross itself, the map is one to one, and areas are
+If the map does not fold, and the image of the contour does not cross itself, the map is one-to-one. Then areas are
 boundary integrals over the image of the contour,
 
     area = 1/2 |oint u dv - v du|,    int u dA = 1/2 |oint u^2 dv|,
 
-whose integrands are analytic along straight edges, so Gauss-Legendre quadrature converges to rounding. Otherwise
-the image is the places that it covers (`covering`), twice with chords of which the second are half as long.
-`docs/workspace.md` derives all of it.
+whose integrands are analytic along straight edges, so Gauss-Legendre quadrature converges to rounding. Otherwise the
+covered places are computed (`covering`), twice; the second time with chords of half the length. `docs/workspace.md` has
+the derivation.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ class Measure:
 
     Attributes:
         value: In metres, squared or cubed.
-        error: As value: what twice the quadrature nodes, or chords half as long, change, plus rounding, plus what the
-            accuracy of the region's own curved edges leaves open.
+        error: In the unit of `value`: the change with twice the quadrature nodes, or with chords of half the length,
+            plus rounding, plus the effect of the accuracy of the region's curved edges.
         method: ``"boundary integral"`` or ``"covered places"``.
     """
 
@@ -64,14 +64,14 @@ class Measure:
 
 @dataclass(frozen=True, eq=False)
 class Turn(Value):
-    """A coordinate that turns the whole section about one line.
+    """A coordinate that rotates the whole section about one line.
 
     Attributes:
         coordinate: Its name.
-        index: Its place in q.
-        point: (3,) the point of the axis that is nearest to the root link's origin [m], in its frame.
+        index: Its index in q.
+        point: (3,) the point of the axis nearest to the origin of the root link [m], in the frame of the root link.
         axis: (3,) unit vector.
-        coefficient: Angle turned, per unit of the coordinate.
+        coefficient: Rotation angle per unit of the coordinate.
     """
 
     coordinate: str
@@ -86,11 +86,12 @@ class Section(Value):
     """The image of a region in the plane in which a frame moves.
 
     Attributes:
-        region: In the plane of two coordinates.
-        link: The frame's link.
-        xyz: (3,) the point of the link [m].
-        map: From the two coordinates to the plane; its first axis u points away from the axis of `turn`.
-        turn: The coordinate that turns the whole section, if one was asked for.
+        region: The region of two coordinates.
+        link: The link of the frame.
+        xyz: (3,) the point in the frame of the link [m].
+        map: The map from the two coordinates to the plane; the first axis u of the plane points away from the axis of
+            `turn`.
+        turn: The coordinate that rotates the whole section; None if none was requested.
 
     Example:
         >>> import pinbound as pb
@@ -107,21 +108,21 @@ class Section(Value):
     turn: Turn | None
 
     def points(self, X: Array) -> Array:
-        """Return positions (N, 3) [m] in the root link's frame, of points (N, 2) of the region's plane."""
+        """Return the positions (N, 3) [m] in the frame of the root link, for points (N, 2) of the region's slice."""
         return self.map.points(np.asarray(X, dtype=np.float64).reshape(-1, 2))
 
     def image(self, X: Array) -> Array:
-        """Return positions (N, 2) [m] in the section's own plane: (distance from the axis, height)."""
+        """Return the positions (N, 2) [m] in the plane of the section: (distance from the axis, height)."""
         return self.map.image(np.asarray(X, dtype=np.float64).reshape(-1, 2))
 
     @cached_property
     def folds(self) -> Folds:
-        """The sign of the Jacobian over the region, proven, or where it changes."""
+        """The proven sign of the Jacobian over the region, or the places where it may change."""
         return find_folds(self.map, self.region.polygon)
 
     @cached_property
     def is_one_to_one(self) -> bool:
-        """Whether no two points of the region have one image: no fold, and the contour's image is simple."""
+        """Whether different points of the region have different images: no fold, and a simple image of the contour."""
         return self.folds.sign != 0 and bool(self._outline(CHORD).is_valid)
 
     def edge_image(self, start: Array, end: Array, chord: float = CHORD) -> Array:
@@ -142,11 +143,11 @@ class Section(Value):
         return self._outline(chord) if self.is_one_to_one else covered(self.map, self._parts, chord)[0]
 
     def export(self, path: str | Path, chord: float = CHORD) -> Path:
-        """Write the section's polygon: GeoJSON (`.geojson`, `.json`) or well-known text (`.wkt`), in metres.
+        """Write the polygon of the section as GeoJSON (`.geojson`, `.json`) or well-known text (`.wkt`), in metres.
 
         Args:
             path: The file; one that exists is replaced.
-            chord: [m], how far curved edges may be off.
+            chord: [m], the largest error of curved edges.
 
         Raises:
             DimensionError: If the suffix is another one.
@@ -160,7 +161,7 @@ class Section(Value):
 
     @cached_property
     def area(self) -> Measure:
-        """Area of the section [m^2], each place counted once.
+        """Area of the section [m^2]; each point counts once.
 
         Example:
             >>> import pinbound as pb
@@ -184,21 +185,21 @@ class Section(Value):
 
     @cached_property
     def reach(self) -> float:
-        """The largest distance of the section from the axis [m], or what bounds it."""
+        """The largest distance of the section from the axis [m], or an upper bound of it."""
         west, south, east, north = self.region.polygon.bounds
         corners = np.array([[west, south], [east, north]])
         spread = float(self.map.first_bound @ (corners[1] - corners[0])) / 2
         return float(np.abs(self.image(corners.mean(axis=0))[:, 0]).max()) + spread
 
     def refined(self, quantity: Callable[[Any], float], density: float) -> Measure:
-        """Return a quantity of the places that the image covers, at most `density` a unit of area.
+        """Return a quantity of the covered places, computed with two lengths of chords.
 
-        The error of chords falls with the square of their length: of two values, the second with chords half as long,
-        `fine + (fine - coarse) / 3` is free of it to first order. Their difference is stated as the error.
+        The error of chords falls with the square of their length. So `fine + (fine - coarse) / 3`, where the chords of
+        `fine` are half as long, cancels it to first order. The stated error is the difference of the two values.
 
         Args:
-            quantity: Of a shapely geometry in the section's plane, e.g. its area.
-            density: How much of the quantity one square metre can hold.
+            quantity: A function of a shapely geometry in the plane of the section, e.g. its area.
+            density: The largest value of the quantity for one square metre.
 
         Example:
             >>> import pinbound as pb
@@ -272,20 +273,20 @@ def workspace_section(
     xyz: Sequence[float] = (0.0, 0.0, 0.0),
     turn: str | None = None,
 ) -> Section:
-    """Return the image of a region for one point of one link, the other coordinates as in `region.at`.
+    """Return the image of a region for one point of one link; the other coordinates are those of `region.at`.
 
     Args:
         robot: The robot.
-        region: A region of it, not empty.
+        region: A region of the robot that is not empty.
         link: The link whose frame is followed.
         xyz: (3,) the point in the link's frame [m].
-        turn: A coordinate that turns the whole section about one line, for `swept_body`; then u is measured from its
-            axis and v along it. None: u and v from the root link's origin, v upwards.
+        turn: A coordinate that rotates the whole section about one line, for `swept_body`; then u is the distance from
+            this line, and v is along it. None: u and v start at the origin of the root link, and v points upwards.
 
     Raises:
-        UnknownNameError: If there is no such link or coordinate.
-        UnsupportedError: If the frame does not move in a plane, or `turn` does not turn that plane as a whole about
-            an axis that lies along it.
+        UnknownNameError: If the link or the coordinate does not exist.
+        UnsupportedError: If the frame does not move in a plane, or if `turn` does not rotate this whole plane about an
+            axis parallel to it.
         DimensionError: If the region is empty.
 
     References:

@@ -1,4 +1,4 @@
-"""`Robot`, what users hold, and `load`, which makes it from files."""
+"""`Robot`, the central object for users, and `load`, which makes it from files."""
 
 from pinbound.robot.loading import load
 from pinbound.robot.robot import Robot

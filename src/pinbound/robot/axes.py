@@ -1,8 +1,8 @@
-"""Other coordinates for the same robot: sums of joints, such as the third axis counted from the ground, instead of one.
+"""Other coordinates for the same robot: sums of joints, such as a third axis measured from the ground.
 
-With `theta = S q + o` and new coordinates `p = T q + t` the coupling is `theta = (S T^-1) p + (o - S T^-1 t)`. T holds
-the rows of the axes, and of the other coordinates unit rows. It is inverted in exact arithmetic and rounded once; for
-sums and differences nothing is rounded.
+With `theta = S q + o` and new coordinates `p = T q + t` the coupling is `theta = (S T^-1) p + (o - S T^-1 t)`. T has
+the rows of the axes, and unit rows for the other coordinates. It is inverted in exact arithmetic and rounded once; sums
+and differences are not rounded at all.
 """
 
 from __future__ import annotations
@@ -48,22 +48,22 @@ class NewCoordinates(Value):
     back: tuple[tuple[Fraction, ...], ...]
 
     def forward(self, q: Array) -> Array:
-        """Return p of q (n,)."""
+        """Return p for q (n,)."""
         return self.T @ q + self.t
 
     def coupling(self, coupling: Coupling) -> Coupling:
-        """Return the coupling said of p."""
+        """Return the coupling in terms of p."""
         rows = [self._row(row, float(o)) for row, o in zip(coupling.S, coupling.offset, strict=True)]
         S = np.array([row for row, _ in rows]).reshape(coupling.S.shape)
         return Coupling(self.names, coupling.joints, S, np.array([offset for _, offset in rows]))
 
     def limit(self, limit: LinearLimit) -> LinearLimit:
-        """Return a limit said of p."""
+        """Return a limit in terms of p."""
         c, offset = self._row(limit.coefficients, limit.offset)
         return LinearLimit(limit.joint, np.array(c), offset, limit.lower, limit.upper)
 
     def guarded(self, one: GuardedLimit) -> GuardedLimit:
-        """Return a guarded limit said of p."""
+        """Return a guarded limit in terms of p."""
         return GuardedLimit(self.limit(one.limit), tuple(self.limit(condition) for condition in one.where))
 
     def _row(self, c: Array, offset: float) -> tuple[list[float], float]:
@@ -81,14 +81,14 @@ def new_coordinates(
     lengths: Sequence[str] = (),
     sources: Mapping[str, str] | None = None,
 ) -> NewCoordinates | None:
-    """Return the coordinates in which axes stand instead of joints; None if there is none, or something is wrong.
+    """Return the coordinates in which axes replace joints; None if there are no axes, or if one has a fault.
 
     Args:
         axes: The axes.
-        coupling: The coupling in joints.
+        coupling: The coupling in terms of joints.
         problems: Collects the faults.
-        lengths: Names of prismatic joints, which do not add to angles.
-        sources: The file of each axis, as `Annotations.sources` says it.
+        lengths: Names of prismatic joints, which cannot be added to angles.
+        sources: The file of each axis, as in `Annotations.sources`.
     """
     if not axes:
         return None
@@ -150,9 +150,9 @@ def _inverse(T: Matrix) -> tuple[tuple[Fraction, ...], ...] | None:
 def joint_home(
     home: Mapping[str, float], axes: Sequence[Axis], problems: Problems, line: int | None, source: str | None
 ) -> dict[str, float]:
-    """Return home by joints where it names axes: the joint that an axis stands for takes what the others leave.
+    """Return home in terms of joints if it names axes: the joint that an axis replaces is computed from the others.
 
-    Joints that home does not name are at zero. Home may name both an axis and its joint, if they agree.
+    Joints that home does not name are at zero. Home may name both an axis and its joint, if both values agree.
     """
     found = {name: value for name, value in home.items() if name not in {axis.name for axis in axes}}
     for axis in axes:

@@ -1,8 +1,8 @@
-"""A robot from a `pinocchio.Model` and its `GeometryModel`, where no URDF is at hand.
+"""A robot from a `pinocchio.Model` and its `GeometryModel`, without a URDF.
 
-Frames say which links there are and how they hang together, joints say what moves, and geometry objects which bodies a
-link has. All of this is written as the text of a URDF, which `load` then reads and checks as any other; and the robot
-is compared with the model, link by link (`Robot.on`). What the two do not determine is refused, by name.
+Frames give the links and how they are connected, joints give the motions, and geometry objects give the bodies. All
+this becomes the text of a URDF, which `load` reads and checks like any other. Then the robot is compared with the
+model, link by link (`Robot.on`). Anything that the model and the geometry do not determine is refused by name.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ def from_pinocchio(
 ) -> Robot:
     """Return the robot of a Pinocchio model, with its bodies if a geometry model is given.
 
-    A free flyer at the root is left out, as everywhere: boundaries do not depend on it. Locked joints of a reduced
-    model are fixed joints. Masses are not read: nothing here depends on them.
+    A free flyer at the root is left out, because boundaries do not depend on it. Locked joints of a reduced model
+    become fixed joints. Masses are not read, because nothing depends on them.
 
     Args:
         model: A `pinocchio.Model`; it is not changed.
-        geometry: A `pinocchio.GeometryModel` of it.
+        geometry: A `pinocchio.GeometryModel` of this model.
         annotations: As for `load`.
         package_dirs: As for `load`.
 
     Raises:
-        UnsupportedError: If the model or its geometry does not determine the robot: a joint of several degrees of
-            freedom, a frame that hangs on no link, a body that is neither a primitive nor a mesh with its file.
-        InputError: If anything is wrong with the annotations, or with what the model says.
+        UnsupportedError: If the model and its geometry do not determine the robot: a joint has several degrees of
+            freedom, a frame belongs to no link, or a body is neither a primitive nor a mesh with its file.
+        InputError: If the annotations or the model have faults.
 
     Example:
         >>> import pinbound as pb
@@ -155,7 +155,7 @@ def _moving(pin: Any, model: Any, name: str, joint: Any, made: etree._Element) -
 
 
 _UNBOUNDED = 1e16
-"""How SDF and URDF exporters write that there is no limit; `load` takes it for none."""
+"""The value that SDF and URDF exporters write for a joint without limits; `load` reads it as no limit."""
 
 
 def _limits(model: Any, joint: Any) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Where a robot starts when nobody says so: a configuration within all joint limits, as near to zero as it can be."""
+"""The default home of a robot: a configuration within all joint limits, as near to zero as possible."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["coordinate_ends", "feasible_start", "nearest_within", "ways_to_keep"
 
 
 def coordinate_ends(limits: Sequence[LinearLimit], n: int) -> Array:
-    """Return the ends (n, 2) that all limits on one coordinate alone leave it, mimic joints' limits too [rad or m].
+    """Return the ends (n, 2) that limits on single coordinates allow, also of mimic joints [rad or m].
 
     Example:
         >>> own = LinearLimit("q", np.array([1.0]), 0.0, -1.0, 1.0)
@@ -39,17 +39,17 @@ def coordinate_ends(limits: Sequence[LinearLimit], n: int) -> Array:
 def feasible_start(
     limits: Sequence[LinearLimit], fixed: Array, names: Sequence[str], guarded: Sequence[GuardedLimit] = ()
 ) -> tuple[Array | None, dict[str, str]]:
-    """Return a configuration (n,) within all limits, and how each coordinate was chosen that is neither given nor zero.
+    """Return a configuration (n,) within all limits, and how each coordinate that is neither given nor zero was chosen.
 
-    A coordinate whose limits do not hold zero is put in their middle, or at the end nearest to zero if there is no
-    other. If a limit on several coordinates is not kept then, they move as little as possible in all (the sum of the
-    changes is least, a linear program).
+    A coordinate whose limits do not contain zero is set to their middle, or to the only end. If a limit on several
+    coordinates is still violated, these coordinates move as little as possible (a linear program minimises the sum of
+    the changes).
 
     Args:
         limits: All joint limits.
-        fixed: (n,) values that are given; NaN where none is.
+        fixed: (n,) given values; NaN where none is given.
         names: Names of the coordinates.
-        guarded: Ends of rules that bind under conditions only, to be kept too.
+        guarded: Ends of rules with conditions, which must be kept, too.
 
     Returns:
         None if no configuration keeps all limits with these values.
@@ -74,9 +74,10 @@ def feasible_start(
 def nearest_within(
     limits: Sequence[LinearLimit], guarded: Sequence[GuardedLimit], q: Array, loose: Flags
 ) -> Array | None:
-    """Return the configuration within all limits, guarded ones too, that differs least from q; None if there is none.
+    """Return the configuration within all limits, also guarded ones, that is nearest to q; None if there is none.
 
-    Only `loose` coordinates (n,) move. Each way to keep a guarded limit is tried, and the nearest answer taken.
+    Only the coordinates `loose` (n,) move. Each way to keep a guarded limit is tried, and the nearest answer is
+    returned.
     """
     moved = _nearest(limits, q, loose)
     broken = None if moved is None else next((one for one in guarded if not one.holds(moved[None])[0]), None)
@@ -87,7 +88,7 @@ def nearest_within(
 
 
 def ways_to_keep(guarded: GuardedLimit) -> list[LinearLimit]:
-    """Return limits each of which keeps a guarded limit: its end, and what lies beside an end of a condition."""
+    """Return limits that each keep a guarded limit: its end, or a violated end of a condition."""
     ways = [guarded.limit]
     for one in guarded.where:
         ways.append(replace(one, lower=one.upper + BESIDE_CONDITION, upper=math.inf))

@@ -1,8 +1,8 @@
-"""Tables of coupled limits: the limits of one joint over the angle of another, sound as the reader interpolates.
+"""Tables of coupled limits: the limits of one joint over the angle of another, safe under linear interpolation.
 
-Boundaries of one effective angle keep home's gap, and joint limits an interval, of a linear combination of q. Over
-two coordinates that is a convex polygon: every entry lies in it, so that every line between two entries does. That
-is the proof between entries. The limits of the row are `lower(x) = max (b_k - a_k x) / c_k`, and likewise above.
+Boundaries of one effective angle, and joint limits, each allow an interval of a linear combination of q. Over two
+coordinates they form a convex polygon. Every entry lies in it, so every line between two entries does, too. This is the
+proof between entries. The lower limit of a row is `lower(x) = max (b_k - a_k x) / c_k`; the upper limit is similar.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _FINER = 6  # spacings that are tried for two corners, one entry more between th
 _STRAIGHT = 1e-6  # slopes that differ by less are one
 
 ENTRIES = ("multiples", "fitted", "corners")
-"""Where entries may be; `limit_table` says what each is."""
+"""The kinds of grids; `limit_table` explains them."""
 
 
 def limit_table(
@@ -39,29 +39,30 @@ def limit_table(
     whole: bool = False,
     boundaries: Sequence[str] | str | None = None,
 ) -> LimitTable:
-    """Return the limits of one joint over the angle of another, sound under straight interpolation between entries.
+    """Return the limits of one joint over the angle of another, safe under linear interpolation between entries.
 
-    All boundaries and joint limits that depend on the two joints are kept, mimic joints' limits too. Every pair of
-    angles that a reader accepts, who interpolates linearly and refuses targets beyond the entries, is free.
+    All boundaries and joint limits that depend on the two joints are used, also limits of mimic joints. A reader that
+    interpolates linearly and refuses targets beyond the entries accepts free pairs of angles only.
 
     Args:
         robot: The robot.
-        target: An active revolute joint: the one that the limits depend on.
-        dependent: Another: the one that is limited.
-        spacing: Of the entries [deg], at most.
-        grid: Where the entries are. ``"fitted"``: equally spaced, by at most `spacing`, and laid so that the limits'
-            corners fall on entries, as skrobot takes them. ``"corners"``: at whole multiples of the spacing and at all
-            corners besides, the ends of the target's range among them; nothing is lost, and only CSV and JSON can say
-            it. ``"multiples"``: at whole multiples alone, as jskeus and hrpsys take them; corners between entries are
-            lost. None: ``"fitted"``, but ``"multiples"`` where limits are whole degrees.
-        whole: Whether the limits are rounded inwards to whole degrees, as jskeus takes them.
-        boundaries: Names of boundaries, None: all.
+        target: An active revolute joint, on which the limits depend.
+        dependent: Another active revolute joint, which is limited.
+        spacing: Largest spacing of the entries [deg].
+        grid: The positions of the entries. ``"fitted"``: equally spaced by at most `spacing`, such that corners of the
+            limits fall on entries; skrobot needs this. ``"corners"``: at whole multiples of the spacing and at all
+            corners, also at the ends of the target's range; nothing is lost, but only CSV and JSON can store it.
+            ``"multiples"``: at whole multiples only; jskeus and hrpsys need this, and corners between entries are lost.
+            None: ``"fitted"``, or ``"multiples"`` if `whole`.
+        whole: Whether the limits are rounded inwards to whole degrees, which jskeus needs.
+        boundaries: Names of the boundaries; None: all.
 
     Raises:
         UnknownNameError: If a joint, boundary or grid does not exist.
-        DimensionError: If the joints are one, or the spacing is none, or no entry lies in the range of the target.
-        UnsupportedError: If a table cannot say it: a joint slides, a boundary has several effective angles or depends
-            on a third coordinate, the dependent joint has no limit, a rule has a condition.
+        DimensionError: If the two joints are the same, if the spacing is not positive, or if no entry lies in the range
+            of the target.
+        UnsupportedError: If a table cannot represent the limits: a joint is prismatic, a boundary has several effective
+            angles or depends on a third coordinate, the dependent joint has no limit, or a rule has a condition.
 
     Example:
         >>> import pinbound as pb

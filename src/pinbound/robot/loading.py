@@ -1,4 +1,4 @@
-"""load(): a robot from its files, every fault of them told at once."""
+"""load(): makes a robot from its files; one error lists all faults of the files."""
 
 from __future__ import annotations
 
@@ -61,20 +61,19 @@ def load(
     Args:
         robot: Name of a packaged robot (e.g. ``"minervabot_v3"``), of a preset (``"palletizers/fanuc_m410ib_700"``;
             `pinbound robots` lists them), a path to a `.urdf` or `.xacro`, or the text of a URDF (it begins with `<`).
-        annotations: Path of a YAML sidecar or of an .srdf with spheres, or of a file that says which loops the robot
-            has (`robot.yaml` of Gepetto's toolbox, an MJCF .xml), or `Annotations`, or several of these in a sequence;
-            they add to what is inline, and to each other. By default `NAME.pinbound.yaml` beside the file, where it
-            exists.
-        package_dirs: Folders that hold ROS packages, or are packages: for `package://` of meshes, and for
-            `$(find name)` of xacro, which also looks in `ROS_PACKAGE_PATH`, `AMENT_PREFIX_PATH` and beside the file.
-        xacro_args: Arguments of a xacro file, declared in it or in what it includes.
+        annotations: A path to a YAML sidecar, to an .srdf, or to a file with the loops of the robot (`robot.yaml` of
+            Gepetto's toolbox, an MJCF .xml); or `Annotations`; or a sequence of these. They are added to the
+            annotations inside the URDF. By default `NAME.pinbound.yaml` beside the file is used, if it exists.
+        package_dirs: Folders that hold ROS packages, or are packages, for `package://` of meshes and for `$(find name)`
+            of xacro. xacro also searches `ROS_PACKAGE_PATH`, `AMENT_PREFIX_PATH` and beside the file.
+        xacro_args: Arguments of a xacro file; each must be declared in it, or in an included file.
         trust: `"urdf-only"` refuses xacro files, because they can run code. Packaged robots are always accepted.
 
     Returns:
-        The robot, every closure proven to close and home proven to be free.
+        The robot; every closure is proven to close, and home is proven to be free.
 
     Raises:
-        InputError: If anything is wrong with the files: all faults at once, each with its line and remedy.
+        InputError: If the files have faults; the error lists all of them with lines and remedies.
 
     Example:
         >>> robot = load("minervabot_v3")

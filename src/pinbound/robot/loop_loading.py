@@ -1,4 +1,4 @@
-"""Loading robots with loops that are no parallelograms: their passive joints and toggles become coordinates of z."""
+"""Loads robots with loops that are not parallelograms: their passive joints and toggles become coordinates of z."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["home_of_loops", "opened_loops", "toggles"]
 
 
 def opened_loops(tree: Tree, settled: Settled, marks: Annotations, problems: Problems) -> tuple[Settled, Lift]:
-    """Return what was settled, with passive joints of loops that are no parallelograms as coordinates; and F."""
+    """Return the coupling with passive joints of loops that are not parallelograms as coordinates; and F."""
     coupling, lift = lifted(settled.coupling, settled.linkages)
     closures = tuple(close(tree, coupling, one.mark) for one in settled.closures)
     name = settled.linkages[0].name
@@ -43,7 +43,7 @@ def opened_loops(tree: Tree, settled: Settled, marks: Annotations, problems: Pro
 
 
 def toggles(lift: Lift, marks: Annotations) -> tuple[LinearLimit, ...]:
-    """Return the toggles of the loops as limits, on home's side of them."""
+    """Return the toggles of the loops as limits that keep home's side."""
     return toggle_limits(lift, lift(_marked_home(lift, marks)))
 
 
@@ -61,7 +61,7 @@ def home_of_loops(
     guarded: Sequence[GuardedLimit],
     problems: Problems,
 ) -> tuple[Array, list[str]]:
-    """Return home (n + k,): q as marked, zero where nothing is; passive joints as the loops put them."""
+    """Return home (n + k,): q as marked, zero where it is not marked; passive joints computed from the loops."""
     home = lift(_marked_home(lift, marks))
     joints = dict(zip(lift.names, home.tolist(), strict=True))
     line, source = marks.home_line, marks.sources.get("home")

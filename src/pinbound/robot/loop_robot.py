@@ -1,4 +1,4 @@
-"""A robot with loops that are no parallelograms: the robot over z, in which they are open, asked at `z = F(q)`."""
+"""A robot with loops that are not parallelograms: a robot over z, whose loops are open, evaluated at `z = F(q)`."""
 
 from __future__ import annotations
 
@@ -27,28 +27,28 @@ __all__ = ["LoopClosure", "LoopIntervals", "LoopRobot"]
 
 @dataclass(frozen=True, eq=False)
 class LoopIntervals(Intervals):
-    """All limits and rules over z, those of passive joints and toggles too, asked of q."""
+    """All limits and rules over z, also of passive joints and toggles, as functions of q."""
 
     lift: Lift | None = None
 
     def hold(self, Q: Array) -> Flags:
-        """Return which rows (N,) of Q (N, n) keep them."""
+        """Return which rows (N,) of Q (N, n) keep all limits."""
         assert self.lift is not None
         return super().hold(self.lift(Q))
 
     def holds_at(self, q: Sequence[float]) -> bool:
-        """Return what `hold` does for one q."""
+        """Return `hold` for one q."""
         assert self.lift is not None
         return super().holds_at(self.lift(np.array(q, dtype=np.float64)).tolist())
 
 
 @dataclass(frozen=True, eq=False)
 class LoopClosure(Closure):
-    """A pin of a robot with loops that are no parallelograms, asked at `z = F(q)`.
+    """A pin of a robot with loops that are not parallelograms, evaluated at `z = F(q)`.
 
     Attributes:
         lift: `z = F(q)`.
-        is_solved: Whether this pin's own loop is solved in closed form: then it closes wherever q is within the limits.
+        is_solved: Whether the loop of this pin is solved in closed form; then it closes for every q within the limits.
     """
 
     lift: Lift | None = None
@@ -61,18 +61,19 @@ class LoopClosure(Closure):
 
     @property
     def left(self) -> float:
-        """What is left of the loop's offsets [m]: nothing, where its form closes it."""
+        """The remaining offsets of the loop [m]; none if the closed form closes it."""
         return 0.0 if self.is_solved else super().left
 
 
 class LoopRobot(Robot):
-    """A robot with loops that are no parallelograms.
+    """A robot with loops that are not parallelograms.
 
-    `coupling.expand`, values, gradients, Hessians, certificates and crosscheck go through the loops; what does not yet
-    is refused with their names.
+    `coupling.expand`, values, gradients, Hessians, certificates and cross-checks take the loops into account. Methods
+    that do not yet do so refuse, with the names of the loops.
 
     Attributes:
-        opened: The robot over z: q, the passive joints, and a transmission of each loop, whose limits are its toggles.
+        opened: The robot over z: q, the passive joints, and a transmission coordinate of each loop, whose limits are
+            its toggles.
         lift: `z = F(q)`.
     """
 
@@ -115,7 +116,7 @@ class LoopRobot(Robot):
 
     @property
     def guarded_limits(self) -> tuple[GuardedLimit, ...]:  # type: ignore[override]
-        """Refused, as `linear_limits` are.
+        """Refused, like `linear_limits`.
 
         Raises:
             UnsupportedError: Always, with the names of the loops.
@@ -130,11 +131,11 @@ class LoopRobot(Robot):
 
     @cached_property
     def coverage(self) -> Coverage:
-        """Which pairs of links are watched, left out and why, or not watched."""
+        """Which pairs of links are watched, left out (with the reason), or not watched."""
         return self.opened.coverage
 
     def on(self, model: Any) -> ModelView:
-        """Refuse: gradients over a model's v, in which passive joints are free, are not derived through loops.
+        """Refuse: gradients over the v of a model, in which passive joints are free, are not available through loops.
 
         Raises:
             UnsupportedError: Always, with the names of the loops.
@@ -142,7 +143,7 @@ class LoopRobot(Robot):
         refuse_linear("robot.on(model) is not derived", self.lift)
 
     def export(self, kind: str, path: str | Path, boundaries: Sequence[str] | str | None = None) -> tuple[Path, ...]:
-        """Refuse: loops are not written.
+        """Refuse: the export does not support loops.
 
         Raises:
             UnsupportedError: Always, with the names of the loops.
@@ -154,10 +155,10 @@ class LoopRobot(Robot):
         return self.opened.closure_residuals(self.lift(Q))
 
     def positions(self, link: str, Q: ArrayLike, xyz: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
-        """Return where a point of a link is, in the root link's frame: (3,) or (N, 3) [m].
+        """Return the position of a point of a link in the frame of the root link: (3,) or (N, 3) [m].
 
         Raises:
-            UnknownNameError: If there is no such link.
+            UnknownNameError: If the link does not exist.
         """
         if link not in self.tree.links:
             raise UnknownNameError("link", link, self.tree.links)

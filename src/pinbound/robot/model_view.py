@@ -1,13 +1,13 @@
-"""A user's own `pinocchio.Model`, and what its q and v say in this robot's coordinates.
+"""The q and v of a user's own `pinocchio.Model` in the coordinates of this robot.
 
-A model that was built from the same URDF may hold other joints than the robot's active coordinates: a free flyer,
-continuous joints as (cos, sin), mimic joints as joints of their own or not, some joints locked (a reduced model). The
-robot's q is a function of the model's, and its rate is linear in the model's velocity,
+A model that was built from the same URDF may have other joints than the robot's active coordinates: a free flyer,
+continuous joints as (cos, sin), mimic joints as separate joints, or locked joints (a reduced model). The robot's q is a
+function of the model's q, and its rate is linear in the model's velocity,
 
     q_robot = f(q_model),    dq_robot/dt = E v,    so that    grad_v h = grad_q h . E,
 
-E being (n, nv) with one 1 a row at most. Whether the model is this robot at all is proved on binding, by the placements
-of all links at two configurations.
+where E (n, nv) has at most one 1 in each row. When a model is bound, the placements of all links at two configurations
+prove that it is a model of this robot.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ _TURN = 2.0 * math.pi
 
 @dataclass(frozen=True, eq=False)
 class ModelJoints(Value):
-    """Where a model keeps the robot's joints.
+    """The positions of the robot's joints in the q and v of a model.
 
     Attributes:
         nq: Length of the model's q.
         nv: Length of the model's v.
-        places: Of each joint that the model moves: index in q, number of entries there (2: cos, sin), index in v.
-        locked: Values of the joints that the model does not move [rad or m].
-        driven: Mimic joints that Pinocchio itself moves with their primaries.
-        flying: Names of the joints of several degrees of freedom, such as a free flyer.
+        places: For each joint that the model moves: index in q, number of entries there (2: cos, sin), index in v.
+        locked: Values of joints that the model does not move [rad or m].
+        driven: Mimic joints that Pinocchio itself moves with their primary joints.
+        flying: Names of joints with several degrees of freedom, such as a free flyer.
     """
 
     nq: int
@@ -57,7 +57,7 @@ class ModelJoints(Value):
     flying: tuple[str, ...]
 
     def value(self, q: Array, joint: str, near: float) -> Array:
-        """Return a joint's values (N,) at q (N, nq) [rad or m]; of a continuous joint the angle next to `near`."""
+        """Return the values (N,) of a joint at q (N, nq) [rad or m]: for continuous joints, the nearest to `near`."""
         if joint in self.locked:
             return np.full(len(q), self.locked[joint])
         start, count, _ = self.places[joint]
@@ -76,11 +76,11 @@ class ModelJoints(Value):
 
 
 def read_model(tree: Tree, coupling: Coupling, model: Any, home: Array) -> ModelJoints:
-    """Return where a model keeps the robot's joints, once it is proved to be a model of this robot.
+    """Return the positions of the robot's joints in a model, after proving that it is a model of this robot.
 
     Raises:
-        DimensionError: If it is not: a joint or link is missing, a link is placed elsewhere, or mimic joints are locked
-            whose primaries move.
+        DimensionError: If it is not: a joint or link is missing, a link has another placement, or mimic joints are
+            locked while their primary joints move.
     """
     places, driven, flying = dict[str, tuple[int, int, int]](), list[str](), list[str]()
     known = {joint.name: joint for joint in tree.kinematics.joints}
@@ -199,16 +199,16 @@ def _compare(
 
 @dataclass(frozen=True, eq=False)
 class ModelView(Value):
-    """A robot's boundaries, asked by q and answered by v of a user's own Pinocchio model; `Robot.on` makes it.
+    """A robot's boundaries as functions of the q of a user's own Pinocchio model, with gradients over its v.
 
-    Columns of mimic joints that the model moves on their own are zero: a velocity must move them with their primaries,
-    as `theta = S q + o` says, and a q that does not is refused.
+    `Robot.on` makes it. If the model has mimic joints as separate joints, their columns are zero: a velocity must move
+    them with their primary joints, as `theta = S q + o` says. A q that violates this equation is refused.
 
     Attributes:
         boundaries: The boundaries.
         coupling: The robot's coupling.
-        joints: Where the model keeps the robot's joints.
-        near: (n,) next to which the angles of continuous joints are taken.
+        joints: The positions of the robot's joints in the model.
+        near: (n,) reference: the angle of a continuous joint is the one nearest to it.
         E: (n, nv), `dq_robot/dt = E v`.
     """
 
@@ -223,7 +223,7 @@ class ModelView(Value):
         """Return the view of a model whose joints are known.
 
         Raises:
-            UnsupportedError: If loops that are no parallelograms make joints nonlinear functions of q.
+            UnsupportedError: If loops that are not parallelograms make joints nonlinear functions of q.
         """
         if isinstance(coupling, LoopCoupling):
             refuse_linear("gradients with respect to the v of a model are not available", coupling.lift)
@@ -235,7 +235,7 @@ class ModelView(Value):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user of the model should know."""
+        """Notes for the user of the model."""
         said = [
             f"the model has {name!r}, of several degrees of freedom: marks on the root link move with the base"
             for name in self.joints.flying
@@ -243,19 +243,20 @@ class ModelView(Value):
         return (*said, *[f"the model locks {name!r} at {value:.9g}" for name, value in self.joints.locked.items()])
 
     def select(self, names: Any) -> ModelView:
-        """Return the view of some boundaries, by name, as `BoundarySet.select`."""
+        """Return the view of some boundaries, by name, as `BoundarySet.select` does."""
         return ModelView(self.boundaries.select(names), self.coupling, self.joints, self.near, self.E)
 
     def configurations(self, q: ArrayLike, near: ArrayLike | None = None) -> Array:
-        """Return this robot's Q, (n,) or (N, n), of the model's q, (nq,) or (N, nq).
+        """Return this robot's Q, (n,) or (N, n), for the model's q, (nq,) or (N, nq).
 
         Args:
             q: One q of the model, or many.
-            near: (n,) next to which angles are taken that the model knows by cos and sin only; default: home.
+            near: (n,) reference for joints that the model stores as cos and sin: the nearest angle is used; default:
+                home.
 
         Raises:
-            DimensionError: If q has another shape, cos and sin of a joint are no such, or a mimic joint is not where
-                its primary puts it.
+            DimensionError: If q has another shape, if cos and sin of a joint do not have norm 1, or if a mimic joint
+                does not fit its primary joint.
         """
         given = real_array(q, "q")
         if given.ndim not in (1, 2) or given.shape[-1] != self.joints.nq:

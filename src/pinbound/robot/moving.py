@@ -1,8 +1,7 @@
-"""Marks that move for each call: a box on a conveyor, a person's ball, a pallet that grows.
+"""Marks that move from call to call: a box on a conveyor, a sphere around a person, a growing pallet.
 
-A mark on the root link is fixed to the world. Where it is elsewhere on every call, `MovingMarks` places it anew: it is
-turned and moved by a pose, and only the boundaries of moved marks are reduced again, with the rules of `load`. What has
-not moved is not made again.
+A mark on the root link is fixed to the world. `MovingMarks` places such marks at new poses in each call. Only the
+boundaries of moved marks are reduced again, with the rules of `load`.
 """
 
 from __future__ import annotations
@@ -30,14 +29,14 @@ __all__ = ["MovingMarks", "moved_mark"]
 
 
 def moved_mark(mark: Mark, pose: ArrayLike) -> Mark:
-    """Return a mark, turned and moved in the frame of its link.
+    """Return a mark, transformed by a pose in the frame of its link.
 
     Args:
         mark: The mark.
         pose: (4, 4) or (3, 4): rotation, and translation [m].
 
     Raises:
-        DimensionError: If the pose is none.
+        DimensionError: If the pose is not a rigid transform.
 
     Example:
         >>> turned = [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.5]]
@@ -72,7 +71,7 @@ def moved_mark(mark: Mark, pose: ArrayLike) -> Mark:
 
 
 _POINTS, _DIRECTIONS = ("xyz", "xyz_a", "xyz_b"), ("direction", "normal")
-"""Fields of marks that are places, and those that are ways; `vertices` are many places, `ways` many ways."""
+"""Fields of marks that are points, and fields that are vectors; `vertices` and `ways` hold several of them."""
 
 
 def _checked(pose: ArrayLike) -> tuple[Array, Array]:
@@ -133,17 +132,17 @@ class MovingMarks:
         self._made: dict[str, tuple[Mark, Boundary]] = {}
 
     def at(self, poses: Mapping[str, ArrayLike]) -> BoundarySet:
-        """Return the boundaries with marks at their poses: a `BoundarySet` like any other.
+        """Return a `BoundarySet` with the marks at their poses.
 
         Contact is allowed, also at home, because an object on a conveyor may be anywhere.
 
         Args:
-            poses: Of each mark that moved, (4, 4) or (3, 4) in the root link's frame, from where it was given. Marks
-                that are not named are where they were given.
+            poses: The pose (4, 4) or (3, 4) of each moved mark, in the frame of the root link, relative to where it was
+                given. Marks without a pose stay where they were given.
 
         Raises:
-            UnknownNameError: If a pose is given of no mark.
-            DimensionError: If a pose is none.
+            UnknownNameError: If a pose names a mark that does not exist.
+            DimensionError: If a pose is not a rigid transform.
         """
         for name in poses:
             if name not in self.marks:

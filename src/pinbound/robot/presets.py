@@ -1,7 +1,7 @@
-"""Presets: palletizers of published numbers, as arguments of the family in `palletizer.xacro`, with what is not known.
+"""Presets: palletizers with published numbers, as arguments of the family in `palletizer.xacro`.
 
-The facts are in `palletizers.yaml`, which ships with pinbound. What is not published is never filled in silently: it
-stays an argument, and every report of the robot says so, until it is given.
+The facts are in `palletizers.yaml`, which ships with pinbound. Unpublished values are never filled in silently: each
+stays an argument, and every report of the robot says so until it is given.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ _WIDTHS = ("arm_width", "forearm_width", "column_width", "flange_width")
 
 @dataclass(frozen=True, eq=False)
 class Model(Value):
-    """A palletizer, and what is published of it.
+    """A palletizer, and the published facts about it.
 
     Attributes:
-        name: ``"palletizers/..."``, by which `load` knows it; None if there are not enough numbers for a robot.
-        model: The maker's name for it.
-        manufacturer: The maker.
+        name: ``"palletizers/..."``, its name for `load`; None if there are not enough numbers for a robot.
+        model: The manufacturer's name of the model.
+        manufacturer: The manufacturer.
         confidence: ``"published"``, ``"urdf"`` (third-party models or tables), ``"relative-of"``, ``"nothing found"``.
-        facts: The entry of `palletizers.yaml`, lengths in mm and angles in degrees.
+        facts: The entry of `palletizers.yaml`; lengths are in mm and angles in degrees.
     """
 
     name: str | None
@@ -58,12 +58,12 @@ class Model(Value):
 
     @property
     def sources(self) -> Mapping[str, str]:
-        """Where the numbers come from, by what they are."""
+        """The sources of the numbers, by quantity."""
         return self.facts.get("sources", {})
 
     @property
     def arguments(self) -> dict[str, str]:
-        """Arguments of the family's xacro: metres and radians, every float64 as `repr` gives it back."""
+        """Arguments of the family's xacro, in metres and radians, written with `repr` so that no bit is lost."""
         facts, found = self.facts, dict[str, float | str]()
         for key, name in _LENGTHS.items():
             found[name] = facts["lengths_mm"].get(key, 0.0) / 1e3
@@ -91,7 +91,7 @@ class Model(Value):
         )
 
     def annotations(self, given: Collection[str] = ()) -> Annotations:
-        """Return the rules, and as assumptions what is not published and was not `given` as an argument."""
+        """Return the rules, and assumptions for values that are unpublished and not `given` as arguments."""
         return Annotations(rules=self.rules, assumptions=tuple(self._said(given)))
 
     def _said(self, given: Collection[str]) -> list[str]:
@@ -137,7 +137,7 @@ def _condition(entry: Mapping[str, Any]) -> Condition:
 
 @cache
 def models() -> tuple[Model, ...]:
-    """Return all palletizers of which facts were looked for, those of the paper's first table first.
+    """Return all palletizers with collected facts, those of the paper's first table first.
 
     Example:
         >>> len([model for model in models() if model.facts["in_table"]])
@@ -160,10 +160,10 @@ def models() -> tuple[Model, ...]:
 
 
 def find_model(robot: str | Path) -> Model | None:
-    """Return the preset of a name `palletizers/...`; None if the text is no such name, or is a file.
+    """Return the preset with a name `palletizers/...`; None if the text is not such a name, or is a file.
 
     Raises:
-        UnknownNameError: If there is no such preset.
+        UnknownNameError: If the preset does not exist.
     """
     if not isinstance(robot, str) or not robot.startswith(PREFIX) or Path(robot).exists():
         return None

@@ -1,4 +1,4 @@
-"""Robot: what users hold; `loading.load` makes it."""
+"""Robot: the central object for users; `loading.load` makes it."""
 
 from __future__ import annotations
 
@@ -44,21 +44,21 @@ __all__ = ["Robot", "refuse_conditions"]
 
 @dataclass(frozen=True, eq=False)
 class Robot(Value, Pictured):
-    """A robot with its coupling, closures and boundaries. Made by `load`; never changed afterwards.
+    """A robot with its coupling, closures and boundaries. `load` makes it; it never changes.
 
     Attributes:
         document: The XML that it was read from.
         tree: Links and joints.
-        annotations: What was marked on it.
+        annotations: Its annotations.
         coupling: `theta = S q + o`.
-        linear_limits: Limits of all tree joints, and rules without conditions, said of q.
+        linear_limits: Limits of all tree joints, and rules without conditions, in terms of q.
         closures: Closed loops, each proven to close.
         boundaries: The boundaries, in order.
         home: (n,) a feasible configuration [rad or m].
-        notes: What was normalised on loading.
-        package_dirs: Folders in which `package://` is looked up.
-        again: Makes the robot anew with more annotations; what `with_annotations` asks.
-        guarded_limits: Ends of rules that bind where conditions hold, said of q.
+        notes: Sentences about what was normalised, assumed or ignored while loading.
+        package_dirs: Folders in which `package://` is searched.
+        again: Makes the robot again with more annotations, for `with_annotations`.
+        guarded_limits: Ends of rules with conditions, in terms of q.
 
     Example:
         >>> import pinbound as pb
@@ -97,12 +97,12 @@ class Robot(Value, Pictured):
 
     @cached_property
     def lower(self) -> Array:
-        """(n,) lower limits of the active joints themselves [rad or m]; -inf where there is none, and of axes."""
+        """(n,) lower limits of the active joints [rad or m]; -inf for axes and for joints without a limit."""
         return self._ends("lower")
 
     @cached_property
     def upper(self) -> Array:
-        """(n,) upper limits of the active joints themselves [rad or m]; inf where there is none, and of axes."""
+        """(n,) upper limits of the active joints [rad or m]; inf for axes and for joints without a limit."""
         return self._ends("upper")
 
     def _ends(self, end: str) -> Array:
@@ -114,19 +114,19 @@ class Robot(Value, Pictured):
 
     @cached_property
     def intervals(self) -> Intervals:
-        """All limits and rules as one value, whose `hold(Q)` says which configurations keep them."""
+        """All limits and rules as one object; its `hold(Q)` says which configurations keep them."""
         return Intervals.of(self.linear_limits, len(self.coordinates), guarded=self.guarded_limits)
 
     def turns(self, joint: str) -> bool:
-        """Return whether the value of a joint, or of an axis, is an angle [rad], not a length [m]."""
+        """Return whether the value of a joint or axis is an angle [rad]; otherwise it is a length [m]."""
         joint = next((axis.instead_of for axis in self.annotations.axes if axis.name == joint), joint)
         return any(one.name == joint and one.type != "prismatic" for one in self.tree.moving_joints)
 
     @property
     def model(self) -> Any:
-        """The `pinocchio.Model` of the whole tree, one coordinate a moving joint, in `coupling.joints`' order.
+        """The `pinocchio.Model` of the whole tree: one coordinate for each moving joint, in `coupling.joints`' order.
 
-        Each access returns a copy of its own: what is changed in it changes nothing here.
+        Each access returns a new copy; changes of the copy do not change the robot.
 
         Example:
             >>> import pinbound as pb
@@ -146,7 +146,7 @@ class Robot(Value, Pictured):
 
     @cached_property
     def coverage(self) -> Coverage:
-        """Which bodies are held by marks, which pairs of links are watched, left out and why, or not watched.
+        """Which bodies marks hold, and which pairs of links are watched, left out (with the reason), or not watched.
 
         Example:
             >>> import pinbound as pb
@@ -159,7 +159,7 @@ class Robot(Value, Pictured):
 
     @cached_property
     def meshes(self) -> MeshSource:
-        """The meshes of its bodies, each read when it is first asked for; no file is opened before."""
+        """The meshes of its bodies; each file is opened when its mesh is first needed."""
         return MeshSource(self.document.path, self.package_dirs)
 
     def closure_residuals(self, Q: ArrayLike) -> Array:
@@ -177,9 +177,9 @@ class Robot(Value, Pictured):
         return residuals if array.ndim > 1 else residuals[0]
 
     def positions(self, link: str, Q: ArrayLike, xyz: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
-        """Return where a point of a link is, in the root link's frame: (3,) or (N, 3) [m].
+        """Return the position of a point of a link in the frame of the root link: (3,) or (N, 3) [m].
 
-        Floating and planar joints are held at their origin, as `model` holds them.
+        Floating and planar joints are fixed at their origin, as in `model`.
 
         Args:
             link: Name of the link.
@@ -187,7 +187,7 @@ class Robot(Value, Pictured):
             xyz: The point in the link's frame [m].
 
         Raises:
-            UnknownNameError: If there is no such link.
+            UnknownNameError: If the link does not exist.
 
         Example:
             >>> import pinbound as pb
@@ -202,9 +202,9 @@ class Robot(Value, Pictured):
         return numeric.positions(chain, array) if array.ndim > 1 else numeric.positions(chain, array[None])[0]
 
     def operation_counts(self, boundary: str) -> tuple[int, int]:
-        """Return how many operations the minimal form of a boundary's vector has, and how many Eq. (5) unreduced.
+        """Return the numbers of operations in the minimal form of a boundary's vector, and in the unreduced Eq. (5).
 
-        Sums, products, sines and cosines are counted as SymPy prints them; nothing is shared between terms.
+        Sums, products, sines and cosines are counted as SymPy prints them, without common subexpressions.
 
         Example:
             >>> import pinbound as pb
@@ -222,16 +222,16 @@ class Robot(Value, Pictured):
         return symbolic.operations(found.expression()), symbolic.operations(unreduced)
 
     def with_annotations(self, more: Any) -> Robot:
-        """Return the robot with more annotations, as if they had been in its files, which are not read again.
+        """Return the robot with more annotations, as if its files had contained them; the files are not read again.
 
-        Marks on the root link are fixed to the world: a table, a wall, a conveyor. Everything is checked as on loading:
+        Marks on the root link are fixed to the world: a table, a wall, a conveyor. Everything is checked as in `load`:
         home must be free of the new boundaries, too.
 
         Args:
-            more: `Annotations`, or the path of a sidecar or .srdf, or a sequence of these.
+            more: `Annotations`, or the path of a sidecar or an .srdf, or a sequence of these.
 
         Raises:
-            InputError: If anything is wrong with them: all faults at once.
+            InputError: If the annotations have faults; the error lists all of them.
             UnsupportedError: If the robot was not made by `load`.
 
         Example:
@@ -248,25 +248,25 @@ class Robot(Value, Pictured):
         return self.again(self, more)
 
     def export(self, kind: str, path: str | Path, boundaries: Sequence[str] | str | None = None) -> tuple[Path, ...]:
-        """Write the boundaries for other programs; the same robot gives the same bytes.
+        """Write the boundaries for other programs; the same robot always gives the same file.
 
-        ``"c"``: C99 without dependencies, `path` (ending in .c) and a header beside it that states units and order:
-        signed clearances, and their Jacobian. ``"json"``: the reduced chains as data, with the formula that evaluates
-        them. ``"ros2"``: the YAML of `joint_limits`, of limits and boundaries of one coordinate each; couplings, which
-        it cannot say, are listed in it as lost.
+        ``"c"``: signed clearances and their Jacobian in C99 without dependencies, as `path` (ending in .c) and a header
+        beside it that states units and order. ``"json"``: the reduced chains as data, with the formula that evaluates
+        them. ``"ros2"``: the YAML of `joint_limits`, with limits and boundaries of one coordinate each. This format has
+        no couplings; comments in the file list them as lost.
 
         Args:
             kind: ``"c"``, ``"json"`` or ``"ros2"``.
-            path: The file; one that exists is replaced.
-            boundaries: Names of boundaries; None: all.
+            path: The file; an existing file is replaced.
+            boundaries: Names of the boundaries; None: all.
 
         Returns:
-            The files that were written.
+            The written files.
 
         Raises:
-            UnknownNameError: If there is no such kind, or no boundary of a name.
-            UnsupportedError: If C is asked for of boxes, prisms or hulls, whose nearest points are searched for, or
-                JSON of hulls and cylinders, or JSON or ROS 2 limits of a robot with rules that have conditions.
+            UnknownNameError: If the kind or a boundary does not exist.
+            UnsupportedError: If the export cannot represent the robot: C for boxes, prisms or hulls, whose nearest
+                points need an iteration; JSON for hulls and cylinders; JSON or ROS 2 for rules with conditions.
         """
         from pinbound.export import c_files, chains_record, is_closed, ros2_text, signed_nodes
 
@@ -315,14 +315,14 @@ class Robot(Value, Pictured):
 
         Args:
             q: (n,) the configuration [rad or m]; home by default.
-            ax: Matplotlib axes to draw in; None: those of a new figure, `ax.figure`.
+            ax: Matplotlib axes to draw in; None: axes of a new figure, `ax.figure`.
 
         Returns:
             The axes.
 
         Raises:
-            UnsupportedError: If matplotlib is not installed; it says what to type.
-            DimensionError: If q is not one configuration of finite numbers.
+            UnsupportedError: If matplotlib is not installed; the message says what to type.
+            DimensionError: If q is not one finite configuration.
 
         Example:
             >>> import pinbound as pb
@@ -334,14 +334,14 @@ class Robot(Value, Pictured):
         return drawn("plots.robot_axes", self, point, ax)
 
     def on(self, model: Any) -> ModelView:
-        """Return the boundaries as a user's own `pinocchio.Model` asks for them: by its q, with gradients over its v.
+        """Return the boundaries as functions of the q of a user's own `pinocchio.Model`, with gradients over its v.
 
-        The model may have a free flyer, continuous joints as (cos, sin), mimic joints of its own (`mimic=False`) or
-        not, and locked joints (`pinocchio.buildReducedModel`), whose values are read from it. That it is a model of
-        this robot is proved on binding. The model is not changed and not kept.
+        The model may have a free flyer, continuous joints as (cos, sin), mimic joints as separate joints
+        (`mimic=False`) or not, and locked joints (`pinocchio.buildReducedModel`), whose values are read from it. This
+        method proves that it is a model of this robot. The model is not changed and not kept.
 
         Raises:
-            DimensionError: If it is no model of this robot, or locks mimic joints whose primaries move.
+            DimensionError: If it is not a model of this robot, or if it locks mimic joints whose primary joints move.
 
         Example:
             >>> import pinbound as pb, numpy as np
@@ -355,20 +355,20 @@ class Robot(Value, Pictured):
         return ModelView.of(self.boundaries, self.coupling, joints, self.home)
 
     def from_pinocchio(self, model: Any, q: ArrayLike, near: ArrayLike | None = None) -> Array:
-        """Return this robot's Q for q of your own model; the inverse of `to_pinocchio`.
+        """Return this robot's Q for the q of your own model; the inverse of `to_pinocchio`.
 
         Args:
-            model: As for `on`. Bind it once (`on`) where many q come one by one.
+            model: As for `on`. If many q come one by one, bind the model once with `on`.
             q: (model.nq,) or (N, model.nq).
-            near: (n,) next to which angles are taken that the model knows by cos and sin only: windings are not known
-                there. Default: home.
+            near: (n,) reference for joints that the model stores as cos and sin, without the number of turns: the
+                nearest angle is used. Default: home.
 
         Returns:
             (n,) or (N, n).
 
         Raises:
-            DimensionError: If it is no model of this robot, q has another shape, or a mimic joint is not where its
-                primary puts it.
+            DimensionError: If it is not a model of this robot, if q has another shape, or if a mimic joint does not fit
+                its primary joint.
 
         Example:
             >>> import pinbound as pb
@@ -379,10 +379,10 @@ class Robot(Value, Pictured):
         return self.on(model).configurations(q, near)
 
     def to_pinocchio(self, model: Any, Q: ArrayLike) -> Array:
-        """Return q of a model that the user built from this URDF, matched by joint name.
+        """Return the q of a model that the user built from this URDF; joints are matched by name.
 
-        Works for `mimic=True` and `mimic=False`, for continuous joints (cos, sin), and for a model with a free
-        flyer at its root, whose coordinates are left neutral.
+        It works for `mimic=True` and `mimic=False`, for continuous joints (cos, sin), and for a model with a free flyer
+        at its root, whose coordinates stay neutral.
 
         Args:
             model: A `pinocchio.Model`; it is not changed.
@@ -392,7 +392,7 @@ class Robot(Value, Pictured):
             (model.nq,) or (N, model.nq).
 
         Raises:
-            DimensionError: If the model has a joint of one coordinate that this robot does not have.
+            DimensionError: If the model has a joint with one coordinate that this robot does not have.
         """
         import pinocchio
 
@@ -414,10 +414,10 @@ class Robot(Value, Pictured):
 
 
 def refuse_conditions(robot: Robot, answer: str) -> None:
-    """Refuse rules with conditions, for an answer that takes every limit to hold everywhere.
+    """Refuse rules with conditions, for a method that needs every limit to hold everywhere.
 
     Raises:
-        UnsupportedError: If the robot has one, with its name.
+        UnsupportedError: If the robot has such a rule; the message names it.
     """
     if robot.guarded_limits:
         first = robot.guarded_limits[0].rule

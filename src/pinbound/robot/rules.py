@@ -1,4 +1,4 @@
-"""Makers' rules said of q: limits like a joint's, or, with conditions, limits that bind where these hold."""
+"""Rules of robot makers in terms of q: plain limits, or limits that apply where conditions hold."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ def rule_limits(
     taken: Collection[str] = (),
     sources: Mapping[str, str] | None = None,
 ) -> tuple[tuple[LinearLimit, ...], tuple[GuardedLimit, ...]]:
-    """Return what rules ask of q: limits, and ends that are guarded by conditions.
+    """Return the limits of rules in terms of q: plain limits, and ends that are guarded by conditions.
 
-    With `theta = S q + o` a rule `lower <= c . theta <= upper` is `lower <= (c S) q + c . o <= upper`; the products
-    are summed exactly and rounded once. Where a joint may leave the coupling by `errors`, the rule is narrower and a
-    condition wider by `sum_j |c_j| errors_j`, so that the rule holds for the true linkage.
+    With `theta = S q + o`, a rule `lower <= c . theta <= upper` becomes `lower <= (c S) q + c . o <= upper`; the
+    products are summed exactly and rounded once. If joints may differ from the coupling by `errors`, the rule becomes
+    narrower and a condition wider by `sum_j |c_j| errors_j`, so that the rule holds for the true linkage.
 
     Args:
         rules: The rules.
         coupling: The coupling.
-        errors: (n_tree,), how far each tree joint may be from the coupling [rad or m].
+        errors: (n_tree,), the largest difference of each tree joint from the coupling [rad or m].
         problems: Collects the faults.
-        taken: Names of boundaries, which a rule must not have.
-        sources: The file of each rule, as `Annotations.sources` says it.
+        taken: Names of boundaries, which rules must not use.
+        sources: The file of each rule, as in `Annotations.sources`.
     """
     plain: list[LinearLimit] = []
     guarded: list[GuardedLimit] = []
@@ -82,7 +82,7 @@ def _said_of_q(name: str, rule: Rule | Condition, coupling: Coupling, errors: Ar
 
 
 def condition_text(condition: LinearLimit, names: Sequence[str], factor: float = 1.0, unit: str = "") -> str:
-    """Return a condition, or a rule, for people; its numbers times `factor`, with a unit behind them.
+    """Return the text of a condition or a rule for people; numbers are multiplied by `factor` and have a unit.
 
     Example:
         >>> condition_text(LinearLimit("front", np.array([0.0, 1.0]), 0.0, -math.inf, 0.5), ("J2", "J3"))

@@ -1,4 +1,4 @@
-"""Largest speeds of coordinates, as users give them."""
+"""Largest speeds of coordinates, in the forms that users may give."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ __all__ = ["largest_speeds"]
 
 
 def largest_speeds(robot: Robot, velocity: ArrayLike | Mapping[str, float]) -> Array:
-    """Return the largest speed of each coordinate (n,) [rad/s or m/s]: one number, one each, or by name.
+    """Return the largest speed of each coordinate (n,) [rad/s or m/s], from one number, an array, or values by name.
 
     Raises:
-        UnknownNameError: If there is no coordinate of a name.
-        DimensionError: If one is missing, or is not a positive finite number.
+        UnknownNameError: If a coordinate does not exist.
+        DimensionError: If a speed is missing, or is not a positive finite number.
 
     Example:
         >>> import pinbound as pb

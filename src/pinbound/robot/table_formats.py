@@ -1,4 +1,4 @@
-"""Tables of coupled limits, and what scikit-robot, jskeus and hrpsys read of them, CSV and JSON."""
+"""Tables of coupled limits in the formats of scikit-robot, jskeus and hrpsys, as CSV and as JSON."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ _EVEN = 1e-9  # degrees: spacings that differ by no more are one spacing
 
 @dataclass(frozen=True, eq=False)
 class LimitTable(Value):
-    """Limits of the dependent joint at some angles of the target joint, straight between them.
+    """Limits of the dependent joint at some angles of the target joint, linear between them.
 
     Attributes:
         robot: The robot's name.
         target: The joint that the limits depend on.
         dependent: The joint that is limited.
-        angles: (k,) of the target [rad].
-        lower: (k,) of the dependent [rad].
-        upper: (k,) [rad].
-        loss: [rad], the most that the table takes from the dependent joint's true range, at any angle of the target
-            within `angles`.
-        target_range: [rad], the true range of the target: nothing is allowed beyond it.
-        notes: What a user of the table must know.
+        angles: (k,) angles of the target joint [rad].
+        lower: (k,) lower limits of the dependent joint [rad].
+        upper: (k,) upper limits of the dependent joint [rad].
+        loss: [rad], the largest part of the dependent joint's true range that the table loses, at any angle of the
+            target within `angles`.
+        target_range: [rad], the true range of the target joint.
+        notes: Sentences that a user of the table must know.
 
     Example:
         >>> import pinbound as pb
@@ -55,19 +55,19 @@ class LimitTable(Value):
     notes: tuple[str, ...]
 
     def text(self, form: str) -> str:
-        """Return the table as a reader takes it: a key of `FORMATS`.
+        """Return the text of the table in a format, a key of `FORMATS`.
 
         Raises:
-            UnknownNameError: If there is no such format.
-            UnsupportedError: If the format takes other entries: skrobot takes those of one spacing, jskeus and hrpsys
-                one a whole degree.
+            UnknownNameError: If the format does not exist.
+            UnsupportedError: If the format needs other entries: skrobot needs equal spacing, jskeus and hrpsys need one
+                entry for each whole degree.
         """
         if form not in FORMATS:
             raise UnknownNameError("format", form, FORMATS)
         return FORMATS[form](self)
 
     def in_degrees(self) -> tuple[Array, Array, Array]:
-        """Return angles, lower and upper (k,) [deg], as printed: limits are rounded inwards."""
+        """Return angles, lower and upper limits (k,) [deg] as printed; limits are rounded inwards."""
         scale = 10.0**_DECIMALS
         lower = np.ceil(np.degrees(self.lower) * scale - _WITHIN) / scale
         upper = np.floor(np.degrees(self.upper) * scale + _WITHIN) / scale
@@ -160,7 +160,7 @@ FORMATS: dict[str, Callable[[LimitTable], str]] = {
     "csv": _csv,
     "json": _json,
 }
-"""Writers by format: degrees, but for JSON, which is in radians."""
+"""Writers by format. All use degrees except JSON, which uses radians."""
 
 GRIDS = {"skrobot": "fitted", "jskeus": "multiples", "hrpsys": "multiples", "csv": "corners", "json": "corners"}
-"""Which entries lose least, of those that a format can hold: `limit_table(grid=)`."""
+"""The value of `limit_table(grid=)` that loses least, of those that a format can hold."""
