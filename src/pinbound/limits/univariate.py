@@ -79,7 +79,7 @@ class AllowedArcs(Value):
     window: tuple[float, float] = (-math.inf, math.inf)
 
     def around(self, value: float) -> tuple[float, float] | None:
-        """Return the interval (2,) that holds `value`, or None. It includes an end of the window, which is no contact."""
+        """Return the interval (2,) that holds `value`, or None; it includes an end of the window (no contact)."""
         for lower, upper in self.intervals:
             turns = 0.0
             if math.isfinite(self.period) and math.isfinite(lower):
