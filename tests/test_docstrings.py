@@ -104,7 +104,7 @@ def of_a_class(found: Any, text: str) -> Iterator[str]:
 def of_a_function(found: Any, text: str, is_public: bool) -> Iterator[str]:
     parameters = [name for name in inspect.signature(found).parameters if name not in ("self", "cls")]
     told = entries(section(text, "Args"))
-    if re.search(r"Arguments\s+and\s+errors\s+as\s+for\s+`\w+`", text):
+    if re.search(r"Arguments\s+and\s+errors\s+are\s+those\s+of\s+`\w+`", text):
         return
     if told or is_public:
         yield from (f"does not say what {name} is" for name in parameters if name not in told)
