@@ -36,7 +36,7 @@ _LARGEST_ANGLE = {"free": 1e3, "least": 1e5, "all": 1e5, "slopes": 1e5}
 _LARGEST_SLIDE = {"free": 4.0, "least": 1e3, "all": 1e3, "slopes": 1e3}
 """m: the same for prismatic joints; the errors' bounds grow with it."""
 
-_COMPILATION = {"free": 0.65, "least": 0.5, "all": 0.3, "slopes": 0.4}
+_COMPILATION = {"free": 0.45, "least": 0.35, "all": 0.2, "slopes": 0.4}
 """Seconds to compile each text, by LLVM alone, without Numba, and to write what it reads."""
 
 _LOADING = {"free": 0.12, "least": 0.06, "all": 0.05, "slopes": 0.05}
@@ -45,7 +45,7 @@ _LOADING = {"free": 0.12, "least": 0.06, "all": 0.05, "slopes": 0.05}
 _PAIR, _BALL, _NODE, _SLOPE = 40.0, 70.0, 700.0, 120.0
 """Counted operations of one of each, in NumPy; the last of a coordinate of a pair's or a ball's slope.
 
-Measured on the Panda's 690 pairs, 51 balls and 8 nodes: 9, 15, 150 and 26 ns where compiling `free` takes 0.65 s, all
+Measured on the Panda's 690 pairs, 51 balls and 8 nodes: 9, 15, 150 and 26 ns where compiling `free` takes 0.45 s, all
 on one quiet core. NumPy takes these times because one such operation goes through memory, which one of a program's
 nodes does not."""
 

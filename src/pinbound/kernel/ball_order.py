@@ -7,6 +7,7 @@ cost are looked at first. No order changes an answer.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -135,8 +136,7 @@ class Sample:
         """Return the coordinates that are between most pairs."""
         counts = np.zeros(self.tree.n)
         hosts: AnyArray = np.array([node for node, _ in self.tree.balls])
-        between, numbers = np.unique(hosts[self.tree.ends], axis=0, return_counts=True)
-        for (a, b), number in zip(between.tolist(), numbers.tolist(), strict=True):
+        for (a, b), number in Counter(map(tuple, hosts[self.tree.ends].tolist())).items():
             above, below = self.tree.apart(a, b)
             for node in (self.tree.nodes[i] for i in (*above, *below)):
                 if node.angle >= 0:

@@ -139,7 +139,7 @@ def meeting(tree: BallTree, low: Array, high: Array) -> tuple[Flags, dict[tuple[
 def with_pairs(tree: BallTree, kept: Flags) -> BallTree:
     """Return a tree of the same nodes with some of the pairs, and their balls."""
     ends = tree.ends[kept]
-    balls = np.unique(ends)
+    balls = np.flatnonzero(np.bincount(ends.ravel()))  # `np.unique` would import masked arrays, for 10 ms
     return replace(
         tree,
         balls=[tree.balls[ball] for ball in balls.tolist()],

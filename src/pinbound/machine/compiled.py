@@ -15,6 +15,7 @@ import importlib
 import importlib.util
 import itertools
 import os
+import sys
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -36,6 +37,9 @@ _SETTINGS = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_ENABLE_AVX")
 
 _WRITERS = ("lowering", "functions", "statements", "lanes")
 """Modules that write LLVM's instructions."""
+
+_IMPORTED = ("pinbound", "llvmlite")
+"""Packages that say their versions themselves; Numba's, which text for lanes does without, takes 10 ms to ask for."""
 
 _CACHE_LINE = 64
 """Bytes; vector loads of scratch do not straddle two."""
@@ -62,11 +66,13 @@ class KernelSource:
     """Bytes."""
     lanes: int = 0
     """Of text for lanes (`lanes`), how many; 0: the text is for Numba."""
+    unrolled: bool = True
+    """Of text for lanes, whether LLVM unrolls and vectorises its loops: that doubles the time to compile."""
 
     @property
     def lines(self) -> str:
         """What the machine code depends on."""
-        return f"{self.lanes}\n{self.text}" if self.lanes else self.text
+        return f"{self.lanes} {self.unrolled}\n{self.text}" if self.lanes else self.text
 
 
 @dataclass(frozen=True)
@@ -106,7 +112,7 @@ def has_numba() -> bool:
 
 def compile_source(source: KernelSource) -> MachineCode:
     """Return the machine code of a source, from the cache where it is there."""
-    key = _key(source.lines)
+    key = _key(source)
     with _lock:
         if key not in _linked:
             _linked[key] = _from_cache(key) or _fresh(key, source)
@@ -123,7 +129,7 @@ def vector_bytes() -> int:
 
 def is_kept(source: KernelSource) -> bool:
     """Return whether the machine code of a source is there already, in this process or in the cache."""
-    key = _key(source.lines)
+    key = _key(source)
     return key in _linked or load_object(key) is not None
 
 
@@ -146,18 +152,20 @@ def _fresh(key: str, source: KernelSource) -> tuple[Callable[..., int], Any]:
     return _link(code)
 
 
-def _key(text: str) -> str:
+def _key(source: KernelSource) -> str:
     llvm = _llvm()
     here = Path(__file__)
     lowering = [here.with_name(f"{name}.py").read_text(encoding="utf-8") for name in _WRITERS]
-    versions = [_version(name) for name in ("pinbound", "numba", "llvmlite")]
+    versions = [_version(name) for name in (*_IMPORTED, *(() if source.lanes else ("numba",)))]
     processor = [llvm.get_process_triple(), llvm.get_host_cpu_name(), _features()]
     settings = [os.environ.get(name, "") for name in _SETTINGS]
-    return hashlib.sha256(repr([text, lowering, versions, processor, settings]).encode()).hexdigest()
+    return hashlib.sha256(repr([source.lines, lowering, versions, processor, settings]).encode()).hexdigest()
 
 
 @cache
 def _version(name: str) -> str:
+    if name in _IMPORTED:
+        return getattr(sys.modules.get(name), "__version__", "")
     from importlib import metadata
 
     try:
@@ -205,6 +213,7 @@ def _assemble(source: KernelSource) -> bytes:
         jit=True,
     )
     options = llvm.create_pipeline_tuning_options(speed_level=3)
+    options.loop_unrolling = options.loop_vectorization = options.loop_interleaving = source.unrolled
     builder = llvm.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
     return machine.emit_object(module)

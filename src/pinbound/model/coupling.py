@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -314,7 +315,9 @@ def real_array(values: Any, what: str) -> Array:
         pinbound.exceptions.DimensionError: q is complex; give real numbers
     """
     given: Any = values
-    if isinstance(given, np.ma.MaskedArray) and np.any(cast(Any, np.ma).getmaskarray(given)):
+    # NumPy imports its masked arrays when they are first named, for 10 ms: who has one has imported them.
+    is_masked = "numpy.ma" in sys.modules and isinstance(given, np.ma.MaskedArray)
+    if is_masked and np.any(cast(Any, np.ma).getmaskarray(given)):
         raise DimensionError(f"{what} has masked entries; fill them or leave their rows out")
     try:
         raw: NDArray[Any] = np.asarray(cast(Any, given))
