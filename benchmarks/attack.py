@@ -528,7 +528,7 @@ def report(
     shown = [column for column in columns if any(count[column] for count in counts.values()) or column in WRONG]
     total = sum(sum(count.values()) for count in counts.values())
     command = f"python benchmarks/attack.py --trials {total} --seed {seed}"
-    lines = ["# An attack on certificates", "", f"`{command}`; what is tried and by which oracles stands there.", ""]
+    lines = ["# An attack on certificates", "", f"`{command}`; the script describes the trials and the oracles.", ""]
     lines += [f"| category | {' | '.join(shown)} |", f"| --- | {' | '.join('---:' for _ in shown)} |"]
     lines += [f"| {name} | {' | '.join(f'{count[one]:,}' for one in shown)} |" for name, count in counts.items()]
     lines += ["", f"{total:,} trials, seed {seed}, {seconds:.0f} s. A trial is skipped if home is in contact.", ""]

@@ -22,17 +22,17 @@ from pinbound.tolerances import CROSSCHECK_BODY
 
 HEAD = """# Validation against coal
 
-What is compared on each level, and what the words mean, is in [crosscheck.md](crosscheck.md). Made by
+[crosscheck.md](crosscheck.md) explains the levels and the terms. Made by
 
 ```sh
 {command} --out docs/validation.md
 ```
 
-MinervaBotV3 alone, as a user would ask: `pinbound crosscheck minervabot_v3 --out region.png`. The public robots carry
-the marks and pairs that `pinbound mark` proposes with the accuracy in the table: capsules, boxes and prisms that fit
-their bodies, or spheres. The robots of `tests/segments.py` carry segments, sweeps, lines and planes in every sort of
-pair, degenerate ones included: parallel to rounding, crossing, of no length, along a joint's axis. Seconds are of one
-loaded core.
+The command for MinervaBotV3 alone is `pinbound crosscheck minervabot_v3 --out region.png`. The public robots have the
+marks and pairs that `pinbound mark` proposes with the accuracy in the table: capsules, boxes and prisms that fit
+their bodies, or spheres. The robots of `tests/segments.py` have segments, sweeps, lines and planes in all kinds of
+pairs, also degenerate ones: parallel up to rounding, crossing, without length, along a joint's axis. Seconds are those
+of one busy core.
 
 """
 
@@ -200,12 +200,12 @@ def main() -> int:
             "",
             "## Bodies",
             "",
-            "Counts are over pairs of links. Marks that hold the bodies are conservative: no miss is allowed, and a "
-            "refusal may be needless by the sum of two excesses. On the pairs in the last but one column some spheres "
-            "touch already at home or always, and are left out by `pinbound mark`; these pairs are not watched as a "
-            "whole, and are not in the counts (their misses in brackets). With marks that fit there are none: what "
-            "`pinbound mark` then leaves out as touching overlaps by design, in every configuration (panda_link1 and "
-            "panda_link3; J2_link and J3_link).",
+            "Counts are over pairs of links. Marks that hold the bodies are conservative: no miss is allowed, and the "
+            'bodies of a needless refusal may be apart by the sum of two excesses. For the pairs in the column "not '
+            'whole", some spheres touch at home or always, and `pinbound mark` leaves them out. These pairs are not '
+            "fully watched, and are not in the counts (their misses are in brackets). With marks that fit there are no "
+            "such pairs: the bodies that `pinbound mark` then leaves out as touching overlap by design, in every "
+            "configuration (panda_link1 and panda_link3; J2_link and J3_link).",
             "",
             "| robot | accuracy [mm] | pairs of links | configurations | both clear | both contact | missed | refused "
             "| unreachable | ways swept | worst miss [mm] | needless refusal [mm] | allowed by the covers [mm] | "
