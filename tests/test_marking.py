@@ -525,9 +525,36 @@ def test_distances_from_where_links_are_agree_with_paths(load_text: Load, mimic:
     ]
     Q = rng.uniform(-3, 3, (60, len(robot.coordinates)))
     poses, rows = Poses(robot.tree, robot.coupling, Q), np.arange(5, 60)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pinbound.coverage.poses._BYTES", 0)
+        patch.setattr("pinbound.coverage.poses._FEWEST", 1)
+        forgetful = Poses(robot.tree, robot.coupling, Q)  # places each link anew, from what it keeps
     for a, b in itertools.product(marks[:3], marks[3:]):
         expected = separations(relative_path(robot.tree, robot.coupling, a, b), Q[rows])
         assert np.abs(poses.distances(a, b, rows) - expected).max() < 1e-12
+        assert np.array_equal(poses.distances(a, b, rows), forgetful.distances(a, b, rows))
+        assert np.array_equal(poses.gaps([a], [b]), forgetful.gaps([a], [b]))
+    assert len(forgetful._placed) == 1
+
+
+@pytest.mark.parametrize("apart", ["0.4 0 0", "0 0 0.4", "0 0 0"])
+def test_degrees_nearby_are_those_between(load_text: Load, apart: str) -> None:
+    """Arms on one floor: beside each other, above each other about one axis, or at one place; and turns that cancel."""
+    joints = [joint("fixed", "fixed", "base", "floor", xyz="0 0 0.1")]
+    for arm, (xyz, mimic) in enumerate((("0 0 0", ""), (apart, ""), (apart, "a0_q0 1 0"), (apart, "a0_q0 0 0"))):
+        more = {"mimic": mimic} if mimic else {}
+        joints += [
+            joint(f"a{arm}_q0", "revolute", "floor", f"a{arm}_0", xyz=xyz, axis="0 0 1", limit="-1 1", **more),
+            joint(f"a{arm}_q1", "revolute", f"a{arm}_0", f"a{arm}_1", axis="0 0 1", xyz="0 0 0.2", limit="-1 1"),
+            joint(f"a{arm}_q2", "prismatic", f"a{arm}_1", f"a{arm}_2", axis="1 0 0", xyz="0 0.2 0", limit="0 1"),
+            joint(f"a{arm}_f", "fixed", f"a{arm}_2", f"a{arm}_3", xyz="0.1 0 0"),
+        ]
+    robot = load_text(robot_xml(joints, {}, []))
+    near = robot.tree.degrees_nearby(robot.coupling)
+    for a, b in itertools.combinations(robot.tree.links, 2):
+        degrees = robot.tree.degrees_between(a, b, robot.coupling)
+        assert near.get(frozenset((a, b)), degrees if degrees >= 2 else -1) == degrees, (a, b)
+    assert 0 in near.values()
 
 
 def test_a_turn_that_is_seen_to_come_near_enough_is_not_bounded(load_text: Load) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,7 +16,12 @@ from pinbound.typing import Array, Ints
 
 __all__ = ["Poses"]
 
+_K, _V = TypeVar("_K"), TypeVar("_V")
+
 _COUNT = 64
+
+_BYTES, _FEWEST = 1 << 27, 16
+"""Of the placements that are kept, and links at least: those looked at together are near each other in the tree."""
 
 
 class Poses:
@@ -25,23 +31,33 @@ class Poses:
         """Place every link; random configurations are the same each time."""
         if Q is None:
             Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (_COUNT, len(coupling.coordinates)))
-        count = len(Q)
-        theta = dict(zip(coupling.joints, coupling.expand(Q).T, strict=True))
+        self._tree, self._count = tree, len(Q)
+        self._theta = dict(zip(coupling.joints, coupling.expand(Q).T, strict=True))
+        self._most = max(_FEWEST, _BYTES // (8 * 12 * max(1, len(Q))))  # links whose placements are kept
         self._placed: dict[str, tuple[Array, Array]] = {}
-        for link, joint, _ in tree.walk():
-            if joint is None:
-                self._placed[link.name] = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
-                continue
-            rotation, translation = self._placed[joint.parent]
+        self._balls: dict[str, tuple[Array, Array]] = {}
+        self._centres: dict[Mark, Array] = {}
+
+    def _place(self, link: str) -> tuple[Array, Array]:
+        """Return a link's rotations (N, 3, 3) and places (N, 3) in the root's frame: from the next known link above."""
+        missing: list[str] = []
+        while link not in self._placed and link in self._tree.parent_joint:
+            missing.append(link)
+            link = self._tree.parent_joint[link].parent
+        found = self._placed.get(link)
+        if found is None:
+            found = np.tile(np.eye(3), (self._count, 1, 1)), np.zeros((self._count, 3))
+        for name in reversed(missing):
+            joint, (rotation, translation) = self._tree.parent_joint[name], found
             translation = translation + rotation @ joint.translation
             rotation = rotation @ joint.rotation
             if joint.type == "prismatic":
-                translation = translation + (rotation @ joint.axis) * theta[joint.name][:, None]
+                translation = translation + (rotation @ joint.axis) * self._theta[joint.name][:, None]
             elif joint.moves:
-                rotation = rotation @ rotation_matrices(joint.axis, theta[joint.name])
-            self._placed[link.name] = rotation, translation
-        self._balls: dict[str, tuple[Array, Array]] = {}
-        self._centres: dict[Mark, Array] = {}
+                rotation = rotation @ rotation_matrices(joint.axis, self._theta[joint.name])
+            found = rotation, translation
+            _keep(self._placed, name, found, self._most)
+        return found
 
     def gaps(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Array:
         """Return the gaps (len(marks_a), len(marks_b), N) between the balls about marks [m].
@@ -68,14 +84,16 @@ class Poses:
 
     def _ends(self, mark: Mark, rows: Ints) -> tuple[Array, Array]:
         """Return a mark's origin (N, 3) and directions (k, N, 3) in the root's frame."""
-        rotation, translation = (part[rows] for part in self._placed[mark.link])
+        rotation, translation = (part[rows] for part in self._place(mark.link))
         return rotation @ mark.shape.origin + translation, np.einsum("nij,kj->kni", rotation, mark.shape.directions)
 
     def _centre(self, mark: Mark) -> Array:
-        if mark not in self._centres:
-            rotation, translation = self._placed[mark.link]
-            self._centres[mark] = rotation @ mark.shape.middle + translation
-        return self._centres[mark]
+        found = self._centres.get(mark)
+        if found is None:
+            rotation, translation = self._place(mark.link)
+            found = rotation @ mark.shape.middle + translation
+            _keep(self._centres, mark, found, 4 * self._most)
+        return found
 
     def come_near(self, link_a: str, marks_a: Sequence[Mark], link_b: str, marks_b: Sequence[Mark]) -> bool:
         """Return whether somewhere the balls about two marks, as wide as their half edges end to end, overlap."""
@@ -87,6 +105,13 @@ class Poses:
         if link not in self._balls:
             shapes = [mark.shape for mark in marks]
             centres, radii = np.array([s.middle for s in shapes]), [s.radius + s.half_edges for s in shapes]
-            rotation, translation = self._placed[link]
+            rotation, translation = self._place(link)
             self._balls[link] = np.einsum("nij,mj->nmi", rotation, centres) + translation[:, None], np.array(radii)
         return self._balls[link]
+
+
+def _keep(kept: dict[_K, _V], key: _K, value: _V, most: int) -> None:
+    """Keep a value, and drop the oldest of more than `most`."""
+    kept[key] = value
+    while len(kept) > most:
+        del kept[next(iter(kept))]

@@ -47,7 +47,7 @@ class Links:
         self.joints, self.length = len(between), sum(float(np.linalg.norm(joint.translation)) for joint in between)
         joints = [joint.name for joint in between if joint.moves]
         whole = robot.coupling
-        rows = [whole.joints.index(name) for name in joints]
+        rows = [whole.places[name] for name in joints]
         used = np.flatnonzero(np.any(whole.S[rows], axis=0))
         names = tuple(whole.coordinates[index] for index in used.tolist())
         self.coupling = Coupling(names, tuple(joints), whole.S[rows][:, used], whole.offset[rows])

@@ -70,8 +70,13 @@ class Coupling(Value):
 
     def row(self, joint: str) -> tuple[Array, float]:
         """Return the coefficients (n,) and the offset of one tree joint."""
-        index = self.joints.index(joint)
+        index = self.places[joint]
         return self.S[index], float(self.offset[index])
+
+    @cached_property
+    def places(self) -> FrozenDict[str, int]:
+        """The row of each joint."""
+        return FrozenDict({name: row for row, name in enumerate(self.joints)})
 
     @cached_property
     def own(self) -> FrozenDict[str, int]:

@@ -24,8 +24,21 @@ _Vector = Array
 _Line = tuple[Joint, float, _Vector, _Vector, float]
 """A joint, its sign, its axis and place (3,) each, and the length of the path up to it [m]."""
 
+_CLEARLY = 1e-6
+"""Far above `REDUCTION`: two axes that differ by so much, as directions or relative to their places, are two."""
+
 _TURNING = ("revolute", "continuous")
 _FREEDOMS = {"planar": 3, "floating": 6}
+
+
+@dataclass(frozen=True, eq=False)
+class _Own:
+    """The joint that moves a link: the link that holds it, how many joints are above, its axis and place there."""
+
+    above: str
+    depth: int
+    axis: _Vector
+    place: _Vector
 
 
 @dataclass(frozen=True)
@@ -237,6 +250,7 @@ class Tree:
         for name in self.links:
             members.setdefault(held[name], []).append(name)
         near: dict[frozenset[str], int] = {}
+        straight: dict[tuple[str, str], int] = {}
         for start in members:
             near[frozenset((start,))] = 0
             ways = [(start, name) for name in beside[start]]
@@ -244,7 +258,7 @@ class Tree:
                 before, name = ways.pop()
                 pair = frozenset((start, name))
                 if pair not in near:
-                    near[pair] = self.degrees_between(start, name, coupling)
+                    near[pair] = self._degrees_over(start, name, coupling, straight)
                 if near[pair] < MANY_DEGREES:
                     ways += [(name, further) for further in beside[name] if further != before]
         return {
@@ -254,6 +268,48 @@ class Tree:
             for b in members[max(pair)]
             if a != b
         }
+
+    def _degrees_over(self, one: str, other: str, coupling: Coupling, straight: dict[tuple[str, str], int]) -> int:
+        """Return `degrees_between`; where two ways part with clearly different axes it is the sum of both ways'.
+
+        Only joints of one way are counted together, and turns of both ways cancel about one axis alone. So a floor with
+        hundreds of arms asks for each arm once (`straight`), not for each pair of arms.
+        """
+        lines, ends = self._own_lines, [one, other]
+        last: list[str | None] = [None, None]
+        while ends[0] != ends[1]:
+            side = int(lines[ends[0]].depth < lines[ends[1]].depth)
+            last[side], ends[side] = ends[side], lines[ends[side]].above
+        if last[0] is None or last[1] is None:
+            return self.degrees_between(one, other, coupling)
+        x, y = lines[last[0]], lines[last[1]]
+        far = _CLEARLY * (1.0 + float(np.linalg.norm(x.place) + np.linalg.norm(y.place)))
+        is_near = math.dist(x.place.tolist(), y.place.tolist()) <= far
+        if is_near and np.linalg.norm(np.cross(x.axis, y.axis)) <= _CLEARLY:
+            return self.degrees_between(one, other, coupling)
+        for name in (one, other):
+            if (ends[0], name) not in straight:
+                straight[ends[0], name] = self.degrees_between(ends[0], name, coupling)
+        return straight[ends[0], one] + straight[ends[0], other]
+
+    @cached_property
+    def _own_lines(self) -> dict[str, _Own]:
+        """The joint that moves each topmost link of `_held`; the root's has no link above."""
+        frames: dict[str, tuple[_Vector, _Vector]] = {}
+        found: dict[str, _Own] = {}
+        for link, joint, _ in self.walk():
+            rotation, place, nothing = np.eye(3), np.zeros(3), np.zeros(3)
+            if joint is not None:
+                rotation, place = frames[joint.parent]
+                place, rotation = place + rotation @ joint.translation, rotation @ joint.rotation
+            if joint is None:
+                found[link.name] = _Own("", 0, nothing, nothing)
+            elif joint.type != "fixed":
+                above = self._held[joint.parent]
+                found[link.name] = _Own(above, found[above].depth + 1, rotation @ joint.axis, place)
+                rotation, place = np.eye(3), nothing
+            frames[link.name] = rotation, place
+        return found
 
     @cached_property
     def _held(self) -> dict[str, str]:
@@ -268,8 +324,9 @@ class Tree:
         joint = motion[0][0]
         if coupling is None or not joint.moves:
             return _FREEDOMS.get(joint.type, 1)
-        total = sum(sign * coupling.row(one.name)[0] for one, sign in motion)
-        return int(np.any(np.abs(total) > REDUCTION))
+        rows = [sign * coupling.row(one.name)[0] for one, sign in motion]
+        total = rows[0] if len(rows) == 1 else np.sum(rows, axis=0)
+        return int(max(float(total.max(initial=0.0)), -float(total.min(initial=0.0))) > REDUCTION)
 
 
 def _merged(lines: Iterable[_Line], branches: bool) -> list[list[tuple[Joint, float]]]:
