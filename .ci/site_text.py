@@ -8,9 +8,9 @@ _CODE = re.compile(r"(^ *```.*?^ *```[^\n]*$|`[^`\n]+`)", re.MULTILINE | re.DOTA
 _NAMED = re.compile(r"\[([\w/-]+\.md)\]\(([\w./-]+?\.md)(#[\w-]+)?\)")
 _PATH = re.compile(r"(?<!\]\()(?<![\w/\[.-])(?:docs/)?([\w/-]+\.md)\b(?!\])")
 _BREAKS = re.compile(
-    r"(?<=[ _/=,(:])(?=[^ _/=,(:<])|(?<=[a-z]-)(?=[a-z])|(?<=[a-z\d)\]]\.)(?!yaml|urdf|json|html)(?=\w{4})"
+    r"(?<=[ /=,:])(?=[^ _/=,(:<])|(?<=\w{3}[_(])(?=\w{3})|(?<=[a-z]-)(?=[a-z])"
+    r"|(?<=[a-z\d)\]]\.)(?!yaml|urdf|json|html)(?=\w{4})"
 )
-
 
 _ITEM = re.compile(r"(?:[-*]|\d+\.) +(?=\S)")
 _INDENT = 4  # spaces by which the site's Markdown wants what belongs to an item of a list

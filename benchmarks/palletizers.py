@@ -1,4 +1,4 @@
-"""The table of docs/palletizers.md: every model, what is known of it, its region, and its corners against ours.
+"""The tables of docs/palletizers.md: presets with their regions and their corners against ours; models without one.
 
 python -m benchmarks.palletizers
 """
@@ -14,12 +14,12 @@ from pinbound.robot.presets import Model, models
 
 
 def row(model: Model) -> str:
-    """Return one line of the table."""
-    head = (
-        f"| {model.manufacturer} {model.model} | {model.facts['parallelograms'] or '?'} | {model.facts['third_axis']} "
-    )
+    """Return one line of a table."""
+    facts = model.facts
+    head = f"| {model.manufacturer} {model.model} | {facts['parallelograms'] or '?'} | {facts['third_axis']} "
+    head += f"| {model.confidence} |"
     if model.name is None:
-        return f"{head}| {model.confidence} | | | | | |"
+        return head
     robot = pb.load(model.name)
     region = pb.feasible_region(robot, ("J2", "J3"))
     ranged = {"J2", "J3"} <= set(model.facts["ranges_deg"])
@@ -37,17 +37,19 @@ def row(model: Model) -> str:
         Q = np.column_stack((np.zeros(len(table)), np.radians(table[:, :2]), np.zeros(len(table))))
         off = np.abs(1e3 * robot.positions("flange", Q)[:, [0, 2]] - table[:, 2:]).max()
         worst = f"{off:.2f} ({len(table)} corners)"
-    rules = "; ".join(one["basis"] for one in model.facts["rules"]) or "none found"
-    return f"{head}| {model.confidence} | `{model.name}` | {rules} | {area} | {said} | {worst} |"
+    rules = "; ".join(dict.fromkeys(one["basis"] for one in model.facts["rules"])) or "none found"
+    return f"{head} `{model.name.removeprefix('palletizers/')}` | {rules} | {area} | {said} | {worst} |"
 
 
 def main() -> None:
-    """Print the table."""
-    print("| maker and model | parallelograms | third axis | confidence | preset | rule | region (deg^2) ", end="")
-    print("| reach of the region / published (mm) | worst corner (mm) |")
+    """Print the tables."""
+    head = "| maker and model | rods | third axis | confidence |"
+    print(f"{head} preset `palletizers/` | rule | region [deg^2] ", end="")
+    print("| reach of the region / published [mm] | worst corner [mm] |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
-    for model in models():
-        print(row(model))
+    print("\n".join(row(model) for model in models() if model.name is not None))
+    print(f"\n{head}\n| --- | --- | --- | --- |")
+    print("\n".join(row(model) for model in models() if model.name is None))
 
 
 if __name__ == "__main__":

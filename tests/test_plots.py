@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 import pinbound as pb
 from pinbound.figures.colours import PALETTE, order_of, style_of
+from pinbound.figures.motion_figure import draw_motion
 from pinbound.figures.plots import draw_region, draw_robot, draw_workspace, side_axes
 from robots import joint, robot_xml
 
@@ -53,6 +54,32 @@ def test_a_boundary_has_one_colour_in_all_figures_of_a_page() -> None:
         drawn = {to_hex(line.get_color()) for line in figure.axes[0].lines if line.get_linewidth() == 3.0}
         assert drawn == {told[name] for name in names}
         assert names <= set(named(figure))
+
+
+def test_plots_and_motions_have_the_colours_of_a_region_that_is_given() -> None:
+    """Tutorial 1 drew beta_3 blue in the region and green on the robot below it."""
+    robot = pb.load("minervabot_v3")
+    region = pb.feasible_region(robot, ("q2", "q3"))
+    told = {
+        edge.name: to_hex(style_of(edge.name, order_of(region, robot.boundaries.names))["color"])
+        for edge in region.edges
+    }
+    assert told.items() <= lines(robot.plot(region=region).figure).items()
+    seen = pb.history(robot, np.radians([[0, 0, 0], [0, 60, 60]]), samples=9)
+    drawn = lines(draw_motion(seen, region=region))
+    shown = set(drawn) & set(told)
+    assert len(shown) >= 3
+    assert {name: drawn[name] for name in shown} == {name: told[name] for name in shown}
+
+
+def test_a_region_fills_the_width_of_its_figure() -> None:
+    """Axes of equal scales left a quarter of the width white, and letters were smaller by as much."""
+    axes = pb.feasible_region(pb.load("minervabot_v3"), ("q2", "q3")).plot()
+    axes.figure.draw_without_rendering()
+    width, shown = axes.figure.get_size_inches()[0], axes.figure.get_tightbbox()
+    assert shown.x0 >= 0.0
+    assert shown.x1 <= width
+    assert width - (shown.x1 - shown.x0) < 0.3
 
 
 def test_more_names_than_colours_are_told_apart_by_their_lines() -> None:

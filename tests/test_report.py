@@ -71,9 +71,34 @@ def test_a_contact_curve_elsewhere_is_not_an_edge_and_has_its_distance(load_text
 def test_the_page_counts_edges(load_text: Load, tmp_path: Path) -> None:
     robot = arm(load_text)
     by_hand = robot.boundaries.names
-    page, rows = write_report(robot, tmp_path / "out")  # q1, q2 and q3: no plane of its own
+    page, rows = write_report(robot, tmp_path / "out")
     assert len(rows) == len(by_hand)
-    assert "<b>0 of 4</b>" in page.read_text(encoding="utf-8")
+    edges = {row.boundary.name for row in rows if row.status == "active"}
+    assert f"<b>{len(edges)} of 4</b>" in page.read_text(encoding="utf-8")
+
+
+def test_a_robot_of_more_than_two_coordinates_has_a_region_too(load_text: Load, tmp_path: Path) -> None:
+    """The page said that a planar region needs two coordinates, with an argument of Python as the remedy."""
+    robot = arm(load_text)  # q1, q2 and q3
+    page, _ = write_report(robot, tmp_path / "most")
+    used = {name: sum(name in one.coordinates for one in robot.boundaries) for name in robot.coordinates}
+    two = sorted(sorted(robot.coordinates, key=lambda name: -used[name])[:2])
+    text = page.read_text(encoding="utf-8")
+    assert f"slice of ({', '.join(two)}) that the robot can reach from home, with the other coordinates at home" in text
+    assert f"{pb.feasible_region(robot, two).area:.10f}" in text
+    page, _ = write_report(robot, tmp_path / "asked", coordinates=("q1", "q3"))
+    assert "slice of (q1, q3)" in page.read_text(encoding="utf-8")
+    with pytest.raises(pb.UnknownNameError):
+        write_report(robot, tmp_path / "none", coordinates=("q1", "q9"))
+
+
+def test_points_have_no_surface_to_show(tmp_path: Path) -> None:
+    """Two of three panels were empty: points of radius 0 have no surface whose distance could have a colour."""
+    page, _ = write_report(pb.load("minervabot_v3"), tmp_path)
+    assert not list(tmp_path.glob("cover_*.png"))
+    text = page.read_text(encoding="utf-8")
+    assert "link_1: 4 boxes; 2 marks; 0 of 4 bodies proven to be held; its marks are points without a surface" in text
+    assert "furthest place" not in text
 
 
 def test_a_volume_of_three_coordinates_is_drawn_with_its_proven_interval(load_text: Load, tmp_path: Path) -> None:

@@ -153,7 +153,8 @@ def test_names_of_files_become_titles_and_code_stays_as_it_is() -> None:
 def test_code_breaks_between_words_only() -> None:
     broken = {
         "pip install .": "pip <wbr>install <wbr>.",
-        "tests/test_a.py": "tests/<wbr>test_<wbr>a.py",
+        "tests/test_a.py": "tests/<wbr>test_a.py",
+        "first_contact(1)": "first_<wbr>contact(1)",
         "--require-coverage": "--require-<wbr>coverage",
         "&lt;axis&gt;": "&lt;axis&gt;",
         "-0.25": "-0.25",

@@ -38,6 +38,13 @@ def report(
             "boundaries depend on."
         ),
     ] = None,
+    coordinates: Annotated[
+        str | None,
+        typer.Option(
+            help="Two coordinates of the region, e.g. q2,q3; the others stay at home. Default: those of the "
+            "boundaries; if these are more, the two that most boundaries depend on."
+        ),
+    ] = None,
     require_coverage_: RequireCoverage = False,
     annotations: Annotations = None,
     package_dir: PackageDirs = None,
@@ -47,9 +54,11 @@ def report(
     require("report", "a report")
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
     ready_folder(out)
-    drawn = None if free is None else [name.strip() for name in free.split(",")]
+    drawn, plane = (
+        None if names is None else [name.strip() for name in names.split(",")] for names in (free, coordinates)
+    )
     with working("region, figures, page"):
-        page, rows = write_report(loaded, out, frame, drawn)
+        page, rows = write_report(loaded, out, frame, drawn, plane)
     table = [
         (row.boundary.name, row.boundary.kind.value, row.boundary.ancestor, row.contact, row.where) for row in rows
     ]

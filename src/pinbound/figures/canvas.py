@@ -11,9 +11,10 @@ from typing import Any, cast
 
 from pinbound.extras import Needs
 
-__all__ = ["lay_out", "new_axes", "save", "settle", "svg_text", "without_math"]
+__all__ = ["fit", "grow", "lay_out", "new_axes", "save", "settle", "svg_text", "width_of", "without_math"]
 
 _PASSES = 8
+_PAD = 0.1  # inches of white beside what a figure shows
 
 
 def new_axes(width: float, height: float, axes: Any = None) -> Any:
@@ -48,6 +49,32 @@ def without_math(figure: Any) -> Any:
 def lay_out(axes: Any) -> None:
     """Give axes of a figure of ours the size that they will have, so that names can be placed by it."""
     settle(without_math(axes).figure)
+
+
+def fit(axes: Any) -> None:
+    """Make a figure of ours as large as what it shows: axes of equal aspect leave white at two sides."""
+    figure = without_math(axes).figure
+    settle(figure)
+    (width, height), shown = figure.get_size_inches(), figure.get_tightbbox()
+    figure.set_size_inches(min(width, shown.width + 2.0 * _PAD), min(height, shown.height + 2.0 * _PAD))
+    settle(figure)
+
+
+def grow(axes: Any, width: float) -> None:
+    """Widen a figure of ours until its axes are as wide [inches] as before a legend took a part of it."""
+    figure = without_math(axes).figure
+    for _ in range(_PASSES):
+        settle(figure)
+        missing = width - width_of(axes)
+        if missing < _PAD / 10.0:
+            return
+        figure.set_size_inches(figure.get_size_inches()[0] + missing, figure.get_size_inches()[1])
+
+
+def width_of(axes: Any) -> float:
+    """Return the width of axes as they are drawn [inches]."""
+    axes.apply_aspect()
+    return float(axes.get_window_extent().width) / float(axes.figure.dpi)
 
 
 def settle(figure: Any) -> None:

@@ -13,6 +13,7 @@ from pinbound import units
 from pinbound.certificates import Certificate, Verdict
 from pinbound.extras import Needs
 from pinbound.figures.canvas import new_axes, without_math
+from pinbound.figures.colours import order_of, style_of
 from pinbound.motion.history import MotionHistory, tightest
 from pinbound.region import Place, Region
 
@@ -26,13 +27,17 @@ _MOST = len(_PALETTE)
 _MOST_BARS = 24
 
 
-def draw_motion(seen: MotionHistory, certificate: Certificate | None = None, clock: str = "time") -> Any:
+def draw_motion(
+    seen: MotionHistory, certificate: Certificate | None = None, clock: str = "time", region: Region | None = None
+) -> Any:
     """Draw signed clearances over time, below them memberships and signed distance if there is a region.
 
     Args:
         seen: The sampled motion.
         certificate: Its certificate; first contacts and what is undecided are marked.
         clock: What the time axis counts, e.g. ``"time [s]"`` or ``"waypoint"``.
+        region: A region that is shown on the same page: a boundary has the colour that it has there. None: the six
+            boundaries nearest to contact have six colours.
 
     Returns:
         A matplotlib figure.
@@ -48,7 +53,7 @@ def draw_motion(seen: MotionHistory, certificate: Certificate | None = None, clo
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
         axes.axhline(0.0, color="#333333", linewidth=1.0)
-    _clearances(panels[0], seen)
+    _clearances(panels[0], seen, region)
     if seen.mu is not None:
         _membership(panels[1], seen)
     if certificate is not None:
@@ -141,16 +146,19 @@ def draw_paths(region: Region, paths: Mapping[str, MotionHistory], margin: Regio
     return without_math(figure)
 
 
-def _clearances(axes: Any, seen: MotionHistory) -> None:
+def _clearances(axes: Any, seen: MotionHistory, region: Region | None) -> None:
     millimetres = 1e3 * seen.clearances
     shown = tightest(seen.boundaries, seen.clearances, _MOST) if seen.boundaries else []
     rest = [column for column in range(len(seen.boundaries)) if column not in shown]
     for column in rest:
         label = f"{len(rest)} others" if column == rest[0] else None
         axes.plot(seen.times, millimetres[:, column], color=_GREY, linewidth=0.8, label=label, zorder=1)
+    order = order_of(region, seen.boundaries)
     for place, column in enumerate(shown):
-        style = {"color": _PALETTE[place], "linestyle": _STYLES[place], "linewidth": 1.6, "zorder": 3}
-        axes.plot(seen.times, _broken(millimetres[:, column]), label=seen.boundaries[column], **style)
+        name = seen.boundaries[column]
+        colour = _PALETTE[place] if region is None else style_of(name, order)["color"]
+        style = {"color": colour, "linestyle": _STYLES[place], "linewidth": 1.6, "zorder": 3}
+        axes.plot(seen.times, _broken(millimetres[:, column]), label=name, **style)
     low, high = axes.get_ylim()
     low = min(low, -0.06 * (high - low))
     axes.set_ylim(low, high)

@@ -14,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 import shapely
 
-from pinbound.figures.canvas import lay_out
+from pinbound.figures.canvas import fit, grow, lay_out, width_of
 from pinbound.figures.colours import ink
 from pinbound.typing import Array
 
@@ -27,6 +27,7 @@ _SHARES = (0.5, 0.35, 0.65, 0.2, 0.8)  # of an edge's length, where its name may
 _LONGER = 1.3  # a name may be that much longer than the straight line under it
 _OFFSET = 11.0  # points from an edge to the middle of its name
 _LINE_WIDTH = 1.5  # points: half of an edge's
+_SPOT = 7.0  # points about a marker
 _MOST_ENTRIES = 40  # in a legend
 _CORNERS = ((1, 1), (1, -1), (-1, 1), (-1, -1))  # of a point, where its name may stand
 
@@ -151,7 +152,12 @@ def draw_edge(axes: Any, points: Array, style: Mapping[str, Any], linewidth: flo
 
 
 def name_edges(
-    axes: Any, edges: Iterable[tuple[str, Array, Mapping[str, Any]]], inside: Array, turned: bool, is_new: bool
+    axes: Any,
+    edges: Iterable[tuple[str, Array, Mapping[str, Any]]],
+    inside: Array,
+    turned: bool,
+    is_new: bool,
+    spots: Iterable[Array] = (),
 ) -> list[Any]:
     """Write the names of edges along them; return lines for a legend of those that have no room anywhere.
 
@@ -161,11 +167,13 @@ def name_edges(
         inside: (2,) a point on the side of the names.
         turned: Whether names run along edges: where both axes are scaled alike.
         is_new: Whether the figure is ours, and may be laid out first.
+        spots: Places (2,) of markers that names must not cover.
     """
     if is_new:
         lay_out(axes)  # before its layout, axes have another size
     names, edges = Names(axes), list(edges)
     names.taken += [gis.buffer(gis.LineString(names.points(points)), _LINE_WIDTH) for _, points, _ in edges]
+    names.taken += [gis.Point(names.points(spot[None])[0]).buffer(_SPOT) for spot in spots]
     all_of = sorted(edges, key=lambda edge: -_length(edge[1]))
     written = {name for name, points, style in all_of if names.along(name, points, inside, style["color"], turned)}
     left = {name: style for name, _, style in all_of if name not in written}
@@ -186,6 +194,7 @@ def legend_of_short_edges(axes: Any, handles: Sequence[Any], is_new: bool) -> No
     """
     if not handles:
         return
+    width = width_of(axes)
     first, shown = axes.get_legend(), list(handles[:_MOST_ENTRIES])
     if len(handles) > _MOST_ENTRIES:
         shown += axes.plot([], [], linestyle="none", label=f"and {len(handles) - _MOST_ENTRIES} more")
@@ -202,5 +211,7 @@ def legend_of_short_edges(axes: Any, handles: Sequence[Any], is_new: bool) -> No
     )
     if first is not None:
         axes.add_artist(first)
+        first.set_clip_on(False)  # a layout leaves room only for what is not clipped
     if is_new:
-        lay_out(axes)  # an equal aspect takes two layouts
+        grow(axes, width)  # names have been placed in axes of that size
+        fit(axes)

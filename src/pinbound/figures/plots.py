@@ -16,7 +16,7 @@ from pinbound import units
 from pinbound.annotations import Mark
 from pinbound.boundaries.boundary import Boundary
 from pinbound.exceptions import UnsupportedError
-from pinbound.figures.canvas import lay_out, new_axes, without_math
+from pinbound.figures.canvas import fit, lay_out, new_axes, without_math
 from pinbound.figures.colours import PALETTE, order_of, style_of
 from pinbound.figures.names import Names, draw_edge, legend_of_short_edges, name_edges, resampled
 from pinbound.marking.candidates import configuration_text
@@ -100,7 +100,10 @@ def region_axes(
     area = f"{region.area:.4g} {units.area_name(region.area_unit)}"
     axes.set_title(f"Feasible region of ({', '.join(region.coordinates)}): {area}", loc="left")
     axes.legend(handles=shown, **_BELOW)
-    legend_of_short_edges(axes, name_edges(axes, edges, scale * region.centroid, alike, is_new), is_new)
+    spots = (scale * home, scale * region.centroid)
+    if is_new:
+        fit(axes)
+    legend_of_short_edges(axes, name_edges(axes, edges, scale * region.centroid, alike, is_new, spots), is_new)
     return without_math(axes)
 
 
@@ -153,7 +156,8 @@ def draw_verdicts(region: Region, home: Array, groups: Mapping[str, Array]) -> A
     _label_plane(axes, region)
     axes.set_title(f"Region of ({', '.join(region.coordinates)}) against coal's flood fill from home", loc="left")
     axes.legend(**_BELOW | {"ncols": 2})
-    name_edges(axes, edges, scale * region.centroid, alike, True)
+    fit(axes)
+    name_edges(axes, edges, scale * region.centroid, alike, True, (scale * home,))
     return without_math(axes.figure)
 
 
@@ -276,7 +280,8 @@ def robot_axes(robot: Robot, q: Array, axes: Any = None, region: Region | None =
     marked = {name: _anchors(robot, mark, q) for name, mark in robot.annotations.marks.items()}
     plane = side_axes(robot, q)
     _draw_skeleton(axes, robot, q, plane, "#9AA5B1")
-    order, boundaries = order_of(region, robot.boundaries.names), _nearest_boundaries(robot, q)
+    boundaries = _nearest_boundaries(robot, q)
+    order = order_of(region, [boundary.name for boundary in boundaries])  # colours of edges, then of what is shown
     for mark in robot.annotations.marks.values():
         _draw_mark(axes, mark, marked[mark.name], plane)
     places: dict[str, tuple[Array, str]] = {}
@@ -372,7 +377,8 @@ def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:
     axes.set_aspect("equal")
     axes.set_title(f"Reachable points of {frame}, and the image of the region's edges", loc="left")
     axes.legend(**_BELOW)
-    legend_of_short_edges(axes, name_edges(axes, edges, centre, True, True), True)
+    fit(axes)
+    legend_of_short_edges(axes, name_edges(axes, edges, centre, True, True, (1e3 * home[keep],)), True)
     return without_math(axes.figure)
 
 

@@ -28,6 +28,7 @@ from pinbound.region import Region, feasible_region
 from pinbound.robot.robot import Robot
 from pinbound.units import several
 
+_REGION_SECONDS = 20.0  # for the region, as in the explorer
 _FREE_SECONDS, _FREE_SHARE = 5.0, 0.97  # of the volume of three coordinates: how long, or how much of it, is enough
 _MOST_FORMULAS = 200
 _MOST_BYTES = 400_000  # of all formulas
@@ -120,7 +121,11 @@ def tool_link(robot: Robot, frame: str | None = None) -> str:
 
 
 def write_report(
-    robot: Robot, out: Path, frame: str | None = None, free: Sequence[str] | None = None
+    robot: Robot,
+    out: Path,
+    frame: str | None = None,
+    free: Sequence[str] | None = None,
+    coordinates: Sequence[str] | None = None,
 ) -> tuple[Path, list[BoundaryRow]]:
     """Write `index.html` and its figures (SVG and PNG) into a folder.
 
@@ -130,6 +135,8 @@ def write_report(
         frame: The link whose origin is the tool point; the deepest leaf by default.
         free: Two or three coordinates whose free volume is drawn, the others at home. By default the three with limits
             that most boundaries depend on; none if there are fewer.
+        coordinates: The two coordinates of the region, the others at home. By default those that the boundaries use;
+            if these are more, the two with limits that most boundaries depend on.
 
     Returns:
         The page, and the rows of its boundary table.
@@ -142,7 +149,7 @@ def write_report(
     import jinja2
 
     tool = tool_link(robot, frame)
-    region, reason = _region(robot)
+    region, reason = _region(robot, coordinates)
     out.mkdir(parents=True, exist_ok=True)
     figures = {"robot": plots.draw_robot(robot, robot.home, region)}
     implied = _implied_lines(robot, region) if region is not None else []
@@ -189,7 +196,10 @@ def write_report(
 
 
 def write_covers(robot: Robot, out: Path) -> Iterator[tuple[str, str, str]]:
-    """Write a picture of every link that has bodies and marks; yield link, file name, and what is said of it."""
+    """Write a picture of every link that has bodies and marks; yield link, file name, and what is said of it.
+
+    Marks without a surface, which are points of radius 0, have nothing to show: no file is written, and its name is "".
+    """
     by_link: dict[str, list[Body]] = {}
     for body in collision_bodies(robot):
         by_link.setdefault(body.link, []).append(body)
@@ -204,6 +214,9 @@ def write_covers(robot: Robot, out: Path) -> Iterator[tuple[str, str, str]]:
     scale = max((one.furthest for one in pictures.values()), default=0.0)
     for index, picture in pictures.items():
         said = _said_of(robot, picture.link, picture.bodies, picture.marks)
+        if all(one.shape.radius == 0.0 and len(one.shape.vertices) == 1 for one in picture.marks):
+            yield picture.link, "", f"{said}; its marks are points without a surface"
+            continue
         figure = draw_cover(picture, said, scale)
         name = f"cover_{index}.png"
         figure.savefig(out / name, dpi=130)
@@ -212,7 +225,7 @@ def write_covers(robot: Robot, out: Path) -> Iterator[tuple[str, str, str]]:
 
 def _said_of(robot: Robot, link: str, bodies: Sequence[Body], marks: Sequence[Mark]) -> str:
     coverage = robot.coverage.links[link]
-    shapes = ", ".join(f"{count} {shape}" for shape, count in Counter(body.shape for body in bodies).items())
+    shapes = ", ".join(several(count, shape) for shape, count in Counter(body.shape for body in bodies).items())
     held = len(coverage.held)
     proven = "held, proven" if held == len(bodies) else f"{held} of {len(bodies)} bodies proven to be held"
     return f"{shapes}; {several(len(marks), 'mark')}; {proven}"
@@ -261,16 +274,21 @@ def _swatches(robot: Robot, region: Region | None) -> dict[str, str]:
     }
 
 
-def _region(robot: Robot) -> tuple[Region | None, str]:
+def _region(robot: Robot, names: Sequence[str] | None) -> tuple[Region | None, str]:
+    """Return the region that is drawn; or why there is none."""
+    used = {name for boundary in robot.boundaries for name in boundary.coordinates}
+    asked = names or (_most_used(robot, 2) if len(used) > 2 else None) or None
     try:
-        return feasible_region(robot), ""
+        return feasible_region(robot, asked, budget=_REGION_SECONDS), ""
     except (DimensionError, UnsupportedError) as error:
+        if names is not None:
+            raise
         return None, str(error)
 
 
 def _volume(robot: Robot, names: Sequence[str] | None) -> tuple[FreeVolume | None, str]:
     """Return the free volume that is drawn; or why there is none, empty if none was to be expected."""
-    asked = names if names is not None else _most_used(robot)
+    asked = names if names is not None else _most_used(robot, 3)
     if not asked:
         return None, ""
     try:
@@ -281,13 +299,13 @@ def _volume(robot: Robot, names: Sequence[str] | None) -> tuple[FreeVolume | Non
         return None, str(error)
 
 
-def _most_used(robot: Robot) -> list[str]:
-    """Return the three coordinates with limits that most boundaries depend on, in the robot's order; [] if fewer."""
+def _most_used(robot: Robot, count: int) -> list[str]:
+    """Return so many coordinates with limits that most boundaries depend on, in the robot's order; [] if fewer."""
     used = Counter(name for boundary in robot.boundaries for name in boundary.coordinates)
     held = np.isfinite(robot.lower) & np.isfinite(robot.upper) & (robot.lower < robot.upper)
     bounded = [name for name, one in zip(robot.coordinates, held.tolist(), strict=True) if one and used[name]]
-    most = sorted(bounded, key=lambda name: -used[name])[:3]
-    return [name for name in bounded if name in most] if len(most) == 3 else []
+    most = sorted(bounded, key=lambda name: -used[name])[:count]
+    return [name for name in bounded if name in most] if len(most) == count else []
 
 
 def _volume_unit(robot: Robot, volume: FreeVolume) -> str:

@@ -48,6 +48,8 @@ class Reproduction:
     changes: tuple[str, ...] = ()
 
 
+_WIDE = 1.5  # a figure of that ratio has two panels: on a narrow screen it scrolls in its frame
+
 FIGURES: dict[int, tuple[Callable[[Study], Any], str]] = {
     8: (
         region_figures.figure_8,
@@ -99,7 +101,7 @@ FIGURES: dict[int, tuple[Callable[[Study], Any], str]] = {
 
 
 def reproduce_paper(robot: Robot, out: Path, progress: Callable[[str], None] | None = None) -> Reproduction:
-    """Draw every table and figure of the paper anew and write them, with the errata, into a folder.
+    """Draw Tables 3 to 14 and Figs. 8 to 22 of the paper anew and write them, with the errata, into a folder.
 
     Args:
         robot: `minervabot_v3`, or a copy of it with the paper's names.
@@ -126,12 +128,15 @@ def reproduce_paper(robot: Robot, out: Path, progress: Callable[[str], None] | N
     )
     equations = check_equations(study, write_four_kinds(out))
     errata = find_errata(study, judged)
-    files = [out / "four_kinds.urdf"]
+    files, wide = [out / "four_kinds.urdf"], set[int]()
     for number, (draw, _) in FIGURES.items():
         say(f"figure {number}")
         figure = draw(study)
         figure.draw_without_rendering()  # the layout of a frame of equal scales settles in the second pass
         files += save(figure, out / f"figure_{number:02d}")
+        width, height = figure.get_size_inches()
+        if width > _WIDE * height:
+            wide.add(number)
     say("meshes and polygons")
     files += [study.body.export(out / f"swept_body{suffix}") for suffix in (".ply", ".stl")]
     files += [
@@ -146,7 +151,7 @@ def reproduce_paper(robot: Robot, out: Path, progress: Callable[[str], None] | N
     captions[22] = captions[22].format(unseen=_unseen(study))
     page = out / "index.html"
     result = Reproduction(page, captions, found_tables, equations, errata, tuple(files), study.changes)
-    page.write_text(_render(study, result), encoding="utf-8")
+    page.write_text(_render(study, result, wide), encoding="utf-8")
     return result
 
 
@@ -189,7 +194,7 @@ def _write_results(
     return target
 
 
-def _render(study: Study, result: Reproduction) -> str:
+def _render(study: Study, result: Reproduction, wide: set[int]) -> str:
     import jinja2
 
     environment = jinja2.Environment(
@@ -202,6 +207,7 @@ def _render(study: Study, result: Reproduction) -> str:
         robot=study.robot,
         study=study,
         result=result,
+        wide=wide,
         tables={one.label: one for one in result.tables},
         boundary_tables=[one for one in result.tables if one.title.startswith("Boundary")],
         limits=[(name, limit_formula(study.robot.boundaries[name], joint)) for name, joint in inverted],

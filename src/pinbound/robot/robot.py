@@ -310,12 +310,13 @@ class Robot(Value, Pictured):
         file.with_suffix(".h").write_text(header, encoding="ascii")
         return file, file.with_suffix(".h")
 
-    def plot(self, q: ArrayLike | None = None, ax: Any = None) -> Any:
+    def plot(self, q: ArrayLike | None = None, ax: Any = None, region: Any = None) -> Any:
         """Draw joints, marks and their nearest points at one q, from the side in which the robot moves, in millimetres.
 
         Args:
             q: (n,) the configuration [rad or m]; home by default.
             ax: Matplotlib axes to draw in; None: axes of a new figure, `ax.figure`.
+            region: A `Region` of this robot that is shown beside it: a boundary has the colour that it has there.
 
         Returns:
             The axes.
@@ -331,7 +332,7 @@ class Robot(Value, Pictured):
             ('x [mm]', 'z [mm]')
         """
         point = self.home if q is None else one_configuration(q, self.coordinates)
-        return drawn("plots.robot_axes", self, point, ax)
+        return drawn("plots.robot_axes", self, point, ax, region)
 
     def on(self, model: Any) -> ModelView:
         """Return the boundaries as functions of the q of a user's own `pinocchio.Model`, with gradients over its v.
