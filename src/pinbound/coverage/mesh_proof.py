@@ -7,7 +7,7 @@ cut into pieces, each held by one: a piece is convex, too, so that its corners d
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +21,7 @@ from pinbound.meshes import Mesh
 from pinbound.tolerances import HELD
 from pinbound.values import Value
 
-__all__ = ["JOINTLY", "NONE", "MeshProof", "away_from", "prove"]
+__all__ = ["JOINTLY", "NONE", "MeshProof", "away_from", "prove", "unheld"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -102,7 +102,7 @@ def prove(mesh: Mesh, marks: Sequence[Mark]) -> MeshProof:
     for row in np.flatnonzero(part_of == NONE).tolist():
         if len(holders) < 2 or len(jointly) > _MOST_JOINTLY:
             break
-        used = _in_pieces(mesh.vertices[mesh.triangles[row]], holders)
+        used = _held_by(mesh.vertices[mesh.triangles[row]], holders)
         if not used:
             break  # one is enough for the mesh not to be held
         jointly[row], part_of[row] = used, JOINTLY
@@ -132,8 +132,10 @@ class _Holder:
         The polygon is cut by one face after the other, first by those that it passes furthest. That proposes; the
         corners of what is left inside are then proven to be held.
         """
-        if self.polytope is None or np.any(polygon.max(axis=0) < self.low) or np.any(polygon.min(axis=0) > self.high):
+        if np.any(polygon.max(axis=0) < self.low) or np.any(polygon.min(axis=0) > self.high):
             return None
+        if self.polytope is None:  # nothing says where to cut
+            return (polygon, []) if np.all(self.holds(polygon)) else None
         rest: list[Array] = []
         for _ in range(_MOST_CUTS):
             height = self.polytope.heights(polygon)
@@ -148,23 +150,45 @@ class _Holder:
         return None
 
 
-def _in_pieces(triangle: Array, holders: Sequence[_Holder]) -> tuple[int, ...]:
+def unheld(mesh: Mesh, marks: Sequence[Mark], rows: Ints) -> list[Array]:
+    """Return what of some triangles no mark is proven to hold, as convex polygons: corners (k, 3)."""
+    corners = mesh.vertices[mesh.triangles[rows]]
+    if len(marks) < 2:
+        return [*corners]
+    holders = [_Holder(mark.shape) for mark in marks]
+    cut = [piece for one in corners[:_MOST_JOINTLY] for place, piece in _in_pieces(one, holders) if place == NONE]
+    return [*cut, *corners[_MOST_JOINTLY:]]
+
+
+def _held_by(triangle: Array, holders: Sequence[_Holder]) -> tuple[int, ...]:
     """Return marks in which a triangle lies piece by piece; none if that is not proven."""
-    left, used = [triangle], set[int]()
+    used = set[int]()
+    for place, _ in _in_pieces(triangle, holders):
+        if place == NONE:
+            return ()
+        used.add(place)
+    return tuple(sorted(used))
+
+
+def _in_pieces(triangle: Array, holders: Sequence[_Holder]) -> Iterator[tuple[int, Array]]:
+    """Yield pieces of a triangle, each after the mark that holds it; `NONE` where that is not proven of any."""
+    left = [triangle]
     for _ in range(_MOST_CUTS):
         if not left:
-            return tuple(sorted(used))
+            return
         polygon = left.pop()
         found = [(place, holder.cut(polygon)) for place, holder in enumerate(holders)]
         sizes = [(_area(cut[0]), -place) for place, cut in found if cut is not None]
         if not sizes or max(sizes)[0] <= _SLIVER * _area(polygon):
-            return ()
+            yield NONE, polygon
+            continue
         place = -max(sizes)[1]
         cut = found[place][1]
         assert cut is not None
-        used.add(place)
+        yield place, cut[0]
         left += cut[1]
-    return ()
+    for polygon in left:
+        yield NONE, polygon
 
 
 def _area(polygon: Array) -> float:

@@ -55,6 +55,19 @@ class Group(Value):
             Group(self.triangles[~chosen], self.solids[~chosen], self.hollows),
         )
 
+    def joined(self, other: Group) -> Group:
+        """Return this share and another of the same mesh as one."""
+        return Group(
+            np.concatenate((self.triangles, other.triangles)),
+            np.concatenate((self.solids, other.solids)),
+            np.unique(np.concatenate((self.hollows, other.hollows)), axis=0),
+        )
+
+    def with_more(self, triangles: Array) -> Group:
+        """Return it with more triangles (n, 3, 3), counted to the closed surface of its first."""
+        owner = np.repeat(self.solids[:1], len(triangles))
+        return Group(np.concatenate((self.triangles, triangles)), np.concatenate((self.solids, owner)), self.hollows)
+
     def cut(self, axis: Array, at: float) -> tuple[Group, Group]:
         """Return what is below and above the plane `axis . x = at`, each closed surface cut, and closed, on its own."""
         numbers: list[int] = np.unique(self.solids).tolist()

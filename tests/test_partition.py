@@ -1,0 +1,137 @@
+"""A mesh in parts: what is joined again sticks out no further, and what is said of a part is said anew."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pinbound.annotations import Hull
+from pinbound.coverage import mesh_covers
+from pinbound.coverage.excess import excess_of
+from pinbound.coverage.mesh_covers import cover_meshes
+from pinbound.coverage.mesh_proof import NONE, prove, unheld
+from pinbound.coverage.partition import Partition
+from pinbound.meshes import Mesh
+
+
+def prism(plan: Any, rows: Any, height: float = 0.05) -> Mesh:
+    """Return the prism over a polygon (n, 2), its ends cut into the triangles (m, 3)."""
+    plan, rows = np.array(plan, dtype=np.float64), np.array(rows)
+    n = len(plan)
+    vertices = np.vstack([np.column_stack((plan, np.full(n, z))) for z in (0.0, height)])
+    sides = [face for i in range(n) for face in ((i, (i + 1) % n, n + i), ((i + 1) % n, n + (i + 1) % n, n + i))]
+    faces = np.vstack((rows[:, ::-1], rows + n, sides))
+    return Mesh(vertices, faces, np.arange(len(faces)))
+
+
+def star(points: int) -> Mesh:
+    """Return a star whose tips are 0.1 m, and whose notches are 0.05 m, from its middle."""
+    n = 2 * points
+    turns = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)
+    plan = np.column_stack((np.cos(turns), np.sin(turns))) * np.where(np.arange(n) % 2, 0.05, 0.1)[:, None]
+    inner = [(1, 2 * i + 1, 2 * i + 3) for i in range(1, points - 1)]
+    return prism(plan, inner + [(2 * i, 2 * i + 1, (2 * i - 1) % n) for i in range(points)])
+
+
+def without_joining(mesh: Mesh, accuracy: float, most: int, monkeypatch: pytest.MonkeyPatch) -> Any:
+    with monkeypatch.context() as patch:
+        patch.setattr(mesh_covers, "_improve", lambda *_: None)
+        return cover_meshes([("m", "l", mesh)], accuracy, most=most)[0]
+
+
+def test_parts_are_joined_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A first cut through a star leaves tips in two that one part may hold."""
+    cut = without_joining(star(5), 0.005, 16, monkeypatch)
+    (cover,) = cover_meshes([("m", "l", star(5))], 0.005, most=16)
+    assert cut.excess <= 0.005
+    assert len(cover.marks) < len(cut.marks)
+    assert cover.excess <= 0.005
+    assert cover.proof.is_complete
+
+
+def test_few_parts_are_found_by_way_of_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four parts for six tips: those that are left when eight are joined stick out half as far as four cuts leave."""
+    cut = without_joining(star(6), 0.01, 4, monkeypatch)
+    (cover,) = cover_meshes([("m", "l", star(6))], 0.01, most=4)
+    assert len(cover.marks) <= len(cut.marks) == 4
+    assert cover.excess < 0.7 * cut.excess
+    assert cover.proof.is_complete
+
+
+def test_a_cover_is_never_worse_than_that_of_cuts_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever joining leads to: here it is made to join what sticks out most, without a bound."""
+    cut = without_joining(star(6), 0.005, 5, monkeypatch)
+
+    def worst(works: Any, limit: float) -> bool:
+        found = works[0].joints(np.inf)
+        return bool(found) and len(works[0].parts) > 2 and works[0].join(found[-1], np.inf)
+
+    monkeypatch.setattr(mesh_covers, "_join_best", worst)
+    monkeypatch.setattr(mesh_covers, "_cut", lambda works, most, cut=mesh_covers._cut: cut(works, min(most, 5)))
+    (cover,) = cover_meshes([("m", "l", star(6))], 0.005, most=5)
+    assert cover.excess <= cut.excess
+    assert [mark.shape.vertices.tolist() for mark in cover.marks] == [
+        mark.shape.vertices.tolist() for mark in cut.marks
+    ]
+
+
+def test_what_was_said_of_a_part_is_said_again_when_what_is_beside_it_changes() -> None:
+    """A box with a dent of 40 mm. The hull of two others, 0.25 mm away, shuts it, but they do not as two parts.
+
+    Boxes around the first and that hull do not meet, but the ball about all parts fills what is between them.
+    """
+    square = np.array([(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)])
+    box = prism(square, [(0, 1, 2), (0, 2, 3)], 0.1)
+    rim = np.array([(0.1, 0.03, 0.03), (0.1, 0.07, 0.03), (0.1, 0.07, 0.07), (0.1, 0.03, 0.07)])
+    dented = box.triangles[~np.all(box.vertices[box.triangles][..., 0] == 0.1, axis=1)]
+    turn = [(i, (i + 1) % 4) for i in range(4)]
+    ring = [
+        face for i, j in turn for face in (((1, 2, 6, 5)[i], (1, 2, 6, 5)[j], 8 + j), ((1, 2, 6, 5)[i], 8 + j, 8 + i))
+    ]
+    dent = [(8 + i, 8 + j, 12) for i, j in turn]
+    bar, shift = box.vertices * (1.0, 0.2, 1.0), np.array([0.10025, 0.0, 0.0])
+    vertices = np.vstack(
+        (box.vertices, rim, [(0.06, 0.05, 0.05)], bar + shift, bar + shift + np.array([0.0, 0.08, 0.0]))
+    )
+    rows = np.vstack((dented, ring, dent, box.triangles + 13, box.triangles + 21))
+    work = Partition("m", "l", Mesh(vertices, rows, np.arange(len(rows))), "hulls", 0.002)
+    (whole,) = work.parts
+    first, others = whole.group.of_solids(whole.group.triangles[..., 0].max(axis=1) < 0.1001)
+    work._change([whole], [work._part(first), work._part(others)])
+    left, right = work.parts
+    assert 0.0 < right.surface.low[0] - left.surface.high[0] < 0.0003
+    work.measure()
+    left, right = work.parts
+    assert left.excess.bound < 0.002  # the dent is shut in
+    bars = others.of_solids(others.triangles[..., 1].max(axis=1) < 0.05)
+    work._change([right], [work._part(bar) for bar in bars])
+    work.measure()
+    anew = excess_of(work.surfaces, work.near, work.around, work.accuracy, range(3))
+    assert [part.excess.bound for part in work.parts] == [one.bound for one in anew]
+    assert work.bound > 0.01
+
+
+def test_a_gap_that_rounding_left_asks_for_a_ball_and_no_more() -> None:
+    """The marks of two boxes that make an angle, one of them smaller by 1e-11 m: triangles over the cut have a gap."""
+    plan = np.array([(0.0, 0.0), (0.3, 0.0), (0.3, 0.1), (0.1, 0.1), (0.1, 0.3), (0.0, 0.3)])
+    work = Partition("m", "l", prism(plan, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)]), "hulls", 0.005)
+    work.cut()
+    work.measure()
+    bound = work.bound
+    old = work.parts[1].mark
+    assert isinstance(old, Hull)
+    vertices = np.array(old.vertices)
+    vertices += 1e-11 * np.sign(vertices.mean(axis=0) - vertices)
+    small = replace(old, vertices=tuple(map(tuple, vertices.tolist())))
+    work.parts[1] = replace(work.parts[1], mark=small)
+    proof = prove(work.mesh, [part.mark for part in work.parts])
+    left = unheld(work.mesh, [part.mark for part in work.parts], np.flatnonzero(proof.part_of == NONE))
+    assert 0 < len(left)
+    cover = mesh_covers._finished(work)
+    assert cover.proof.is_complete
+    mark = cover.marks[1]
+    assert isinstance(mark, Hull)
+    assert mark.vertices == small.vertices
+    assert 1e-11 < mark.radius < 1e-10
+    assert cover.excess == pytest.approx(bound, abs=1e-9)
