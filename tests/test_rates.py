@@ -1,6 +1,7 @@
 """Boundaries that a coordinate cannot bring near are not looked at, and the limits are the same as if all were."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,7 +38,30 @@ FLAT = robot_xml(
     '<pinbound:line name="pole" link="base" xyz="-0.3 0.3 0" direction="0.1 0 1" radius="0.1"/>'
     '<pinbound:plane name="floor" link="base" xyz="0 -0.4 0" normal="0.6 0.8 0"/>',
 )
+BODY_MARKS = (
+    '<pinbound:segment name="rod" link="b" xyz_a="0 0.05 0" xyz_b="0 0.05 0.3" radius="0.03"/>'
+    '<pinbound:box name="block" link="base" xyz="0.3 0.1 0.4" rpy="0.1 0.2 0" size="0.1 0.2 0.3"/>'
+    '<pinbound:box name="tray" link="d" xyz="0.05 0 0.2" rpy="0 0.3 0" size="0.2 0.1 0.04"/>'
+    '<pinbound:hull name="tip" link="d" vertices="0 0 0.1 0.1 0 0.1 0 0.1 0.15 0.02 0.02 0.3"/>'
+    '<pinbound:hull name="rock" link="base" vertices="0.1 -0.3 0.5 0.2 -0.2 0.5 0 -0.2 0.6 0.1 -0.2 0.8"/>'
+    '<pinbound:line name="pole" link="base" xyz="-0.3 0.3 0" direction="0.1 0 1" radius="0.05"/>'
+    '<pinbound:plane name="floor" link="base" xyz="0 0 0.05" normal="0 0.1 1"/>'
+)
+BODY_PAIRS = [
+    ("rod", "block"), ("tray", "block"), ("tray", "rock"), ("tip", "block"), ("tip", "rock"),
+    ("rod", "rock"), ("tip", "pole"), ("tray", "pole"), ("floor", "tip"), ("floor", "tray"),
+]  # fmt: skip
+FOLLOWED = [
+    joint("j1", "revolute", "base", "a", axis="0 0 1", xyz="0 0 0.3", limit="-4 4.5"),
+    joint("j2", "revolute", "a", "b", axis="0 1 0", xyz="0.05 0.02 0.1", limit="-2 2"),
+    joint("j3", "revolute", "b", "c", xyz="0 0 0.4", rpy="0.1 0 0.2", mimic="j2 0.5 0.1", limit="-3 3"),
+    joint("j4", "revolute", "c", "d", axis="1 0 0", xyz="0.1 0 0.2", rpy="0 1.5 0", limit="-7 7"),
+]
+BODIES = robot_xml(FOLLOWED, {}, BODY_PAIRS, BODY_MARKS)
+ENDLESS = BODIES.replace('name="j4" type="revolute"', 'name="j4" type="continuous"')
+
 ROBOTS = {
+    "bodies": BODIES,
     "near": NEAR,
     "flat": FLAT,
     "beside": BESIDE,
@@ -79,7 +103,8 @@ def test_no_coordinate_changes_a_clearance_faster(robot: Robot) -> None:
 
 
 def test_limits_are_those_of_all_boundaries(robot: Robot) -> None:
-    B, Q = robot.boundaries, some(robot, 60, 1)
+    B = robot.boundaries
+    Q = some(robot, 12 if any(b.path.difference.directions for b in B) else 60, 1)
     clear, stopped = B.signed_clearances(Q) > 0.0, set[str]()
     for index, name in enumerate(robot.coordinates):
         ends, stops = np.tile([-np.inf, np.inf], (len(Q), 1)), np.full((len(Q), 2), "", dtype=object)
@@ -141,3 +166,36 @@ def test_of_two_boundaries_that_stop_at_one_place_the_first_is_named(load_text: 
         one = robot.boundaries.limits("q1", q)
         assert (one.lower, one.upper) == tuple(ends)
         assert (one.lower_stop, one.upper_stop) == tuple(names)
+
+
+def test_bodies_that_a_joint_without_limits_may_meet_are_found(load_text: Load) -> None:
+    """A whole turn decides; each end is the one of all boundaries, whether q's value is one turn further or not."""
+    B = load_text(ENDLESS).boundaries
+    free = [q for q in np.random.default_rng(5).uniform(-1.5, 1.5, (200, 3)) if B.free(q)][:3]
+    kinds = set[bool]()
+    for q in free:
+        found = B.limits("j4", q)
+        spans = [(b.name, b.span("j4", q, (-np.inf, np.inf), True)) for b in B]
+        wanted = CoordinateLimits.of("j4", float(q[2]), spans, ())
+        assert np.allclose((found.lower, found.upper), (wanted.lower, wanted.upper), rtol=0.0, atol=ROUNDING)
+        assert (found.lower_stop, found.upper_stop) == (wanted.lower_stop, wanted.upper_stop)
+        further = B.limits("j4", q + np.array([0.0, 0.0, 2.0 * np.pi]))
+        assert (further.lower_stop, further.upper_stop) == (found.lower_stop, found.upper_stop)
+        kinds.add(bool(np.isinf(found.upper)))
+    assert kinds == {True, False}
+
+
+def test_few_bodies_are_looked_for_exactly(load_text: Load, monkeypatch: pytest.MonkeyPatch) -> None:
+    B, asked = load_text(BODIES).boundaries, list[str]()
+    spanned = type(B[0]).span
+
+    def span(boundary: Any, *arguments: Any) -> Any:
+        asked.append(boundary.name)
+        return spanned(boundary, *arguments)
+
+    monkeypatch.setattr(type(B[0]), "span", span)
+    free = [q for q in some(load_text(BODIES), 100, 3) if B.free(q)][:3]
+    for q in free:
+        for coordinate in ("j1", "j2", "j4"):
+            B.limits(coordinate, q)
+    assert len(asked) < 0.2 * len(free) * 3 * len(B)

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pinbound.boundaries.ahead import Ahead, ahead_of
 from pinbound.boundaries.boundary import Boundary, checked_window, one_configuration
 from pinbound.boundaries.named_boundaries import NamedBoundaries
-from pinbound.boundaries.rates import rates_of, spans_of, tighten_all
+from pinbound.boundaries.rates import farthest, rates_of, spans_of, tighten_all
 from pinbound.boundaries.spans import (
     CoordinateLimits,
     Smallest,
@@ -392,18 +393,19 @@ class BoundarySet(NamedBoundaries):
         if any(span is None for _, span in spans):  # no way is asked for: only which boundaries forbid the value, too
             found = [(-math.inf, math.inf) if s > 0.0 else None for s in clearances.tolist()]
         else:
-            found = spans_of(self, self._rates(index), clearances, coordinate, point, window)
+            found = spans_of(self, self._ahead(index), clearances, coordinate, point, window, self.signed_clearances)
         spans += zip(self.names, found, strict=True)
         return CoordinateLimits.of(coordinate, value, spans, self.beyond(point))
 
-    def _rates(self, index: int) -> Array:
-        """Return how fast coordinate `index` changes signed clearances at most (m,) [m per unit]."""
-        if index not in self._known_rates:
-            self._known_rates[index] = rates_of(self, index)
-        return self._known_rates[index]
+    def _ahead(self, index: int) -> Ahead:
+        """Return what is known of all boundaries before coordinate `index` moves."""
+        if index not in self._known_ahead:
+            rates = rates_of(self, index, farthest(self._limits, len(self._coordinates)))
+            self._known_ahead[index] = ahead_of(self, index, rates)
+        return self._known_ahead[index]
 
     @cached_property
-    def _known_rates(self) -> dict[int, Array]:
+    def _known_ahead(self) -> dict[int, Ahead]:
         return {}
 
     def limits_table(self, coordinate: str, Q: ArrayLike) -> tuple[Array, NDArray[np.str_]]:
@@ -443,6 +445,6 @@ class BoundarySet(NamedBoundaries):
         if not len(rows):
             return ends, stops.astype(np.str_)
         clearances = self.signed_clearances(rows)
-        tighten_all(self, self._rates(index), clearances, coordinate, rows, some, named)
+        tighten_all(self, self._ahead(index), clearances, coordinate, rows, some, named, self.signed_clearances)
         ends[inside], stops[inside] = some, named
         return ends, stops.astype(np.str_)

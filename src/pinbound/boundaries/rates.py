@@ -1,9 +1,10 @@
 """How fast one coordinate can bring a contact nearer, whatever q: boundaries that are too far away need no closer look.
 
-A distance of two points, or a height above a plane, changes by at most `sum_i rho_i |c_ij|` per unit of coordinate j:
-rho_i bounds the lever arm of rotation i (`bounds.lever_arms`), c_i is its angle's coefficient, and a height is a
-projection. A stop's signed clearance `A sin(d / 2)` changes by at most `A |c_j| / 2`, and one that does not depend on
-the coordinate not at all. So a clearance s > L |x - q_j| is one between q_j and x, too.
+A distance, or a height above a plane, changes by at most `sum_i rho_i |c_ij|` per unit of coordinate j. rho_i bounds
+the lever arm of rotation i, of bodies that of all pairs of their corners; c_i is its angle's coefficient; a height is a
+projection. A block that slides with the coordinate adds its length a unit. A stop's signed clearance `A sin(d / 2)`
+changes by at most `A |c_j| / 2`, and one that does not depend on the coordinate not at all. So a clearance
+s > L |x - q_j| is one between q_j and x, too; `ahead` makes more of it.
 """
 
 from __future__ import annotations
@@ -14,16 +15,38 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pinbound.boundaries.ahead import Ahead, Ask, farness
 from pinbound.boundaries.boundary import Boundary
+from pinbound.bounds.bodies import swept_bundle
 from pinbound.bounds.bounds import bundle, lever_arms
-from pinbound.tolerances import INFLATION, NEVER_MEETS
-from pinbound.typing import Array
+from pinbound.model.coupling import LinearLimit
+from pinbound.tolerances import INFLATION, LIMIT
+from pinbound.typing import Array, Flags, Indices
 
-__all__ = ["rates_of", "spans_of", "tighten_all"]
+__all__ = ["farthest", "rates_of", "spans_of", "tighten_all"]
 
 
-def rates_of(boundaries: Sequence[Boundary], index: int) -> Array:
+def farthest(limits: Sequence[LinearLimit], n: int) -> Array:
+    """Return how large each coordinate can be while joint limits are kept (n,) [rad or m]; infinite if nothing says so.
+
+    Example:
+        >>> import pinbound as pb
+        >>> farthest(pb.load("minervabot_v3").linear_limits, 3).round(3).tolist()
+        [2.356, 3.142, 3.142]
+    """
+    found = np.full(n, math.inf)
+    for limit in limits:
+        used = np.flatnonzero(limit.coefficients)
+        if len(used) == 1:
+            ends = (np.array([limit.lower, limit.upper]) - limit.offset) / limit.coefficients[used[0]]
+            found[used[0]] = min(found[used[0]], float(np.abs(ends).max()))
+    return found * INFLATION + LIMIT  # a limit is kept to rounding
+
+
+def rates_of(boundaries: Sequence[Boundary], index: int, reach: Array | None = None) -> Array:
     """Return bounds (m,) of how fast coordinate `index` changes signed clearances [m per unit]; infinite if unknown.
+
+    `reach` (n,) is how large each coordinate can be [rad or m], which counts for joints that slide; None: not known.
 
     Example:
         >>> import pinbound as pb
@@ -31,51 +54,61 @@ def rates_of(boundaries: Sequence[Boundary], index: int) -> Array:
         >>> rates_of(B, 0).tolist() == [0.0] * len(B)  # q1 turns the whole arm
         True
     """
-    return np.array([_rate(boundary, index) for boundary in boundaries])
+    return np.array([_rate(boundary, index, reach) for boundary in boundaries])
 
 
-def _rate(boundary: Boundary, index: int) -> float:
+def _rate(boundary: Boundary, index: int, reach: Array | None) -> float:
     stop, path = boundary.rule.stop, boundary.path
     if stop is not None:
         return 0.5 * stop.amplitude * abs(float(stop.coefficients[index])) * INFLATION
     chain = path.minimal
     if index not in chain.coordinates:
         return 0.0
-    if not path.is_harmonic or np.any(chain.slides):
-        return np.inf
-    nothing = np.zeros(chain.coefficients.shape[1])
-    arms = lever_arms(bundle([chain], len(nothing)), nothing, nothing)[0]
-    return float(arms @ np.abs(chain.coefficients[:, index])) * INFLATION
+    slides = np.any(chain.slides, axis=(0, 1))
+    most = np.zeros(len(slides))
+    if np.any(slides):
+        if reach is None or not np.all(np.isfinite(reach[slides])):
+            return np.inf
+        most[slides] = reach[slides]
+    if path.is_harmonic:
+        arms = lever_arms(bundle([chain], len(most)), -most, most)[0]
+    else:
+        arms = swept_bundle([path], -most, most).arms[0, : len(chain.coefficients)]
+    slid = float(np.linalg.norm(chain.slides[:, :, index], axis=1).sum())
+    return (float(arms @ np.abs(chain.coefficients[:, index])) + slid) * INFLATION
 
 
 def spans_of(
     boundaries: Sequence[Boundary],
-    rates: Array,
+    ahead: Ahead,
     clearances: Array,
     coordinate: str,
     q: Array,
     within: tuple[float, float],
+    ask: Ask,
 ) -> list[tuple[float, float] | None]:
     """Return `boundary.span` of each boundary, the nearest looked at first: what lies beyond its stops, stops nothing.
 
     Args:
         boundaries: m boundaries of one robot.
-        rates: (m,) as of `rates_of`.
+        ahead: What is known of them before the coordinate moves.
         clearances: (m,) signed clearances at q [m].
         coordinate: A coordinate.
         q: (n,) configuration.
         within: The interval to look in; if it does not hold the coordinate's value, everywhere.
+        ask: Signed clearances (N, m) at other configurations (N, n).
     """
     spans: list[tuple[float, float] | None] = [(-math.inf, math.inf) if s > 0.0 else None for s in clearances.tolist()]
-    value = float(q[boundaries[0].robot_coordinates.index(coordinate)]) if spans else 0.0
+    if not spans:
+        return spans
+    index = boundaries[0].robot_coordinates.index(coordinate)
+    value = float(q[index])
     low, high = within if within[0] <= value <= within[1] else (-math.inf, math.inf)
     seen = low, high  # a little wider than what is known, so that of several stops at one place each is told
-    far = _farness(clearances, rates)
-    nearest_first: list[int] = np.argsort(far, kind="stable").tolist()
+    down, up = ahead.reach(clearances, value, (low, high), _along(ask, q, index))
+    nearest_first: list[int] = np.argsort(np.minimum(down, up), kind="stable").tolist()
     for k in nearest_first:
-        if far[k] > max(value - low, high - value):
-            break
-        if spans[k] is None:
+        if spans[k] is None or (_is_beyond(down[k], value - low) and _is_beyond(up[k], high - value)):
             continue
         found = boundaries[k].span(coordinate, q, seen, True)
         spans[k] = found
@@ -88,25 +121,30 @@ def spans_of(
 
 def tighten_all(
     boundaries: Sequence[Boundary],
-    rates: Array,
+    ahead: Ahead,
     clearances: Array,
     coordinate: str,
     Q: Array,
     ends: Array,
     stops: NDArray[np.object_],
+    ask: Ask,
 ) -> None:
     """Intersect intervals (N, 2) with what each boundary leaves, in place, and name what stops there.
 
     Arguments are as for `spans_of`, of N rows: clearances (N, m), Q (N, n); the intervals hold the values.
     """
-    values = Q[:, boundaries[0].robot_coordinates.index(coordinate)] if len(boundaries) else np.zeros(len(Q))
+    if not len(boundaries):
+        return
+    index = boundaries[0].robot_coordinates.index(coordinate)
+    values = Q[:, index]
     held = float(ends[:, 0].min()), float(ends[:, 1].max())
     met = ~np.all(clearances > 0.0, axis=1)
     ends[met], stops[met] = np.nan, ""
-    far, rank = _farness(clearances, rates), np.full(ends.shape, -1)
-    nearest_first: list[int] = np.argsort(np.median(far, axis=0), kind="stable").tolist()
+    rank, (down, up) = np.full(ends.shape, -1), _reaches(ahead, clearances, index, Q, ends, np.flatnonzero(~met), ask)
+    nearest_first: list[int] = np.argsort(np.median(np.minimum(down, up), axis=0), kind="stable").tolist()
     for k in nearest_first:
-        near = np.flatnonzero(~met & ~(far[:, k] > np.maximum(values - ends[:, 0], ends[:, 1] - values)))
+        clear = _is_beyond(down[:, k], values - ends[:, 0]) & _is_beyond(up[:, k], ends[:, 1] - values)
+        near = np.flatnonzero(~met & ~clear)
         if not len(near):
             continue
         spans = boundaries[k].spans(coordinate, Q[near], held, np.ones(len(near), dtype=np.bool_))
@@ -118,7 +156,29 @@ def tighten_all(
             ends[rows, side], stops[rows, side], rank[rows, side] = spans[first, side], boundaries[k].name, k
 
 
-def _farness(clearances: Array, rates: Array) -> Array:
-    """Return how far the coordinate moves, at least, until each boundary is in contact (..., m) [rad or m]."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(rates > 0.0, (clearances - NEVER_MEETS) / rates, math.inf)
+def _is_beyond(reach: Array, end: Array) -> Flags:
+    """Return whether what is reached lies beyond an end of the interval; both may be infinite."""
+    return (reach > end) | np.isinf(reach)
+
+
+def _reaches(
+    ahead: Ahead, clearances: Array, index: int, Q: Array, ends: Array, rows: Indices, ask: Ask
+) -> tuple[Array, Array]:
+    """Return `ahead.reach` of rows of Q (N, n), each within its ends: (N, m), (N, m); of other rows the least."""
+    down = farness(clearances, ahead.rates)
+    up = down.copy()
+    for row in rows if np.any(ahead.sampled) else ():
+        within, along = (float(ends[row, 0]), float(ends[row, 1])), _along(ask, Q[row], index)
+        down[row], up[row] = ahead.reach(clearances[row], float(Q[row, index]), within, along)
+    return down, up
+
+
+def _along(ask: Ask, q: Array, index: int) -> Ask:
+    """Return what `ask` says of q (n,) with other values (N,) of one coordinate."""
+
+    def along(x: Array) -> Array:
+        moved = np.tile(q, (len(x), 1))
+        moved[:, index] = x
+        return ask(moved)
+
+    return along

@@ -1,0 +1,114 @@
+"""How far a coordinate can move before any contact of bodies, proven from samples, so that few are looked for exactly.
+
+A contact of two points has a closed form. One of bodies is isolated with bounds over intervals, which costs a thousand
+times more, and most bodies are never near. `rates` bounds by L how fast the coordinate changes a clearance. So between
+two values with the clearances s and t there is no contact if `s + t > L` times their distance: the clearance falls from
+s and rises to t at most so fast. All boundaries are sampled at once, and more densely where that decides nothing yet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinbound.boundaries.boundary import Boundary
+from pinbound.limits import outwards
+from pinbound.tolerances import NEVER_MEETS
+from pinbound.typing import Array, Flags
+
+__all__ = ["Ahead", "Ask", "ahead_of", "farness"]
+
+_FIRST, _MOST = 65, 1025  # samples that are taken first, and at most
+_TURN = 2.0 * math.pi
+_ROUNDS = 6  # how often samples are added halfway
+
+Ask = Callable[[Array], Array]
+"""Signed clearances (N, m) [m] of N values of the coordinate, the others as they are."""
+
+
+def farness(clearances: Array, rates: Array) -> Array:
+    """Return how far the coordinate moves, at least, until each boundary is in contact (..., m) [rad or m]."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(rates > 0.0, (clearances - NEVER_MEETS) / rates, math.inf)
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """What is known of m boundaries before one coordinate moves.
+
+    Attributes:
+        rates: (m,) how fast the coordinate changes their signed clearances at most [m per unit].
+        sampled: (m,) whose contacts have no closed form, and whose rates are finite and not zero.
+        turning: (m,) of these, which repeat with every turn of the coordinate.
+    """
+
+    rates: Array
+    sampled: Flags
+    turning: Flags
+
+    def reach(self, clearances: Array, value: float, within: tuple[float, float], ask: Ask) -> tuple[Array, Array]:
+        """Return how far the coordinate can go down and up, at least, until each boundary is in contact (m,), (m,).
+
+        Infinite means: no contact on this side within the interval.
+
+        Args:
+            clearances: (m,) signed clearances at the value [m].
+            value: The coordinate's value, in the interval.
+            within: The interval that counts.
+            ask: Signed clearances at other values.
+        """
+        far = farness(clearances, self.rates)
+        far[self.turning & (far > math.pi)] = math.inf  # free over a whole turn
+        low = max(within[0], value - math.pi)
+        high = min(within[1], low + _TURN)
+        low = max(within[0], high - _TURN)
+        asked = self.sampled & (clearances > 0.0) & (far <= max(value - low, high - value))
+        if not np.any(asked) or not low < high:
+            return far, far
+        x, s = self._samples(asked, np.array([low, value, high]), ask)
+        free = self._free(x, s)
+        here = int(np.searchsorted(x, value))
+        down = self._run(value - x[here::-1], s[here::-1], free[:here][::-1], low <= within[0])
+        up = self._run(x[here:] - value, s[here:], free[here:], high >= within[1])
+        if within[1] - within[0] > _TURN:  # one turn is sampled
+            whole = self.turning & np.all(free, axis=0)
+            down[whole], up[whole] = math.inf, math.inf
+        return np.where(asked, down, far), np.where(asked, up, far)
+
+    def _samples(self, asked: Flags, ends: Array, ask: Ask) -> tuple[Array, Array]:
+        """Return values (N,), increasing, the three of `ends` among them, and their clearances (N, m)."""
+        low, value, high = ends.tolist()
+        x: Array = np.unique(np.concatenate((np.linspace(low, high, _FIRST), ends)))
+        s = ask(x)
+        for _ in range(_ROUNDS):
+            met = np.any(s <= 0.0, axis=1)  # beyond the first contact on either side nothing counts
+            last = x[met & (x > value)].min(initial=high)
+            first = x[met & (x < value)].max(initial=low)
+            open_too = np.any(~self._free(x, s)[:, asked], axis=1) & (x[1:] > first) & (x[:-1] < last)
+            halves = 0.5 * (x[:-1] + x[1:])[open_too]
+            if not len(halves) or len(x) + len(halves) > _MOST:
+                break
+            order = np.argsort(np.concatenate((x, halves)), kind="stable")
+            x, s = np.concatenate((x, halves))[order], np.concatenate((s, ask(halves)))[order]
+        return x, s
+
+    def _free(self, x: Array, s: Array) -> Flags:
+        """Return which boundaries are proven clear between neighbours of N values (N - 1, m)."""
+        return s[:-1] + s[1:] - 2.0 * NEVER_MEETS > self.rates * np.diff(x)[:, None]
+
+    def _run(self, way: Array, s: Array, free: Flags, is_whole: bool) -> Array:
+        """Return how far each boundary stays clear (m,) over samples that go away from the first one."""
+        count = np.argmin(np.concatenate((free, np.zeros_like(free[:1]))), axis=0)  # neighbours that are proven
+        reached = way[count] + np.maximum(farness(s[count, np.arange(s.shape[1])], self.rates), 0.0)
+        return np.where((count == len(free)) & is_whole, math.inf, reached)
+
+
+def ahead_of(boundaries: Sequence[Boundary], index: int, rates: Array) -> Ahead:
+    """Return what is known of boundaries of one robot before coordinate `index` moves; `rates` as of `rates_of`."""
+    plain = [one.is_stop or outwards.is_closed(one.path, index) for one in boundaries]
+    sampled = ~np.array(plain, dtype=np.bool_) & (rates > 0.0) & np.isfinite(rates)
+    turns = [not np.any(one.path.minimal.coefficients[:, index] % 1.0) for one in boundaries]
+    return Ahead(rates, sampled, sampled & np.array(turns, dtype=np.bool_))
