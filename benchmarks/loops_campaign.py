@@ -1,4 +1,4 @@
-"""Loops that are no parallelograms, three campaigns: places against Newton at 50 digits, toggles, and proofs.
+"""Loops that are not parallelograms, three campaigns: places against Newton at 50 digits, toggles, and proofs.
 
 python -m benchmarks.loops_campaign [linkages] [motions] [seed of the motions]
 """

@@ -1,4 +1,4 @@
-"""Regions through loops that are no parallelograms against a flood on a grid of exact signed clearances.
+"""Regions through loops that are not parallelograms against a flood on a grid of exact signed clearances.
 
 python -m benchmarks.loops_regions [mechanisms] [width] [seed]
 """

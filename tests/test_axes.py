@@ -120,7 +120,7 @@ def test_axes_with_factors_and_offsets_are_exact(tmp_path: Path) -> None:
     [
         (
             '<pinbound:axis name="a" instead_of="J3" coefficients="J2: 1"/>',
-            "replaces 'J3' and has no coefficient of it",
+            "replaces 'J3' but has no coefficient for it",
         ),
         ('<pinbound:axis name="J2" instead_of="J3" coefficients="J3: 1"/>', "has the name of a joint"),
         ('<pinbound:axis name="a" instead_of="J9" coefficients="J9: 1"/>', "'J9', which does not exist"),

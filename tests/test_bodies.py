@@ -227,7 +227,7 @@ def test_what_is_ignored_is_noted(load_text: Load) -> None:
     inner = '<collision name="a">' + BALL + "</collision>"
     robot = load_text(of_link(inner + '<collision_checking><capsule name="a"/></collision_checking>'))
     notes = pb.propose_marks(robot).notes
-    assert "<collision_checking> names 'a' of link 'hand', which is no cylinder" in notes
+    assert "<collision_checking> names 'a' of link 'hand', which is not a cylinder" in notes
 
 
 @pytest.mark.parametrize(

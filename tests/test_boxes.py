@@ -76,10 +76,10 @@ def test_a_box_without_width_agrees_with_a_motion_that_stands_still(tmp_path: Pa
         ([0.0, 0.0], [1.0, 1.0], "shape"),
         ([[0.0, 0.0, 0.0]], [1.0, 1.0, 1.0], "one configuration"),
         (np.zeros((1, 1, 3)), [1.0, 1.0, 1.0], "shape"),
-        (["a", "b", "c"], [1.0, 1.0, 1.0], "no array of numbers"),
+        (["a", "b", "c"], [1.0, 1.0, 1.0], "not an array of numbers"),
         ([0j, 0.0, 0.0], [1.0, 1.0, 1.0], "complex"),
         ([-1e200, 0.0, 0.0], [1.0, 1.0, 1.0], "'q1' may reach 1e\\+200"),
-        (None, [1.0, 1.0, 1.0], "shape|no array"),
+        (None, [1.0, 1.0, 1.0], "shape|not an array"),
     ],
 )
 def test_bad_corners_get_one_clear_error(robot, lower, upper, message: str) -> None:
@@ -144,14 +144,14 @@ def test_numbers_that_look_like_degrees_are_told(robot) -> None:
     [
         (np.zeros((1, 2, 3)), None, "shape"),
         ([0.0 + 0j, 0.0, 0.0], None, "complex"),
-        (np.array([["0", "1", "2"]]), None, "no array of numbers"),
-        (np.array([[0, 1, None]], dtype=object), None, "no array|not finite"),
+        (np.array([["0", "1", "2"]]), None, "not an array of numbers"),
+        (np.array([[0, 1, None]], dtype=object), None, "not an array|not finite"),
         (np.ma.masked_array([[0.0, 1.0, 2.0]], [[False, True, False]]), None, "masked"),
         (np.zeros((2, 3)), np.array([0.0, 1.0]) * 1j, "complex"),
-        (np.zeros((2, 3)), ["0", "1"], "no array of numbers"),
+        (np.zeros((2, 3)), ["0", "1"], "not an array of numbers"),
         (np.zeros((2, 3)), [-1e308, 1e308], "too far apart"),
         ([[0.0, 1e150, 0.0]], None, "may reach"),
-        (np.array([["2020-01-01"] * 3], dtype="datetime64[D]"), None, "no array of numbers"),
+        (np.array([["2020-01-01"] * 3], dtype="datetime64[D]"), None, "not an array of numbers"),
     ],
 )
 def test_what_is_no_motion_gets_one_clear_error(robot, waypoints, times, message: str) -> None:

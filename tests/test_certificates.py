@@ -409,7 +409,7 @@ def test_a_certificate_is_no_bool(tmp_path: Path) -> None:
         ([[0.0, 1.0], [np.inf, 0.0]], None, "waypoint 1"),
         (np.empty((0, 2)), None, "no waypoint"),
         ([[0.0, 1.0, 2.0]], None, "shape"),
-        ([["a", "b"]], None, "no array"),
+        ([["a", "b"]], None, "not an array"),
         ([[0.0, 1.0], [1.0, 1.0]], [0.0, 0.0], "increase"),
         ([[0.0, 1.0], [1.0, 1.0]], [0.0, -1.0], "increase"),
         ([[0.0, 1.0], [1.0, 1.0]], [0.0], "shape"),

@@ -356,7 +356,7 @@ def test_disabled_pairs_of_an_srdf_are_left_out_as_said(tmp_path: Path) -> None:
     coverage = pb.load(tmp_path / "arm.urdf", annotations=srdf).coverage
     pair = next(pair for pair in coverage.pairs if pair.links == ("a", "d"))
     assert (pair.status, pair.basis, pair.reason) == (Status.LEFT_OUT, Basis.SAID, "said by arm.srdf: Never")
-    assert coverage.notes == ("arm.srdf leaves out pairs of 'camera', which is no link",)
+    assert coverage.notes == ("arm.srdf leaves out pairs of 'camera', which is not a link",)
 
 
 def test_a_statement_is_no_proof_and_a_proof_needs_no_statement(load_text: LoadText) -> None:

@@ -348,11 +348,11 @@ def test_a_cover_that_is_wider_than_asked_for_is_told_with_what_to_type(tmp_path
     (tmp_path / "arm.urdf").write_text(ARM)
     robot, path = pb.load(tmp_path / "arm.urdf"), str(tmp_path / "arm.urdf")
     proposal = pb.propose_marks(robot, accuracy=0.02, most=1)
-    (told,) = (note for note in proposal.notes if "asked for" in note)
+    (told,) = (note for note in proposal.notes if "requested" in note)
     widest = 1e3 * max(one.excess for one in proposal.covers if one.link == "base")
-    assert f"more than the 20 mm that were asked for (base by {widest:.2f} mm" in told
+    assert f"more than the requested 20 mm (base by {widest:.2f} mm" in told
     assert "--most 2, most=2" in told
-    assert not any("asked for" in note for note in pb.propose_marks(robot, accuracy=0.2, most=1).notes)
+    assert not any("requested" in note for note in pb.propose_marks(robot, accuracy=0.2, most=1).notes)
     said = CliRunner().invoke(app, ["mark", path, "--accuracy", "20", "--most", "1"]).stdout
     assert "--most 2" in said
     assert "2 meshes: 40 of 40 triangles are proven to lie in the marks." in said

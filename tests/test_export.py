@@ -86,7 +86,7 @@ def test_names_cannot_leave_the_comment(tmp_path: Path) -> None:
 
 
 def test_boxes_have_no_straight_code(tmp_path: Path) -> None:
-    with pytest.raises(pb.UnsupportedError, match=r"the nearest points of b0 are searched"):
+    with pytest.raises(pb.UnsupportedError, match=r"no iteration for the nearest points of b0"):
         robot_with(["box"]).export("c", tmp_path / "a.c")
     robot = robot_with(["box", "floor"])
     assert len(robot.export("c", tmp_path / "a.c", boundaries=["b1"])) == 2

@@ -71,7 +71,7 @@ FAULTS = {
     "follower of itself": ('<mimic joint="q1"', '<mimic joint="q1_rod"', 7, "follows itself"),
     "two parents": ('<child link="rod"/>', '<child link="arm"/>', 7, "child of two joints"),
     "link twice": ('<link name="rod">', '<link name="arm">', 4, "declared twice"),
-    "missing parent": ('<parent link="arm"/>', '<parent link="amr"/>', 7, "'amr', which is no link"),
+    "missing parent": ('<parent link="arm"/>', '<parent link="amr"/>', 7, "'amr', which is not a link"),
 }
 
 

@@ -119,7 +119,7 @@ def test_input_is_never_written(any_robot: pb.Robot) -> None:
 
 @pytest.mark.parametrize("wrong", [[0.0], [[0.0]], "abc", [[[0.0, 0.0, 0.0]]], [0.0, 1j, 0.0]])
 def test_a_wrong_shape_says_what_is_right(minerva: pb.Robot, wrong: object) -> None:
-    with pytest.raises(pb.DimensionError, match=r"q1, q2, q3|no array of numbers|complex"):
+    with pytest.raises(pb.DimensionError, match=r"q1, q2, q3|not an array of numbers|complex"):
         minerva.boundaries.norms(wrong)
 
 

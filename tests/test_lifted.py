@@ -1,4 +1,4 @@
-"""Robots with loops that are no parallelograms: values and certificates against Pinocchio and dense sampling."""
+"""Robots with loops that are not parallelograms: values and certificates against Pinocchio and dense sampling."""
 
 import itertools
 import math

@@ -46,9 +46,9 @@ def test_as_printed_a_joint_beyond_its_upper_end_counts_as_inside() -> None:
 def test_nan_and_infinite_ends() -> None:
     assert np.isnan(axis_membership(np.nan, 0.0, 1.0))
     assert axis_membership(3.0, -np.inf, np.inf) == np.inf
-    with pytest.raises(pb.DimensionError, match="no interval"):
+    with pytest.raises(pb.DimensionError, match="not an interval"):
         axis_membership(0.0, 1.0, 0.0)
-    with pytest.raises(pb.DimensionError, match="no interval"):
+    with pytest.raises(pb.DimensionError, match="not an interval"):
         axis_membership(0.0, np.nan, 1.0)
 
 

@@ -158,7 +158,7 @@ def test_a_hollow_between_marks_is_named(load_text: Load, tmp_path: Path, plates
     robot = crate(load_text, tmp_path, plates)
     assert [pair.status.value for pair in robot.coverage.pairs if set(pair.links) == {"base", "b"}] == ["watched"]
     assert bool(robot.boundaries.free(np.zeros((1, 2)))[0]) is plates  # inside: no surface is touched
-    assert any("base" in note and "wholly inside" in note for note in robot.coverage.notes) is plates
+    assert any("base" in note and "completely inside" in note for note in robot.coverage.notes) is plates
 
 
 def plate(axis: int, sign: float) -> list[list[float]]:

@@ -111,5 +111,5 @@ def test_a_world_that_no_link_declares_is_the_root(load_text: Load) -> None:
     robot = load_text(text)
     assert robot.tree.root == "world"
     assert any("'world'" in note for note in robot.notes)
-    with pytest.raises(pb.InputError, match="'earth', which is no link"):
+    with pytest.raises(pb.InputError, match="'earth', which is not a link"):
         load_text(text.replace("world", "earth"))

@@ -16,5 +16,5 @@ def test_a_robot_and_its_region_survive_pickling(minerva: pb.Robot) -> None:
     before, after = (one.boundaries.norms(Q, backend="numpy") for one in (minerva, robot))
     assert np.array_equal(before, after)
     assert robot.model.nq == 11
-    with pytest.raises(pb.UnsupportedError, match="derive the region again"):
+    with pytest.raises(pb.UnsupportedError, match="compute the region again"):
         sent.components  # noqa: B018

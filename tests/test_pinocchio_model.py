@@ -105,9 +105,9 @@ def test_limits_that_a_mimic_joint_takes_from_its_primary_are_said(load_text: Lo
         joint("tip", "revolute", "l", "t", limit="-0.25 2", mimic="left 0.5 -0.1"),
     ]
     robot = load_text(robot_xml(palm, {}, []))
-    said = [note for note in robot.notes if "leave" in note]
+    said = [note for note in robot.notes if "reduce" in note]
     assert len(said) == 1
-    assert "mimic joint 'right' (0 .. 0.8) leave 0 .. 0 of 0 .. 0.8 to 'left'" in said[0]
+    assert "mimic joint 'right' (0 .. 0.8) reduce the range of 'left' from 0 .. 0.8 to 0 .. 0" in said[0]
 
 
 def test_huge_offsets_and_slides_are_no_difference(tmp_path: Path) -> None:

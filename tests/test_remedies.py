@@ -115,7 +115,7 @@ def load(text: str, sidecar: str | None = None, name: str = "crane.urdf", kind: 
 
 
 def only(text: str) -> Do:
-    """Return a load and nothing else: marks are not proposed for robots with loops that are no parallelograms."""
+    """Return a load and nothing else: marks are not proposed for robots with loops that are not parallelograms."""
     return lambda _: pb.load(text)
 
 
@@ -334,7 +334,7 @@ def mesh_entries() -> Iterator[Entry]:
     package = "Give the folder that holds the package: package_dirs=[...], or --package-dir"
     yield Entry(package, mesh("arm/tip.obj", CORNER, "package://hand/tip.obj"), inside)
     yield Entry(
-        "Mend it, or leave such bodies uncovered: --skip-missing, skip_missing=True",
+        "Correct it, or leave such bodies uncovered: --skip-missing, skip_missing=True",
         lambda folder: pb.propose_marks(crane(folder), skip_missing=False),
         lambda folder: pb.propose_marks(crane(folder), skip_missing=True),
     )
@@ -459,7 +459,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
         lambda folder: pb.load(as_xacro(folder), trust="xacro"),
     )
     # xacro
-    yield xacro("Mend the xacro file or its arguments", '<link name="${nowhere}"/>', "")
+    yield xacro("Correct the xacro file or its arguments", '<link name="${nowhere}"/>', "")
     find = '<xacro:include filename="$(find toolbox)/t.xacro"/></robot>'
     with_find = CRANE.replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ')
     with_find = with_find.replace("</robot>", find)
@@ -493,7 +493,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield urdf("Remove it", '<pinbound:home lift="0.1"/>', '<pinbound:home lift="0.1"><a/></pinbound:home>')
     yield urdf("Use attributes", '<pinbound:home lift="0.1"/>', "<pinbound:home>0.1</pinbound:home>")
     yield yaml("Write plain numbers in metres and radians", "lower: 0", "lower: !degrees 0")
-    yield yaml("Mend the YAML", "home: {", "home: {{")
+    yield yaml("Correct the YAML", "home: {", "home: {{")
     yield yaml("Write the values out", "home: {lift: 0.1}", "home: &h {lift: 0.1}\nleft_out: *h")
     yield yaml("A sidecar holds lists of mappings of numbers and names", "[1, 0, 0.9]", "[" * 40 + "1" + "]" * 40)
     yield yaml(HINT, "points:", "pionts:")
@@ -557,10 +557,10 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     )
     yield element("Rename one of them", rule("b", "lift: 1", 1, ""), rule("r", "lift: 1", 1, ""))
     cancels = "lift: 1, lift_rod: 1"  # the rod turns back by what the boom turns
-    yield element("Mend its coefficients, or remove it", rule("r", cancels, 1, ""), rule("r", "lift: 1", 1, ""))
+    yield element("Correct its coefficients, or remove it", rule("r", cancels, 1, ""), rule("r", "lift: 1", 1, ""))
     never, sometimes = (f'<pinbound:where coefficients="{c}" lower="1"/>' for c in (cancels, "lift: 1"))
     yield element(
-        "Mend the condition, or remove the rule",
+        "Correct the condition, or remove the rule",
         rule("r", "reach: 1", 0.2, never),
         rule("r", "reach: 1", 0.2, sometimes),
     )
@@ -602,10 +602,13 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield urdf("Choose a home inside all limits; angles are in radians", 'home lift="0.1"', 'home lift="45"')
     limits = 'lower="-4" upper="4"'
     yield urdf(
-        "Mend the limits, or the multipliers and offsets of mimic joints", limits, 'lower="3" upper="4"', base=HOMELESS
+        "Correct the limits, or the multipliers and offsets of mimic joints",
+        limits,
+        'lower="3" upper="4"',
+        base=HOMELESS,
     )
     yield urdf(HINT, 'home lift="0.1"', 'home lft="0.1"')
-    free = "Choose a free home, or mend the points and distances of this boundary"
+    free = "Choose a free home, or correct the points and distances of this boundary"
     yield urdf(free, 'b="s"/>', 'b="s" min_distance="2"/>')
     off, pose = '<pinbound:home j1="0.2" j2="-0.200005" j3="0.2"/>', '<pinbound:home j1="0.2" j2="-0.2" j3="0.2"/>'
     yield loop("Give {} the value {}", off, pose, tolerance=1e-5)
@@ -616,7 +619,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     turned = CRANE.replace('xyz="1 0 0.9" radius="0.01"', 'xyz="0 0 0.7"').replace(stop, 'name="s" link="{}" xyz="{}"')
     declared = turned.replace('a="p" b="s"', 'a="p" b="s" stop="true"')
     arms = load(declared.format("boom", "0.5 0 0"))
-    mend = "Mend the two points, or remove stop: as they are they never touch"
+    mend = "Correct the two points, or remove stop: as they are they never touch"
     yield Entry(mend, load(declared.format("boom", "0.3 0 0")), arms)
     yield Entry(mend, load(declared.format("boom", "0.3 0 0")), load(turned.format("boom", "0.3 0 0")))
     pivot = (
@@ -668,9 +671,9 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     )
     coupled = coupled.replace('name="j3" type="revolute">', 'name="j3" type="revolute"><mimic joint="j1"/>')
     coupled = coupled.replace('passive="j2 j3"', "")
-    pins = "Mend xyz_a or xyz_b of the pin (in the frame of its link), or the joints' origins"
+    pins = "Correct xyz_a or xyz_b of the pin (in the frame of its link), or the joints' origins"
     yield Entry(pins, load(coupled.replace('xyz_a="2 0 0"', 'xyz_a="2.5 0 0"')), load(coupled))
-    mimic = "Couple the joints of the loop by <mimic>, or mend its pins"
+    mimic = "Couple the joints of the loop by <mimic>, or correct its pins"
     yield loop(mimic, pin=("2 0 0.1", "2 0 0"))
     # tables
     yield csv("Give a line of column names, then one line per configuration", "")
@@ -684,7 +687,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield csv("Give one column per coordinate: {}", "lift\n0\n")
     yield csv("Give finite numbers", "lift,reach\n0,nan\n")
     yield csv("Sort the rows, one for each time", "time,lift,reach\n1,0,0\n0,0,0\n", "time,lift,reach\n0,0,0\n1,0,0\n")
-    follows = "It should be {}; leave the column out, or mend it"
+    follows = "It should be {}; leave the column out, or correct it"
     yield csv(follows, "lift,reach,lift_rod\n0.5,0,0\n", "lift,reach,lift_rod\n0.5,0,-0.5\n")
     yield csv(follows, "lift,reach,lift_rod\n0.5,0,0\n", "lift,reach\n0.5,0\n")
     yield Entry("Give a {} file", motion("m.txt", text("")), motion("m.csv", text("lift,reach\n0,0\n")))
@@ -1006,7 +1009,7 @@ NOT_FOLLOWED: dict[str, str] = {
     "Keep one of each in a body": BEFORE,
     "Write xyz and rpy only": BEFORE,
     BY_HAND: "it is for Pythons that do not know their own program",
-    "Mend the URDF": "Pinocchio's own words come before it; no file is known that gets so far",
+    "Correct the URDF": "Pinocchio's own words come before it; no file is known that gets so far",
     "Write the file so that all readers agree; if it already is plain URDF, report this as a bug of pinbound": (
         "every file that is known to be read differently is refused before, with the word that is wrong"
     ),

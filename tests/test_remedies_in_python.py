@@ -319,7 +319,7 @@ LOOP = robot_xml(
 """A parallelogram whose sides differ by 10 um."""
 
 UNEQUAL = LOOP.replace('xyz_a="2.00001 0 0"', 'xyz_a="2.2 0 0"').replace('tolerance="2e-5"', "")
-"""A four-bar linkage that is no parallelogram."""
+"""A four-bar linkage that is not a parallelogram."""
 
 
 def speeds(velocity: Any) -> Any:
@@ -1050,7 +1050,7 @@ def regions() -> Iterator[Entry]:
     flat = lambda lower: made(robot_xml(PLANAR, {}, [], bounds.format(thin.format(lower))), BALLS)
     beside_ = {"q2": (-0.5, 0.5)}
     yield one(
-        "give its conditions a width, or take a window beside it",
+        "widen its conditions, or give a window beside it",
         lambda _: pb.feasible_region(flat("1")),
         lambda _: pb.feasible_region(flat("0.9")),
         lambda _: pb.feasible_region(flat("1"), window=beside_),
@@ -1104,7 +1104,7 @@ def regions() -> Iterator[Entry]:
     )
     sent = cache(lambda: pickle.loads(pickle.dumps(curved())))
     yield one(
-        "derive the region again",
+        "compute the region again",
         lambda _: sent().components,
         lambda _: pb.feasible_region(sent().slice.robot).components,
     )
@@ -1317,7 +1317,7 @@ def others() -> Iterator[Entry]:
 
     yield one("make one of this robot and these boundaries with certified_cover()", planned(minerva()), planned(bare()))
     asked = lambda what: patched("pinbound.freespace.vertices._EXACT", 1, lambda _: what(polytope(minerva)(_)))
-    known = "take .A and .b, or sampled_volume()"
+    known = "use .A and .b, or sampled_volume()"
     yield one(known, asked(lambda p: p.vertices), asked(lambda p: (p.A, p.b)), asked(lambda p: p.sampled_volume()))
     # the paper
     from pinbound.reproduce.study import Study
@@ -1569,7 +1569,7 @@ OF_CLUSTERS = "a scheduler that dies and comes back: tests/test_batch_cluster.py
 NOT_FOLLOWED: dict[str, str] = {
     "start one, then run again": OF_CLUSTERS,
     "start it, then run again": OF_CLUSTERS,
-    "are all lengths of the URDF in metres?": "`load` refuses longer lengths before",
+    "give all lengths in metres": "`load` refuses longer lengths before",
     "report this as a bug of pinbound": "no file is known that Pinocchio orders otherwise",
     "give a smaller accuracy, or start elsewhere": "no start is known that the finer accuracies leave in doubt",
     "take a smaller region": "no map is known whose folds cannot be traced but which folds",

@@ -1,4 +1,4 @@
-"""Regions through loops that are no parallelograms: floods of exact clearances, toggles as edges, bounds that hold."""
+"""Regions through loops that are not parallelograms: floods of exact clearances, toggles as edges, bounds that hold."""
 
 import math
 from collections.abc import Callable

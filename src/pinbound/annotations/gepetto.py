@@ -174,7 +174,7 @@ class _Reader:
         return items
 
     def _several(self, name: str, kind: str, node: yaml.Node) -> None:
-        message = f"joint {name!r} is {kind} here: it turns about several axes, so that its loops are spatial"
+        message = f"joint {name!r} is {kind} here: it rotates about several axes, so its loops are spatial"
         self._fault(
             message, "Remove it from joint_name if the one axis of the URDF is right; else it cannot be loaded", node
         )

@@ -161,7 +161,7 @@ class _Reader:
             return None
         if body not in self.tree.links:
             hint = name_hint(body, self.tree.links)
-            self._fault(f"connect {name!r}: body {body!r} is no link of the URDF", hint, element)
+            self._fault(f"connect {name!r}: body {body!r} is not a link of the URDF", hint, element)
             return None
         return Place(body, np.eye(3, 4)) if self._is_alike(body, name, element) else None
 
@@ -218,7 +218,7 @@ class _Reader:
         names = [element.get("joint1"), element.get("joint2")]
         unknown = [one for one in names if one not in {joint.name for joint in self.tree.moving_joints}]
         if unknown or isinstance(numbers, str) or any(numbers[2:]):
-            why = f"{unknown[0]!r} is no moving joint of the URDF" if unknown else "it is no linear equation"
+            why = f"{unknown[0]!r} is not a moving joint of the URDF" if unknown else "it is no linear equation"
             self._fault(f"equality {name!r} couples joints, and {why}", _AWAY, element)
             return []
         joints = {joint.name: joint for joint in self.tree.moving_joints}

@@ -37,7 +37,7 @@ def read_rule(item: RawItem, fault: Fault, known: Callable[[str], bool]) -> Rule
         if found is None:
             return None
         if not found.lower < found.upper:
-            fault(f"{what} holds at {found.lower:g} alone", "Give it a width: lower below upper, or one of the two")
+            fault(f"{what} holds at {found.lower:g} alone", "Give lower below upper, or only one of the two")
             return None
         conditions.append(found)
     return None if own is None else Rule(name, own.coefficients, own.lower, own.upper, tuple(conditions), item.line)
@@ -50,7 +50,7 @@ def read_axis(item: RawItem, fault: Fault, known: Callable[[str], bool]) -> Axis
     if pairs is None or not known(joint):
         return None
     if not pairs.get(joint):
-        fault(f"axis {name!r} replaces {joint!r} and has no coefficient of it", f"Give {joint!r} a coefficient")
+        fault(f"axis {name!r} replaces {joint!r} but has no coefficient for it", f"Give {joint!r} a coefficient")
         return None
     return Axis(name, joint, pairs, item.line)
 

@@ -24,7 +24,7 @@ from pinbound.values import Value, read_only
 __all__ = ["Measure", "Shape", "cube_corners", "extreme_vertices", "hull", "unbounded", "zonotope"]
 
 
-_DEEP = 1e-9  # of a hull of unit extent: further inside all facets, a point is no vertex, rounded or not
+_DEEP = 1e-9  # of a hull of unit extent: further inside all facets, a point is not a vertex, rounded or not
 
 
 class Measure(Enum):

@@ -57,7 +57,7 @@ def read_node(path: Path, problems: Problems) -> yaml.Node | None:
         mark = getattr(error, "problem_mark", None)
         reason = getattr(error, "problem", None) or str(error) or type(error).__name__
         line = mark.line + 1 if mark else None
-        problems.add(f"is not YAML: {reason}", "Mend the YAML", line, source)
+        problems.add(f"is not YAML: {reason}", "Correct the YAML", line, source)
         return None
     if node is not None:
         _refuse_tags(node, source, problems)

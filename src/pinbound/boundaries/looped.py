@@ -1,4 +1,4 @@
-"""Boundaries of a robot with loops that are no parallelograms: those over z, asked at `z = F(q)`, by the chain rule.
+"""Boundaries of a robot with loops that are not parallelograms: those over z, asked at `z = F(q)`, by the chain rule.
 
 What is not answered through such a loop is refused with its name: nothing here takes F for linear.
 """
@@ -40,7 +40,7 @@ def _chained(gradients: Array, J: Array) -> Array:
 
 
 class LoopBoundary(Boundary):
-    """A boundary through loops that are no parallelograms.
+    """A boundary through loops that are not parallelograms.
 
     Attributes:
         opened: The same boundary over z, in which the passive joints are coordinates.
@@ -221,7 +221,7 @@ class LoopBoundary(Boundary):
 
 
 class LoopBoundarySet(BoundarySet):
-    """The boundaries of a robot with loops that are no parallelograms, evaluated together at `z = F(q)`."""
+    """The boundaries of a robot with loops that are not parallelograms, evaluated together at `z = F(q)`."""
 
     def __init__(self, opened: BoundarySet, lift: Lift) -> None:
         """Hold the boundaries over z, with their kernel."""
@@ -352,5 +352,5 @@ class LoopBoundarySet(BoundarySet):
 
 
 def over_z(boundary: Boundary) -> Boundary:
-    """Return a boundary that has a path: itself, or through loops that are no parallelograms the one over z."""
+    """Return a boundary that has a path: itself, or through loops that are not parallelograms the one over z."""
     return boundary.opened if isinstance(boundary, LoopBoundary) else boundary

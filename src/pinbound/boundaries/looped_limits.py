@@ -1,4 +1,4 @@
-"""How far a coordinate can move that turns loops which are no parallelograms, with proof through `z = F(q)`.
+"""How far a coordinate can move that turns loops which are not parallelograms, with proof through `z = F(q)`.
 
 Along one coordinate every contact and limit over z is a function with bounds over intervals (`loops/through_loops`),
 exact to second order. From q outwards intervals are proven free until one cannot be; there the one that stops it is

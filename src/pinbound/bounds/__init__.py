@@ -1,1 +1,1 @@
-"""Certified bounds of a path over boxes and motions, rounding included."""
+"""Certified bounds of a path over boxes and motions, with rounding included."""

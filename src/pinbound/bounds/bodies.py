@@ -1,7 +1,7 @@
 """Paths of bodies, lines and planes side by side, with the lever arms of all pairs of their vertices.
 
 A path is its chain and the edge vectors of both bodies, as chains of the same rotations. Lever arms hold for every pair
-of vertices, so that one bound of what bends serves all of them. `swept_bounds` bounds these paths.
+of vertices, so one bound of the second derivative serves all pairs. `swept_bounds` bounds these paths.
 """
 
 from __future__ import annotations
@@ -30,18 +30,19 @@ class SweptBundle:
     """m swept paths side by side.
 
     Attributes:
-        chains: Of each path its chain and its edge vectors, 1 + K rows, padded with zeros.
-        counts: (m,) rows of each path that are no padding.
-        arms: (m (1 + K), rotations) lever arms [m]: in the chain's row the largest of all corners; zero of edges.
+        chains: The chain and the edge vectors of each path, 1 + K rows, padded with zeros.
+        counts: (m,) number of rows of each path that are not padding.
+        arms: (m (1 + K), rotations) lever arms [m]: in the row of the chain, the largest of all corners; zero for
+            edges.
         corners: The corners of both bodies of each path, as coefficients of its edge vectors.
         zonotope: (m,) whether all t run over [0, 1].
-        projection: (m, 3, 3) onto what counts: the identity, or across a line.
-        normal: (m, 3) normals of planes, zero for others.
-        flat: (m, 3) unit normal of the plane in which all that counts stays, but for a constant height: the one axis of
-            a path that is planar with its edges, or the direction of a line; zero for others.
+        projection: (m, 3, 3) onto the part that counts: the identity, or perpendicular to a line.
+        normal: (m, 3) normals of planes; zero for others.
+        flat: (m, 3) unit normal of the plane in which the problem is planar, up to a constant height: the one axis of a
+            path that is planar with its edges, or the direction of a line; zero for others.
         is_signed: (m,) whether it measures a height.
         reach: (m,) [m], length of each path with its furthest corners.
-        vertices: What the lever arms are made of.
+        vertices: The data for the lever arms.
     """
 
     chains: Bundle
@@ -63,12 +64,12 @@ class SweptBundle:
 
     @property
     def rows(self) -> int:
-        """The number 1 + K of rows a path."""
+        """The number 1 + K of rows for each path."""
         return len(self.chains.scale) // len(self.normal) if len(self.normal) else 1
 
 
 def swept_bundle(paths: Sequence[RelativePath], lower: Array, upper: Array) -> SweptBundle:
-    """Return paths side by side, with lever arms that hold while q stays in a box (n,), (n,)."""
+    """Return paths side by side, with lever arms that hold in a box (n,), (n,) of q."""
     n, rows = len(lower), 1 + max((len(path.difference.directions) for path in paths), default=0)
     # What the reduction took for zero is 1e-14 m of an edge, however short the path: its scale must not be below 1.
     chains = [
@@ -121,7 +122,7 @@ def with_arms(swept: SweptBundle, lower: Array, upper: Array) -> SweptBundle:
 
 
 def spread_of(corners: Corners, rows: Array) -> Array:
-    """Return what the rows (m, 1 + K) of each path are, all corners counted: edges by their largest coefficients."""
+    """Return the sum over the rows (m, 1 + K) of each path, with edges times their largest coefficients."""
     found: Array = rows[:, 0] + np.einsum("mk,mk->m", corners.spread, rows[:, 1:])
     return found
 
@@ -133,7 +134,7 @@ def _sides(path: RelativePath) -> tuple[slice, slice]:
 
 
 def _flat(path: RelativePath) -> Array:
-    """Return the normal of the plane that nothing leaves: no edge leads out of it, no joint turns or slides so."""
+    """Return the normal of the plane of a planar problem: all edges and motions stay in this plane."""
     if path.projection is not None:
         towards: Any = np.cross(path.projection[0], path.projection[-1])  # zero of a plane, which has one row
         return towards
@@ -150,13 +151,13 @@ def _flat(path: RelativePath) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Vertices:
-    """What the lever arms of all pairs of corners are made of.
+    """The data for the lever arms of all pairs of corners.
 
     Attributes:
-        chains: Those of few pairs of corners, one by one.
-        owners: Of each the path.
-        many: Paths of many pairs.
-        along: (len(many), rotations) of these the largest `|u_i . b_i|` of any pair [m].
+        chains: Chains of paths with few pairs of corners, one by one.
+        owners: The path of each chain.
+        many: Paths with many pairs of corners.
+        along: (len(many), rotations) their largest `|u_i . b_i|` of any pair [m].
         across: (len(many), rotations) the same of `|u_i x b_i|`.
     """
 
@@ -168,7 +169,7 @@ class _Vertices:
 
 
 def _vertices(paths: Sequence[RelativePath], n: int, rotations: int) -> _Vertices:
-    """Return what lever arms are made of: of few pairs of corners all chains, of more the extremes of each block."""
+    """Return the data for lever arms: all chains for few pairs of corners, extremes of each block for many."""
     chains, owners, many = list[Chain](), list[int](), list[int]()
     along, across = list[Array](), list[Array]()
     for row, path in enumerate(paths):
@@ -214,7 +215,7 @@ def _extremes(path: RelativePath) -> tuple[Array, Array]:
 
 
 def _nothing(path: RelativePath) -> Chain:
-    """Return an edge vector that leads nowhere."""
+    """Return an edge vector of length zero."""
     chain = path.minimal
     return replace(chain, offsets=np.zeros_like(chain.offsets), slides=np.zeros_like(chain.slides))
 

@@ -7,7 +7,7 @@ the centre of a box) with half-widths `h_i` of the angles this gives
     |r| >= |r_0| - sum_i rho_i h_i                                      (first order)
     |r| >= min |r_0 + tau r'_0| - sum_j rho_j (c_j^2 - c_(j-1)^2) / 2   (second order), c_j = h_1 + ... + h_j.
 
-`docs/certificates.md` proves both, with slides; `rounding` bounds the rounding errors.
+`docs/certificates.md` proves both, also with prismatic joints; `rounding` bounds the rounding errors.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Bundle:
-    """m chains, padded with rotations by zero to one number k of rotations.
+    """m chains, padded with rotations by zero to the same number k of rotations.
 
     Attributes:
         offsets: (m, k + 1, 3) [m].
-        slides: (m, k + 1, 3, n), or None if nothing slides.
+        slides: (m, k + 1, 3, n), or None without prismatic joints.
         axes: (m, k, 3) unit vectors.
         coefficients: (m, k, n).
         scale: (m,) [m], the length of each path before reduction.
@@ -71,20 +71,20 @@ class Bundle:
 
 @dataclass(frozen=True)
 class Expansion:
-    """What is known of `q(u)`, u in [0, 1], on each of N short pieces of a motion.
+    """Bounds of `q(u)`, u in [0, 1], on each of N short pieces of a motion.
 
-    Derivatives are by u, so that a piece that is half as long has half the slope. What is said by points holds for
-    their convex hull: `q'(u)` lies in the hull of `slopes`, widened by `slope_radius`.
+    Derivatives are by u, so a piece of half the length has half the slope. Sets are given as convex hulls of points:
+    `q'(u)` lies in the hull of `slopes`, widened by `slope_radius`.
 
     Attributes:
-        middle: (N, n), q(1/2) [rad or m], as known.
-        middle_radius: (N, n) or (n,), how far q(1/2) may be from it.
+        middle: (N, n), q(1/2) [rad or m], as computed.
+        middle_radius: (N, n) or (n,), the largest error of `middle`.
         slope: (N, n), q'(1/2).
         values: (N, p, n), whose hull, widened by `value_radius`, holds q(u).
         value_radius: (N, n) or (n,).
         slopes: (N, p, n).
         slope_radius: (N, n) or (n,).
-        bends: (N, p, n), the same of q''; None if nothing is known of it.
+        bends: (N, p, n), the same for q''; None if q'' has no bound.
         bend_radius: (N, n) or (n,).
     """
 
@@ -99,7 +99,7 @@ class Expansion:
     bend_radius: Array
 
     def take(self, rows: Indices) -> Expansion:
-        """Return the rows of some pieces, in that order, repeated where asked for."""
+        """Return the rows of some pieces, in this order; rows may repeat."""
 
         def radius(one: Array) -> Array:
             return one[rows] if one.ndim > 1 else one
@@ -122,14 +122,14 @@ _TURN = 2.0 * np.pi
 
 @dataclass(frozen=True)
 class OneAngle:
-    """m chains of one rotation and no slide: `norm^2 = smallest^2 + 4 |p||s| sin^2((phi - angle) / 2)`.
+    """m chains of one rotation, without prismatic joints: `norm^2 = smallest^2 + 4 |p||s| sin^2((phi - angle) / 2)`.
 
     Attributes:
-        coefficients: (m, n), of `phi = c . q`.
-        angle: (m,) phi* [rad], where the norm is smallest.
+        coefficients: (m, n), c of `phi = c . q`.
+        angle: (m,) phi* [rad], the angle of the smallest norm.
         smallest: (m,) [m].
         reach: (m,) `4 |p| |s|` [m^2].
-        arm: (m,) `min(|p|, |s|)` [m], across the axis.
+        arm: (m,) `min(|p|, |s|)` [m], perpendicular to the axis.
     """
 
     coefficients: Array
@@ -178,7 +178,7 @@ def bundle(chains: Sequence[Chain], n: int) -> Bundle:
 
 
 def one_angle(chains: Sequence[Chain], n: int) -> OneAngle:
-    """Return chains of one rotation and no slide in closed form; every chain must be of that sort."""
+    """Return chains in closed form; every chain must have one rotation and no prismatic joint."""
     rows: list[tuple[float, float, float, float]] = []
     for chain in chains:
         axis, (p, s) = chain.axes[0], chain.offsets
@@ -193,7 +193,7 @@ def one_angle(chains: Sequence[Chain], n: int) -> OneAngle:
 
 
 def _slide_lengths(chains: Bundle, lower: Array, upper: Array) -> Array:
-    """Return how far each block can slide away from its offset while q stays in [lower, upper], (m, k + 1) [m]."""
+    """Return the largest translation of each block while q stays in [lower, upper], (m, k + 1) [m]."""
     if chains.slides is None:
         return np.zeros(chains.offsets.shape[:2])
     farthest = np.maximum(np.abs(lower), np.abs(upper))
@@ -203,15 +203,15 @@ def _slide_lengths(chains: Bundle, lower: Array, upper: Array) -> Array:
 def lever_arms(chains: Bundle, lower: Array, upper: Array, blocks: tuple[Array, Array] | None = None) -> Array:
     """Return the lever arm of every rotation while q stays in a box, (m, k) [m].
 
-    From the tail, with `a_i` and `rho_i` bounds of what lies beyond rotation i along and across its axis:
-    `rho_i = |across b_i| + min(|x|, |sin| a_(i+1) + rho_(i+1))`, the sine being that between the two axes.
+    From the tail, with bounds `a_i` and `rho_i` of the parts beyond rotation i along and perpendicular to its axis:
+    `rho_i = |across b_i| + min(|x|, |sin| a_(i+1) + rho_(i+1))`, with the sine of the angle between the two axes.
 
     Args:
         chains: The chains.
-        lower: (n,) lower corner of the box; only coordinates that slide matter.
+        lower: (n,) lower corner of the box; only coordinates of prismatic joints matter.
         upper: (n,) upper corner.
-        blocks: Of many vertices with these rotations, the largest `|u_i . b_i|` and `|u_i x b_i|` (m, k) [m] of the
-            blocks behind each rotation; None: those of the chains.
+        blocks: The largest `|u_i . b_i|` and `|u_i x b_i|` (m, k) [m] of the blocks behind each rotation, over many
+            vertices with these rotations; None: those of the chains.
     """
     m, k = chains.axes.shape[:2]
     slid = _slide_lengths(chains, lower, upper)
@@ -242,13 +242,13 @@ def along_motion(chains: Bundle, arms: Array, which: Indices, piece: Expansion, 
     Args:
         chains: The chains.
         arms: (m, k) lever arms.
-        which: (N,) the chain that each piece is asked about.
-        piece: What is known of the motion.
+        which: (N,) the chain for each piece.
+        piece: Bounds of the motion.
         error: (N,) rounding bound of a norm [m].
 
     Returns:
-        Norm in the middle (N,), as computed, and the lower bound (N,), rounding of the bound itself taken off (but
-        not `error` of the norm).
+        Norm in the middle (N,), as computed, and the lower bound (N,). The rounding of the bound is subtracted, but
+        `error` of the norm is not.
     """
     found = motion_terms(chains, arms, which, piece)
     norm = np.sqrt(_dot(found.r, found.r))
@@ -260,15 +260,15 @@ def along_motion(chains: Bundle, arms: Array, which: Indices, piece: Expansion, 
 
 @dataclass(frozen=True)
 class Terms:
-    """What the bounds of N pieces of a motion, or of N boxes, are made of.
+    """The terms of the bounds of N pieces of a motion, or of N boxes.
 
     Attributes:
         r: (3, N) in the middle [m].
-        rates: Of r, (3, N) each [m]: along the piece, or half across the box in each coordinate.
-        moved: (N,) bound of how far r moves from the middle, by lever arms [m].
+        rates: Rates of r, (3, N) each [m]: along the piece, or for half the box in each coordinate.
+        moved: (N,) bound of the change of r from the middle, by lever arms [m].
         second: (N,) bound of |r''| over the piece, or over the box; None if it is not known.
-        aside: (N,) [m], how far r in the middle may be from what it is computed to be, by what is known of q.
-        wide: (N,) how much rates that cancel multiply the rounding bound.
+        aside: (N,) [m], bound of the error of r in the middle, from the error of q.
+        wide: (N,) factor on the rounding bound, for rates that cancel.
     """
 
     r: Array
@@ -309,8 +309,8 @@ def over_box(
 ) -> tuple[Array, Array]:
     """Return, for N boxes `centre +- half` (N, n) each, the norm at the centre and a lower bound over the box.
 
-    First order: lever arms. Second order: `|r| >= r_0/|r_0| . r`, linear part exact, rest bounded. The rounding of the
-    bound itself is taken off, but not `error` (N,) of the norm.
+    First order: lever arms. Second order: `|r| >= r_0/|r_0| . r`, with an exact linear part and a bounded remainder.
+    The rounding of the bound is subtracted, but `error` (N,) of the norm is not.
     """
     found = box_terms(chains, arms, which, centre, half)
     norm = np.sqrt(_dot(found.r, found.r))
@@ -323,7 +323,7 @@ def over_box(
 def bends_over_box(chains: Bundle, arms: Array, which: Indices, half: Array) -> tuple[Array, Array]:
     """Return, for chains `which` (N,), a bound of |r''| over boxes of half-widths `half` (n,), (N,) [m].
 
-    It does not depend on where the boxes are. The second array (N, k) is how far each angle turns from their centres.
+    It does not depend on the positions of the boxes. The second array (N, k) has the largest change of each angle.
     """
     wide: Array = np.abs(chains.coefficients[which]) @ half
     slides = chains.slides[which] if chains.slides is not None else None
@@ -347,8 +347,9 @@ def box_terms(
         arms: (m, k) lever arms.
         which: (N,).
         centre: (N, n).
-        half: (N, n), how far each coordinate can be from the centre.
-        steps: (p, N, n): the coordinates are `centre + sum_p s_p steps_p + e`, s_p in [-1, 1]; None: each by itself.
+        half: (N, n), the largest distance of each coordinate from the centre.
+        steps: (p, N, n): the coordinates are `centre + sum_p s_p steps_p + e`, s_p in [-1, 1]; None: each coordinate
+            alone.
         off: (N, n) bounds of |e|.
     """
     C = chains.coefficients[which]
@@ -390,7 +391,7 @@ def _spread(coefficients: Array, radius: Array) -> Array:
 
 
 def _slid(slides: Array | None, points: Array, radius: Array) -> Array:
-    """Return how fast each block slides at most, (N, k + 1)."""
+    """Return the largest translation rate of each block, (N, k + 1)."""
     if slides is None:
         return np.zeros((len(points), 1))
     vectors = np.einsum("nkci,npi->npkc", slides, points)
@@ -399,7 +400,7 @@ def _slid(slides: Array | None, points: Array, radius: Array) -> Array:
 
 
 def _second(rho: Array, most: Array, slid: Array | None = None) -> Array:
-    """Return the bound of `|r''|` by rates alone: rotations with rotations, rotations with slides beyond them."""
+    """Return the bound of `|r''|` from rates: pairs of rotations, and rotations with translations beyond them."""
     total = np.cumsum(most, axis=1)
     square = total * total
     second = np.einsum("nk,nk->n", rho, np.diff(square, axis=1, prepend=0.0))
@@ -409,7 +410,7 @@ def _second(rho: Array, most: Array, slid: Array | None = None) -> Array:
 
 
 def _value_and_rate(chains: Bundle, which: Indices, q: Array, slope: Array, phi: Array, rates: Array) -> Any:
-    """Return r and r' (3, N) of each chain at its q, from the tail (the loop of `numeric`, one chain a row)."""
+    """Return r and r' (3, N) of each chain at its q, from the tail (the loop of `numeric`, one chain for each row)."""
     k, slides = chains.rotations, chains.slides
     x = chains.offsets[which, k].T.copy()
     v = np.zeros_like(x)
@@ -429,7 +430,7 @@ def _value_and_rate(chains: Bundle, which: Indices, q: Array, slope: Array, phi:
 
 
 def _nearest(r: Array, v: Array) -> Array:
-    """Return `min |r + tau v|` over tau in [-1/2, 1/2]; any tau near the best one would do for |v| rounded."""
+    """Return `min |r + tau v|` over tau in [-1/2, 1/2]; a tau near the minimum suffices, because |v| is rounded."""
     speed = _dot(v, v)
     tau = np.divide(-_dot(r, v), speed, out=np.zeros_like(speed), where=speed > 0.0)
     nearest = r + v * np.clip(tau, -0.5, 0.5)

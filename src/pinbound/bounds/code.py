@@ -1,4 +1,4 @@
-"""Machine code of a search for contact, that is loaded, or compiled, once there was enough to do for it."""
+"""Machine code of a search for contact, which is loaded or compiled after enough work."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ _NO_INDEX = np.empty(0, dtype=np.int64)
 
 
 class Code:
-    """Machine code that is loaded, or compiled, once there is enough to do for it."""
+    """Machine code that is loaded or compiled after enough work."""
 
     def __init__(self, source: Callable[[], KernelSource], loading: int = 1_000, compiling: int = 300_000) -> None:
-        """Begin without.
+        """Begin without machine code.
 
         Args:
-            source: Returns the text.
-            loading: Boxes that take NumPy as long as it takes to load the code, 20 ms.
-            compiling: Boxes that take NumPy as long as it takes to compile it, a second.
+            source: Returns the source text.
+            loading: Number of boxes that take NumPy as long as loading the code, 20 ms.
+            compiling: Number of boxes that take NumPy as long as compiling the code, one second.
         """
         self.source, self.work, self.loading, self.compiling = source, 0, loading, compiling
         self.code: MachineCode | None = None
         self.kept: bool | None = None
 
     def is_worth(self, boxes: int, seconds: float) -> bool:
-        """Count boxes to come, and say whether the code is there, or worth it; `seconds` are left for the whole."""
+        """Count boxes to come, and return whether to use the code; `seconds` remain for the whole work."""
         self.work += boxes
         if self.code is not None:
             return True
@@ -44,7 +44,7 @@ class Code:
         return self.kept
 
     def load(self) -> MachineCode:
-        """Return the code, loaded or compiled now."""
+        """Load or compile the code now, and return it."""
         if self.code is None:
             self.code = compile_source(self.source())
         return self.code
@@ -52,7 +52,7 @@ class Code:
     def run(
         self, question: Array, out: Array, row: int, column: int, table: Array, count: int, index: Ints = _NO_INDEX
     ) -> int:
-        """Ask it; it returns a whole number."""
+        """Run it; it returns a whole number."""
         code = self.load()
         address = [array.__array_interface__["data"][0] for array in (question, out, index, table)]
         return int(code.function(*address[:2], row, column, *address[2:], count))

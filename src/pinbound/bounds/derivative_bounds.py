@@ -1,12 +1,13 @@
 """Proven bounds of a chain's derivatives over a box, from lever arms.
 
-A rotation keeps lengths, so with `x_i = b_i + R_{i+1} x_{i+1}` and `D_j = c_j u x . + d/dq_j` acting below a rotation,
+A rotation keeps lengths. So with `x_i = b_i + R_{i+1} x_{i+1}`, and `D_j = c_j u x . + d/dq_j` below a rotation,
 
     |x|      <= |b| + |x'|
     |d_j x|  <= |L_j| + |c_j| |x'| + |d_j x'|
     |d_jk x| <= |c_j c_k| |x'| + |c_j| |d_k x'| + |c_k| |d_j x'| + |d_jk x'|,   and so on for the third,
 
-x' being the part behind the rotation. Only `|b|` depends on the box, and only if joints slide. `docs/regions.md`.
+where x' is the part behind the rotation. Only `|b|` depends on the box, and only with prismatic joints.
+`docs/regions.md`.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ class LeverArms:
     """Upper bounds over a box.
 
     Attributes:
-        length: Of `|r|` [m].
-        first: (n,) of `|d r/d q_j|` [m/rad]: the lever arms.
-        second: (n, n) of `|d2 r/d q_j d q_k|`.
+        length: Bound of `|r|` [m].
+        first: (n,) bounds of `|d r/d q_j|` [m/rad]: the lever arms.
+        second: (n, n) bounds of `|d2 r/d q_j d q_k|`.
     """
 
     length: float
@@ -42,7 +43,7 @@ def lever_arms(chain: Chain, reach: Array) -> LeverArms:
 
     Args:
         chain: The chain.
-        reach: (n,) [rad or m]; entries of coordinates along which nothing slides do not matter, and may be infinite.
+        reach: (n,) [rad or m]; entries of revolute coordinates do not matter, and may be infinite.
 
     Example:
         >>> offsets = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]])

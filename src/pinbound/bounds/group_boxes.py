@@ -1,4 +1,4 @@
-"""Pairs of points in groups, over boxes of configurations: what machine code says of them, and what it leaves open."""
+"""Pairs of points in groups, over boxes of configurations: the results of machine code, and what it leaves open."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from pinbound.typing import Array, Indices, Ints
 __all__ = ["BoxFound", "is_worth", "search_box"]
 
 _ROOM = 1 << 14
-"""Boxes that the queue holds at most."""
+"""Largest number of boxes in the queue."""
 
 _BOXES = Code(box_source)
 
 
 @dataclass(frozen=True)
 class BoxFound:
-    """What was found of m pairs over a box.
+    """The results for m pairs over a box.
 
     Attributes:
-        lower: Least lower bound of all parts that are proven clear [m].
-        upper: The least value that was met, its rounding bound added [m].
-        witness: A q at which a pair is in contact, and which pair; None if none was met.
-        unknown: (u,) pairs that cannot be told to rounding somewhere.
+        lower: Smallest lower bound of all parts that are proven free [m].
+        upper: The smallest computed value, plus its rounding bound [m].
+        witness: A q at which a pair is in contact, and the pair; None if none was found.
+        unknown: (u,) pairs that cannot be decided somewhere because of rounding.
         open: Pairs, and start and width of boxes (v, n) as shares of the whole, that the budget did not reach.
-        boxes: How many boxes times pairs, or groups, were bounded.
+        boxes: The number of bounds computed, one for each box and pair, or group.
     """
 
     lower: float
@@ -43,7 +43,7 @@ class BoxFound:
 
 
 def is_worth(boxes: int, seconds: float) -> bool:
-    """Count boxes to come, and say whether there were enough to load machine code, or to compile it."""
+    """Count boxes to come, and return whether there were enough to load machine code, or to compile it."""
     return has_numba() and _BOXES.is_worth(boxes, seconds)
 
 
@@ -52,7 +52,8 @@ def search_box(groups: Groups, weights: Array, low: Array, high: Array, budget: 
 
     Args:
         groups: The pairs.
-        weights: (m, n) how much each coordinate moves a pair: across the largest, times its width, a box is halved.
+        weights: (m, n) how much each coordinate moves a pair. A box is halved in the coordinate with the largest weight
+            times width.
         low: (n,) lower corner.
         high: (n,) upper corner.
         budget: Boxes.
@@ -90,7 +91,7 @@ def search_box(groups: Groups, weights: Array, low: Array, high: Array, budget: 
 
 
 def _pairs_of(groups: Groups, entries: Array, n: int) -> tuple[Indices, Array, Array]:
-    """Return the pairs of entries of the queue one by one, with start and width of their boxes."""
+    """Return the single pairs of entries of the queue, with start and width of their boxes."""
     bits = np.arange(TILE // 2)
     asked = [(half.astype(np.int64)[:, None] >> bits) & 1 for half in (entries[:, 2], entries[:, 3])]
     row, bit = np.nonzero(np.hstack(asked))

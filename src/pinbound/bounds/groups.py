@@ -1,9 +1,9 @@
-"""Pairs of points in groups that turn alike, as tables for the machine code that searches straight motions.
+"""Pairs of points in groups with equal rotations, as tables for the machine code that searches straight motions.
 
-Chains with the same axes and coefficients are a group; their blocks b_i differ. Of each group there is one more chain,
-the middle of all: its blocks lie in the middle of theirs, and its threshold is the largest, with the sum over the
-blocks of the largest distance from the middle added. What is proven clear of it is so of
-every pair, by the triangle inequality. `docs/certificates.md`.
+Chains with the same axes and coefficients form a group; their blocks b_i differ. Each group has one more chain, the
+middle: its blocks are in the middle of the others, and its threshold is the largest one plus the sum over the blocks of
+the largest distance from the middle. If it is proven free, every pair is free, by the triangle inequality.
+`docs/certificates.md`.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from pinbound.typing import Array, Flags, Indices, Ints
 __all__ = ["Groups", "ManyFound", "MotionFound", "groups_of"]
 
 _LEVELS = 64
-"""Levels of halves that a piece may have, and more: it is cut 48 times at most."""
+"""Upper bound of the levels of halves of a piece, which is cut at most 48 times."""
 
 _EMPTY = -1e9
-"""Metres: the threshold of places in a table that hold no pair, so that they are clear."""
+"""Metres: the threshold of empty entries of a table, so that they are free."""
 
 _RESULT = 5
 _SUMMARY = 6
@@ -36,14 +36,14 @@ _SUMMARY = 6
 
 @dataclass(frozen=True)
 class MotionFound:
-    """What was found of m pairs along one motion.
+    """The results for m pairs along one motion.
 
     Attributes:
-        lower: (m,) proven lower bounds of the signed clearances [m]; not of those that are not settled.
-        upper: (m,) the least value that was met, its rounding bound added [m].
-        piece: (m,) where: the piece.
-        u: (m,) and the place on it.
-        settled: (m,) whether the pair is proven clear on the whole motion, as tightly as was asked.
+        lower: (m,) proven lower bounds of the signed clearances [m], for pairs that are settled.
+        upper: (m,) the smallest computed value, plus its rounding bound [m].
+        piece: (m,) the piece of this value.
+        u: (m,) its parameter on the piece.
+        settled: (m,) whether the pair is proven free on the whole motion, with the requested precision.
         boxes: How many parts times pairs, or groups, were bounded.
     """
 
@@ -57,15 +57,15 @@ class MotionFound:
 
 @dataclass(frozen=True)
 class ManyFound:
-    """What was found of N motions.
+    """The results for N motions.
 
     Attributes:
-        lower: (N,) proven lower bound of the least clearance of all pairs [m]; only where the motion is clear.
-        upper: (N,) the least value that was met, its rounding bound added [m].
-        pair: (N,) the pair that had it.
-        u: (N,) where on the motion.
-        violated: (N,) whether contact is proven there.
-        unknown: (N,) whether a pair is neither proven clear nor in contact.
+        lower: (N,) proven lower bound of the smallest clearance of all pairs [m]; only for free motions.
+        upper: (N,) the smallest computed value, plus its rounding bound [m].
+        pair: (N,) the pair of this value.
+        u: (N,) its parameter on the motion.
+        violated: (N,) whether it is proven contact.
+        unknown: (N,) whether a pair is neither proven free nor in contact.
         boxes: How many parts times pairs, or groups, were bounded.
     """
 
@@ -83,11 +83,11 @@ class Groups:
     """Tables of m pairs.
 
     Attributes:
-        places: (m,) place of each pair among all places of all tiles.
-        pairs: (places,) the pair at each place.
-        table: What the machine code reads.
-        room: Numbers of room that it needs.
-        results: Where its results begin in the room.
+        places: (m,) index of each pair among all entries of all tiles.
+        pairs: (places,) the pair at each entry.
+        table: The numbers that the machine code reads.
+        room: Number of float64 of working memory that it needs.
+        results: Index in the working memory at which its results begin.
     """
 
     places: Indices
@@ -98,7 +98,7 @@ class Groups:
     _spaces: list[Array] = field(default_factory=list[Array])
 
     def is_worth(self, boxes: int, seconds: float) -> bool:
-        """Count boxes of motions to come, and say whether there were enough to load machine code, or to compile it.
+        """Count boxes of motions to come, and return whether there were enough to load machine code, or to compile it.
 
         `seconds` may the whole take: compiling takes a few of them.
         """
@@ -108,9 +108,9 @@ class Groups:
         """Search one motion of straight pieces; None if the budget of boxes did not suffice.
 
         Args:
-            ends: (K, 2, n) of the pieces.
-            precision: [m] wanted of the smallest clearance.
-            elsewhere: [m] the least clearance known of other boundaries.
+            ends: (K, 2, n) ends of the pieces.
+            precision: [m] requested for the smallest clearance.
+            elsewhere: [m] the smallest known clearance of other boundaries.
             budget: Boxes.
             each: Whether every pair gets tight bounds.
         """
@@ -156,15 +156,15 @@ _MOTIONS = Code(motion_source)
 def groups_of(
     chains: Sequence[Chain], stacked: Bundle, arms: Array, rounding: Rounding, threshold: Array, places: Array
 ) -> Groups:
-    """Return the tables of m pairs of points whose chains do not slide.
+    """Return the tables of m pairs of points whose chains have no prismatic joint.
 
     Args:
         chains: Their chains.
-        stacked: The same side by side.
+        stacked: The same chains as one bundle.
         arms: (m, k) lever arms [m].
-        rounding: What bounds their rounding.
-        threshold: (m,) what their distances must exceed [m].
-        places: (m,) further errors of their distances [m].
+        rounding: The data of their rounding bounds.
+        threshold: (m,) the values that their distances must exceed [m].
+        places: (m,) additional errors of their distances [m].
     """
     n = stacked.coefficients.shape[2]
     constant, slope = rounding.linear()
@@ -213,9 +213,9 @@ def groups_of(
 def _errors(
     groups: Sequence[list[int]], blocks: Sequence[Array], reach: Array, constant: Array, slope: Array
 ) -> tuple[list[float], list[Array]]:
-    """Return the rounding bounds of each group: that of its pairs, and beside it that of the middle, by its length.
+    """Return the rounding bounds of each group: that of its pairs, and that of the middle.
 
-    A rounding bound is a length times a factor, which joints and angles say; the middle has a length of its own.
+    A rounding bound is a length times a factor, which depends on joints and angles; the middle has its own length.
     """
     constants: list[float] = []
     slopes: list[Array] = []

@@ -1,17 +1,17 @@
-"""How far the origin is inside a convex body that is known by its support alone: a ball that is proven to be inside.
+"""A ball around the origin that is proven to be inside a convex body, of which only the support function is known.
 
-Take the furthest points of the body along directions that are the corners of a triangulated sphere, and lay the
-sphere's triangles through them. That is a closed surface within the body, whatever it looks like. If it winds around
-the origin, it winds around every point of the ball that reaches up to its nearest point; and it winds around nothing
-outside the body, which is convex. So that ball is inside. How often it winds is the sum of the solid angles of the
-triangles,
+Take the furthest points of the body along directions that are the corners of a triangulated sphere, and let the
+triangles of the sphere connect these points. They form a closed surface within the body, whatever its form is. If it
+winds around the origin, it winds around every point of the ball up to its nearest point. It does not wind around any
+point outside the body, because the body is convex. So the ball is inside. The winding number is the sum of the solid
+angles of the triangles,
 
     tan(angle / 2) = a . (b x c) / (|a||b||c| + (a . b)|c| + (b . c)|a| + (c . a)|b|),
 
-over 4 pi, a whole number but for rounding. In a plane the same holds of a polygon (`docs/hull-proofs.md`).
+divided by 4 pi, a whole number up to rounding. In a plane the same is true for a polygon (`docs/hull-proofs.md`).
 
-While bodies move, the surface moves with them, and goes on winding around the origin as long as no triangle of it
-passes through the origin.
+While bodies move, the surface moves with them. It keeps its winding number as long as no triangle passes through the
+origin.
 """
 
 from __future__ import annotations
@@ -55,18 +55,18 @@ def ball(corners: Corners, which: Indices, w: Array, edges: Array) -> Array:
 def stays_inside(
     corners: Corners, which: Indices, w: Array, edges: Array, moves: Sequence[tuple[Array, Array]], off: Array
 ) -> Flags:
-    """Return for which rows (N,) the origin is sure to stay inside `w + sum_i t_i e_i` while that moves.
+    """Return for which rows (N,) the origin certainly stays inside `w + sum_i t_i e_i` while this body moves.
 
-    Every place on the body moves by `sum_j s_j (w_j + sum_i t_i e_ij)` with `|s_j| <= 1`, and by `off` at most beside.
-    With a unit vector u from the origin to the nearest point of a triangle, no point of it comes to the origin if all
-    three of its corners p keep `u . p > sum_j |u . p_j| + off`.
+    Every point of the body moves by `sum_j s_j (w_j + sum_i t_i e_ij)` with `|s_j| <= 1`, and additionally by at most
+    `off`. Let u be the unit vector from the origin to the nearest point of a triangle. No point of the triangle reaches
+    the origin if all three corners p satisfy `u . p > sum_j |u . p_j| + off`.
 
     Args:
         corners: The corners that t runs over.
         which: (N,) whose.
         w: (N, 3) [m].
         edges: (K, N, 3), the e_i.
-        moves: Of each j the w_j (N, 3) and the e_ij (K, N, 3) [m].
+        moves: The w_j (N, 3) and the e_ij (K, N, 3) [m] for each j.
         off: (N,) [m].
     """
     rounder = _rounder(corners.scatter[which], edges)
@@ -89,9 +89,9 @@ def stays_inside(
 
 
 def _shallowest(corners: Corners, which: Indices, w: Array, edges: Array, rounder: Array) -> tuple[Array, Array]:
-    """Return the direction along which bodies reach least beyond the origin (N, 3), `rounder` undone, and how far (N,).
+    """Return the direction (N, 3) in which bodies extend least beyond the origin, in original units, and how far (N,).
 
-    Or nearly: nothing that is proven rests on it.
+    It is approximate; the proof does not depend on it.
     """
 
     def heights(around: Array) -> Array:
@@ -128,7 +128,7 @@ def _faces(points: Array, triangles: Indices) -> tuple[Array, Array, Array]:
 
 
 def _turns(a: Array, b: Array, c: Array) -> Array:
-    """Return how often triangles (N, T, 3) wind around the origin (N,)."""
+    """Return the winding number of triangles (N, T, 3) around the origin (N,)."""
     lengths = [np.sqrt(dot(x, x)) for x in (a, b, c)]
     volume = dot(a, cross(b, c))
     rest = lengths[0] * lengths[1] * lengths[2] + dot(a, b) * lengths[2]
@@ -138,7 +138,7 @@ def _turns(a: Array, b: Array, c: Array) -> Array:
 
 
 def disc(corners: Corners, which: Indices, w: Array, edges: Array, normal: Array) -> Array:
-    """Return the radius (N,) of a disc around the origin's foot that is inside, of what stays in a plane (N, 3)."""
+    """Return the radius (N,) of a disc around the foot of the origin that is inside, in a plane with normals (N, 3)."""
     first: Any = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal), axis=1)])
     first /= np.linalg.norm(first, axis=1)[:, None]
     second: Any = np.cross(normal, first)
@@ -153,7 +153,7 @@ def disc(corners: Corners, which: Indices, w: Array, edges: Array, normal: Array
 
 
 def _kept(turns: Array, distance: Array, points: Array) -> Array:
-    """Return the least distance (N,) of a surface that winds around the origin, rounding taken off; else zero."""
+    """Return the distance (N,) of a surface that winds around the origin, minus rounding; else zero."""
     whole = np.rint(turns)
     winds = (whole != 0.0) & (np.abs(turns - whole) <= _WHOLE)
     size = np.linalg.norm(points, axis=2).max(axis=1)
@@ -161,7 +161,7 @@ def _kept(turns: Array, distance: Array, points: Array) -> Array:
 
 
 def _rounder(scatter: Array, edges: Array) -> Array:
-    """Return the maps (N, 3, 3) that make bodies about as wide along all directions, which flat ones are not."""
+    """Return the maps (N, 3, 3) that scale bodies to about the same width in all directions."""
     values, vectors = np.linalg.eigh(np.einsum("kni,nkl,lnj->nij", edges, scatter, edges))
     widths = np.sqrt(np.maximum(values, _FLATTEST * values[:, 2:]))
     share = np.divide(widths[:, 2:], widths, out=np.ones_like(widths), where=widths > 0.0)
@@ -227,7 +227,7 @@ def _halved(directions: Array, triangles: Indices) -> tuple[Array, Indices]:
 
 
 def _askew() -> Array:
-    """Return a rotation after which no direction is one of symmetry, along which many corners are furthest."""
+    """Return a rotation after which no direction is an axis of symmetry, along which many corners are furthest."""
     turned = np.linalg.qr(np.array([[1.0, 0.31, -0.17], [-0.23, 1.0, 0.41], [0.37, -0.13, 1.0]]))[0]
     return turned * np.sign(np.linalg.det(turned))
 
@@ -237,7 +237,7 @@ _SPHERE = _SPHERE @ _askew().T
 
 
 def _globe() -> tuple[Array, Indices]:
-    """Return a triangulated sphere whose corners crowd around its pole, the third axis."""
+    """Return a triangulated sphere whose corners are concentrated around its pole, the third axis."""
     angles = 2.0 * math.pi * np.arange(_RING_OF) / _RING_OF
     rings = [
         np.stack((np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.full(_RING_OF, np.cos(tilt))), axis=1)

@@ -1,7 +1,7 @@
-"""Interval arithmetic on arrays: every result holds all values of its operands, rounding included.
+"""Interval arithmetic on arrays: every result contains all values for its operands, with rounding.
 
-Sums, products and roots of float64 are rounded to the nearest number, so one unit roundoff of the result outwards holds
-the true value; sines and arctangents of NumPy are within four units, and are given eight.
+Sums, products and roots of float64 are rounded to the nearest number, so widening the result by one unit roundoff is
+sufficient. Sines and arctangents of NumPy have errors of at most four units; they are widened by eight.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ class Interval:
 
     @property
     def middle(self) -> Array:
-        """The middle, to rounding."""
+        """The middle, up to rounding."""
         return 0.5 * (self.lower + self.upper)
 
     @property
     def radius(self) -> Array:
-        """How far the interval leads from `middle`, rounded up."""
+        """The largest distance of the interval's points from `middle`, rounded up."""
         middle = self.middle
         return np.maximum(self.upper - middle, middle - self.lower) * (1.0 + 4.0 * UNIT_ROUNDOFF)
 
@@ -88,7 +88,7 @@ class Interval:
     __rmul__ = __mul__
 
     def __truediv__(self, other: Interval | Array | float) -> Interval:
-        """Return `x / y`; y must not hold zero."""
+        """Return `x / y`; y must not contain zero."""
         y = _as_interval(other)
         return self * _outwards(1.0 / y.upper, 1.0 / y.lower)
 
@@ -104,12 +104,12 @@ class Interval:
         return Interval(np.clip(self.lower, low, high), np.clip(self.upper, low, high))
 
     def meet(self, other: Interval) -> Interval:
-        """Return what both hold; both hold the true value, so it is not empty."""
+        """Return the intersection; it is not empty, because both intervals contain the true value."""
         return Interval(np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper))
 
 
 def hull(x: Interval, y: Interval | float) -> Interval:
-    """Return the smallest interval that holds both."""
+    """Return the smallest interval that contains both."""
     other = _as_interval(y)
     return Interval(np.minimum(x.lower, other.lower), np.maximum(x.upper, other.upper))
 
@@ -120,7 +120,7 @@ def sqrt(x: Interval) -> Interval:
 
 
 def cos(x: Interval) -> Interval:
-    """Return the cosine, extremes within the interval included.
+    """Return the cosine, with extremes inside the interval.
 
     Example:
         >>> found = cos(Interval(np.array([-1.0, 0.5]), np.array([2.0, 1.0])))
@@ -135,7 +135,7 @@ def cos(x: Interval) -> Interval:
 
 
 def sin(x: Interval) -> Interval:
-    """Return the sine, extremes within the interval included."""
+    """Return the sine, with extremes inside the interval."""
     a, b = np.sin(x.lower), np.sin(x.upper)
     low, high = np.minimum(a, b) - _ULPS * UNIT_ROUNDOFF, np.maximum(a, b) + _ULPS * UNIT_ROUNDOFF
     high = np.where(_holds(x, 0.5 * np.pi), 1.0, high)
@@ -144,9 +144,9 @@ def sin(x: Interval) -> Interval:
 
 
 def arctan2(y: Interval, x: Interval) -> Interval:
-    """Return an angle of (x, y) next to `arctan2` of the boxes' middles, not cut at pi; a whole turn where 0 is inside.
+    """Return the angle of (x, y), near `arctan2` of the boxes' middles, not cut at pi; a whole turn if 0 is inside.
 
-    The box is turned so that its middle is ahead; then the angle is largest and least at corners.
+    The box is rotated so that its middle is on the positive x axis; then the extreme angles are at corners.
 
     Example:
         >>> found = arctan2(Interval.at(np.array([0.0]), 0.1), Interval.at(np.array([-1.0]), 0.1))
@@ -170,7 +170,7 @@ def arctan2(y: Interval, x: Interval) -> Interval:
 
 
 def _holds(x: Interval, angle: float) -> Flags:
-    """Return whether the interval may hold `angle + 2 pi k` for a whole k."""
+    """Return whether the interval may contain `angle + 2 pi k` for a whole number k."""
     slack = 16.0 * UNIT_ROUNDOFF * (1.0 + x.magnitude)
     return np.ceil((x.lower - slack - angle) / _TURN) * _TURN + angle <= x.upper + slack
 

@@ -1,8 +1,8 @@
-"""A bound of every rounding error in a chain's norm: from the URDF's numbers, by reduction and motion, to the value.
+"""A bound of every rounding error in a chain's norm: in the reduction, in the motion, and in the evaluation.
 
-What the reduction cancels has been rounded all the same: two mimic joints that turn by `1e6 q` and `-1e6 q + q` leave
-one rotation by q, off by the rounding of `1e6 q`. So the bound is about the joints between the marks as they are in the
-tree, with the sums of abs(multiplier) and abs(offset). `docs/certificates.md` derives it.
+Terms that the reduction cancels have rounding errors, too: two mimic joints that rotate by `1e6 q` and `-1e6 q + q`
+give one rotation by q, with the rounding error of `1e6 q`. So the bound is about the joints between the marks as they
+are in the tree, with the sums of abs(multiplier) and abs(offset). `docs/certificates.md` derives it.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ __all__ = ["Rounding", "Walks", "rounding_bound", "walks"]
 
 @dataclass(frozen=True, eq=False)
 class Walks:
-    """m walks through the tree from one mark to another, before anything is reduced.
+    """m walks through the tree from one mark to another, before the reduction.
 
     Attributes:
-        joints: (m,) number of joints, fixed ones too.
-        turning: (m, n), sum of abs(S) over the joints that turn: how fast each coordinate turns them, all together.
-        sliding: (m, n), the same of those that slide.
-        turned: (m,) sum of abs(offset) over the joints that turn [rad].
+        joints: (m,) number of joints, with fixed joints.
+        turning: (m, n), sum of abs(S) over the revolute joints, for each coordinate.
+        sliding: (m, n), the same for prismatic joints.
+        turned: (m,) sum of abs(offset) over the revolute joints [rad].
     """
 
     joints: Array
@@ -39,7 +39,7 @@ class Walks:
     turned: Array
 
     def with_edges(self, edges: int) -> Walks:
-        """Return each walk once, and again for each of its `edges`, which turn with it but do not slide."""
+        """Return each walk once, and again for each of its `edges`, which rotate with it but do not translate."""
         rows = np.repeat(np.arange(len(self.joints)), 1 + edges)
         sliding = self.sliding[rows].copy()
         sliding[np.arange(len(rows)) % (1 + edges) != 0] = 0.0
@@ -52,7 +52,7 @@ def walks(tree: Tree, coupling: Coupling, ends: Sequence[tuple[str, str, str]]) 
     Args:
         tree: The robot's tree.
         coupling: `theta = S q + o`.
-        ends: Of each walk a common ancestor, and the two links.
+        ends: A common ancestor and the two links of each walk.
     """
     m, n = len(ends), len(coupling.coordinates)
     found = Walks(np.zeros(m), np.zeros((m, n)), np.zeros((m, n)), np.zeros(m))
@@ -72,12 +72,12 @@ def walks(tree: Tree, coupling: Coupling, ends: Sequence[tuple[str, str, str]]) 
 
 @dataclass(frozen=True, eq=False)
 class Rounding:
-    """What the rounding bounds of m chains are made of, but for how far q reaches.
+    """The data of the rounding bounds of m chains, except for the range of q.
 
     Attributes:
         walked: The walks that the chains were reduced from.
-        reach: (m,) length of each path as it is without slides [m].
-        rotations: The number k of rotations of the chains, padding counted.
+        reach: (m,) length of each path without prismatic joints [m].
+        rotations: The number k of rotations of the chains, with padding.
     """
 
     walked: Walks
@@ -86,12 +86,12 @@ class Rounding:
 
     @classmethod
     def of(cls, chains: Bundle, walked: Walks | None) -> Rounding:
-        """Return what is known of chains; `walked` None: they are taken for exact."""
+        """Return the data of chains; `walked` None: the chains are exact."""
         size = np.linalg.norm(chains.offsets, axis=2).sum(axis=1)
         return cls(walked or _as_reduced(chains), np.maximum(chains.scale, size), chains.rotations)
 
     def linear(self) -> tuple[Array, Array]:
-        """Return c (m,) and C (m, n) with `bound = c + C max(|lower|, |upper|)`, of straight motions without slides."""
+        """Return c (m,) and C (m, n) with `bound = c + C max(|lower|, |upper|)`: straight motions, revolute joints."""
         walked, n = self.walked, self.walked.turning.shape[1]
         joints, reach = walked.joints + 1.0, UNIT_ROUNDOFF * self.reach
         each = n + 12.0 + 1.0 + joints**2
@@ -114,7 +114,7 @@ class Rounding:
 
     @cached_property
     def _known(self) -> tuple[Array, Array, Array, Array | None]:
-        """What no box changes: constants, squares of joints, and what a unit of each |q_j| drops and slides."""
+        """The terms that do not depend on the box: constants, squares of joints, and terms per unit of each |q_j|."""
         walked = self.walked
         joints = walked.joints + 1.0
         constants = FOLDING * joints**2 + EVALUATION * (self.rotations + 1)
@@ -126,21 +126,21 @@ class Rounding:
 def rounding_bound(chains: Bundle, walked: Walks | None, lower: Array, upper: Array, degree: int = 1) -> Array:
     """Return a bound of every rounding error in a norm while q stays in a box, (m,) [m].
 
-    It covers the derivation of the chain (constants folded in float64, what the reduction took for zero, sums of
-    multipliers), the evaluation of a motion of that degree, and of the chain.
+    It covers the derivation of the chain (constants folded in float64, values that the reduction took for zero, sums of
+    multipliers), the evaluation of a motion of this degree, and the evaluation of the chain.
 
     Args:
         chains: The chains.
-        walked: The walks that they were reduced from; None: the chains are taken for exact.
+        walked: The walks from which they were reduced; None: the chains are exact.
         lower: (n,) lower corner of the box.
         upper: (n,) upper corner.
-        degree: Degree of the motion's pieces.
+        degree: Polynomial degree of the pieces of the motion.
     """
     return Rounding.of(chains, walked).bound(lower, upper, degree)
 
 
 def _as_reduced(chains: Bundle) -> Walks:
-    """Return what the chains say of themselves."""
+    """Return walks with the rotations and lengths of the chains themselves."""
     m = len(chains.scale)
     turning = np.abs(chains.coefficients).sum(axis=1)
     sliding = np.zeros_like(turning) if chains.slides is None else np.linalg.norm(chains.slides, axis=2).sum(axis=1)

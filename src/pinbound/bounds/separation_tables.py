@@ -1,6 +1,6 @@
-"""Pairs of bodies as tables for the machine code that bounds their separations, and its call.
+"""Pairs of bodies as tables for the machine code that bounds their separations, and the call of this code.
 
-`swept_bounds` says the same in NumPy, for a few rows, and for bodies of more than three edge vectors.
+`swept_bounds` computes the same in NumPy, for few rows, and for bodies with more than three edge vectors.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ class SeparationTables:
     """Tables of m pairs.
 
     Attributes:
-        fits: (m,) whether the pair is in the tables: neither body has more than three edge vectors.
+        fits: (m,) whether the pair is in the tables: both bodies have at most three edge vectors.
         table: What the machine code reads.
-        arms: Where the lever arms begin, of each pair with its number of rotations.
-        room: How many numbers of room the code needs.
+        arms: Start of the lever arms of each pair, and its number of rotations.
+        room: Number of float64 of working memory that the code needs.
     """
 
     fits: Flags
@@ -47,7 +47,7 @@ class SeparationTables:
     room: int
 
     def with_arms(self, swept: SweptBundle) -> SeparationTables:
-        """Return the same tables with other lever arms: they depend on the box of q where something slides."""
+        """Return the same tables with other lever arms, which depend on the box of q if joints are prismatic."""
         table, rows = self.table.copy(), swept.rows
         for pair, (at, k) in enumerate(self.arms):
             if self.fits[pair]:
@@ -91,7 +91,7 @@ class SeparationTables:
 
 
 def is_worth(rows: int, seconds: float) -> bool:
-    """Count rows to come, and say whether there were enough to load machine code, or to compile it.
+    """Count rows to come, and return whether there were enough to load machine code, or to compile it.
 
     `seconds` may the whole take: compiling takes a few of them.
     """
@@ -99,7 +99,7 @@ def is_worth(rows: int, seconds: float) -> bool:
 
 
 class _Tape:
-    """Numbers one behind the other, equal ones once."""
+    """A sequence of numbers, in which equal parts are stored once."""
 
     def __init__(self) -> None:
         self.parts: list[Array] = [np.zeros(TABLES)]
@@ -107,7 +107,7 @@ class _Tape:
         self.known: dict[bytes, int] = {}
 
     def place(self, numbers: Array, key: bytes = b"") -> int:
-        """Return where the numbers stand, those that have the key of earlier ones where these do."""
+        """Return the index of the numbers; numbers with the key of earlier numbers share their index."""
         if key and key in self.known:
             return self.known[key]
         at = self.length
@@ -164,26 +164,26 @@ def separation_tables(swept: SweptBundle) -> SeparationTables:
 
 
 def _rotations(coefficients: Array) -> int:
-    """Return the number of rotations that are no padding."""
+    """Return the number of rotations that are not padding."""
     used = np.flatnonzero(np.any(coefficients, axis=1))
     return int(used[-1]) + 1 if len(used) else 0
 
 
 def _slots(corners: Corners, pair: int) -> list[int]:
-    """Return the row of the chain, and of three edge vectors of either body; -1 where there is none."""
+    """Return the rows of the chain and of three edge vectors of each body; -1 where there is none."""
     first, second = (body.shape[1] for body in corners.pairs[pair])
     sides = range(1, 1 + first), range(1 + first, 1 + first + second)
     return [0, *(row for side in sides for row in [*side, *[-1] * (EDGES - len(side))])]
 
 
 def _blocks(offsets: Array) -> Array:
-    """Return the blocks that are not zero, and where."""
+    """Return the nonzero blocks and their indices."""
     used = np.flatnonzero(np.any(offsets, axis=1))
     return np.column_stack((used.astype(np.float64), offsets[used]))
 
 
 def _slides(swept: SweptBundle, first: int, k: int) -> Array:
-    """Return of each block that slides where it is, its directions and their lengths."""
+    """Return the index, the directions and their lengths of each block with prismatic joints."""
     if swept.chains.slides is None:
         return np.zeros((0, 0))
     slides = swept.chains.slides[first, : k + 1]
@@ -193,7 +193,7 @@ def _slides(swept: SweptBundle, first: int, k: int) -> Array:
 
 
 def _measured(swept: SweptBundle, pair: int) -> Array:
-    """Return what is measured, the normal or any direction that counts, and the projection."""
+    """Return the kind of quantity, the normal or any direction that counts, and the projection."""
     projection, normal = swept.projection[pair], swept.normal[pair]
     if swept.is_signed[pair]:
         return np.array([2.0, *normal, *projection.ravel()])
@@ -203,7 +203,7 @@ def _measured(swept: SweptBundle, pair: int) -> Array:
 
 
 def _middle(corners: Corners, pair: int, slots: Sequence[int]) -> Array:
-    """Return the coefficients of a place inside both bodies."""
+    """Return the coefficients of a point inside both bodies."""
     found = np.zeros(2 * EDGES)
     for vector, row in enumerate(slots[1:]):
         if row > 0:
@@ -212,7 +212,7 @@ def _middle(corners: Corners, pair: int, slots: Sequence[int]) -> Array:
 
 
 def _reach(swept: SweptBundle, pair: int) -> float:
-    """Return how far vertices are from the place inside both bodies, at most [m]."""
+    """Return the largest distance of vertices from the point inside both bodies [m]."""
     first = pair * swept.rows + 1
     lengths = np.linalg.norm(swept.chains.offsets[first : first + swept.rows - 1], axis=2).sum(axis=1)
     return float(2.0 * swept.corners.spread[pair] @ lengths)

@@ -1,14 +1,14 @@
-"""Certified bounds of separations of swept paths: what `bounds` proves of a chain, for bodies, lines and planes.
+"""Certified bounds of separations: the bounds of `bounds` for bodies, lines and planes.
 
-Two convex sets are at least as far apart as along any direction: with a unit vector n that stays as it is,
+The distance of two convex sets is at least their distance along any direction: for a fixed unit vector n,
 
     min_t |r(q, t)| >= min_t n . r(q, t) = min over pairs of corners c of n . r_c(q).
 
-With n = r*/|r*| from the middle of a piece or box this is exact there. Every r_c is a chain, so that n . r_c is its
-value there, its rates, and a remainder, that of the pair of corners that moves most; and the least corner of a sum of
-two bodies is the sum of their least corners. A height above a plane is the case in which n is the plane's normal;
-across a line n is taken across it, where the line's own parameter does not occur. And since the distance of two sets
-changes by no more than their points move,
+With n = r*/|r*| from the middle of a piece or box, this is exact there. Every r_c is a chain, so n . r_c is the sum of
+its value there, its rates, and the remainder of the pair of corners that moves most. The lowest corner of a sum of two
+bodies is the sum of their lowest corners. For a height above a plane, n is the normal of the plane; for a line, n is
+perpendicular to it, so the parameter of the line does not occur. The distance of two sets changes by at most the motion
+of their points. So
 
     |f(q) - f(q_0)| <= max over corners of |r_c(q) - r_c(q_0)|.
 
@@ -47,8 +47,8 @@ __all__ = [
 ]
 
 _PROJECTING = 96
-"""Unit roundoffs, relative to the length of a path with its furthest vertices: a unit vector, its products with the
-edges and of these with a corner, the nearest t (32); what a hull's vertices were moved by when it was made (64)."""
+"""Unit roundoffs, relative to the length of a path with its furthest vertices: 32 for a unit vector, its products with
+the edges, their products with a corner, and the nearest t; 64 for the error of a hull's vertices when it is made."""
 
 _FLAT = 3  # rows of a path with two edge vectors, which span no body
 _MOST_COORDINATES = 4  # of a box, all of whose corners are looked at
@@ -57,10 +57,10 @@ _TOUCHING = 1e-12  # relative: bodies whose distance is rounding may overlap
 
 @dataclass(frozen=True)
 class Bounds:
-    """Bounds of N separations, all rounding taken off.
+    """Bounds of N separations, with all rounding subtracted.
 
     Attributes:
-        value: (N,) [m], in the middle, as computed: between a point of the one and a point of the other mark.
+        value: (N,) [m], in the middle, as computed: between one point of each mark.
         lower: (N,) [m], over the piece or box.
         upper: (N,) [m], over the piece or box.
     """
@@ -73,18 +73,18 @@ class Bounds:
 def rounding_bound(swept: SweptBundle, walked: Walks | None, lower: Array, upper: Array, degree: int = 1) -> Array:
     """Return a bound of every rounding error in a separation while q stays in a box, (m,) [m].
 
-    `walked` is what the paths were reduced from; None: the paths are taken for exact.
+    The paths were reduced from `walked`; None: the paths are exact.
     """
     return bound_of(swept, chain_rounding(swept, walked), lower, upper, degree)
 
 
 def chain_rounding(swept: SweptBundle, walked: Walks | None) -> Rounding:
-    """Return what the rounding bounds of all chains and edge vectors are made of, but for how far q reaches."""
+    """Return the data of the rounding bounds of all chains and edge vectors, except for the range of q."""
     return Rounding.of(swept.chains, walked and walked.with_edges(swept.rows - 1))
 
 
 def bound_of(swept: SweptBundle, rounding: Rounding, lower: Array, upper: Array, degree: int = 1) -> Array:
-    """Return `rounding_bound` from what `chain_rounding` returned."""
+    """Return `rounding_bound` from the result of `chain_rounding`."""
     rows, farthest = swept.rows, np.maximum(np.abs(lower), np.abs(upper))
     each, reach = rounding.bound(lower, upper, degree), swept.reach
     if swept.chains.slides is not None:
@@ -119,10 +119,10 @@ def over_box(
 
 
 class _Rows:
-    """The chains that N separations need, those that are padding left out, one behind the other."""
+    """The chains that N separations need, in sequence, without padding."""
 
     def __init__(self, swept: SweptBundle, which: Indices) -> None:
-        """List them: of each the separation that asks for it, its chain, and its row among the separation's."""
+        """List the chains: the separation of each, its chain, and its row in the separation."""
         self.shape = len(which), swept.rows
         if swept.is_even:
             self.asked = np.repeat(np.arange(len(which)), swept.rows)
@@ -183,16 +183,17 @@ def _bounds(
 
 
 def _stays(swept: SweptBundle, which: Indices, r: Array, steps: Sequence[Array], off: Array) -> Flags:
-    """Return which solid bodies that overlap in the middle are sure to do so over the whole piece or box (N,)."""
+    """Return which solid bodies that overlap in the middle certainly do so over the whole piece or box (N,)."""
     w, *moves = (np.einsum("nij,ncj->cni", swept.projection[which], one) for one in (r, *steps))
     return stays_inside(swept.corners, which, w[0], w[1:], [(one[0], one[1:]) for one in moves], off)
 
 
 def _sloped(corners: Corners, which: Indices, along: Array, falls: Sequence[Array], t: Array) -> Array:
-    """Return the least of n . r (N,) over a piece or box, its bend left out; given n . r and rates of rows (N, 1 + K).
+    """Return the minimum of n . r (N,) over a piece or box without second order, from n . r and rates (N, 1 + K).
 
-    The least corner of a body, its vertices moving evenly, is concave in q. So it is least at an end of the piece, or
-    a corner of the box. Of many coordinates, places t (N, K) are followed, and what vertices may fall against them.
+    If vertices move linearly, the height of the lowest corner of a body is concave in q. So its minimum is at an end of
+    the piece, or at a corner of the box. For many coordinates, points t (N, K) are followed, with the possible decrease
+    of vertices relative to them.
     """
     active = [fall for fall in falls if np.any(fall)]
     if len(active) <= _MOST_COORDINATES:
@@ -215,10 +216,10 @@ def _measure(swept: SweptBundle, which: Indices, r: Array, n: Array) -> Array:
 
 
 def separated(swept: SweptBundle, which: Indices, r: Array) -> tuple[Array, Array, Array, Array]:
-    """Return what chain and edges r (N, 1 + K, 3) say in the middle.
+    """Return the results of chain and edges r (N, 1 + K, 3) in the middle.
 
-    The separation (N,), the unit vector (N, 3) along which it is measured, and how far all may move while bodies that
-    overlap are sure to do so still (N,); and the nearest t (N, K).
+    These are the separation (N,), the unit vector (N, 3) along which it is measured, the largest motion (N,) for which
+    overlapping bodies certainly still overlap, and the nearest t (N, K).
     """
     signed, normal = swept.is_signed[which], swept.normal[which]
     measured = np.einsum("nij,ncj->cni", swept.projection[which], r)
@@ -238,7 +239,7 @@ def separated(swept: SweptBundle, which: Indices, r: Array) -> tuple[Array, Arra
 
 
 def _nearest(swept: SweptBundle, which: Indices, measured: Array) -> Array:
-    """Return the t (N, K) of places that are nearest, or nearly: nothing that is proven rests on it."""
+    """Return the t (N, K) of points that are nearest, or almost nearest; the proof does not depend on it."""
     signed, corners = swept.is_signed[which], swept.corners
     searched = corners.searched[which] & ~signed
     if not np.any(searched):
@@ -257,7 +258,7 @@ def _nearest(swept: SweptBundle, which: Indices, measured: Array) -> Array:
 
 
 def _searched(corners: Corners, which: Indices, w: Array, edges: Array) -> Array:
-    """Return the t (N, K) of hulls, bodies of more than three edges among them looked for pair by pair."""
+    """Return the t (N, K) of hulls; bodies with more than three edges are searched pair by pair."""
     wide = corners.wide[which]
     if np.any(wide):
         found = np.zeros((len(w), len(edges)))
@@ -283,14 +284,14 @@ def _padded(t: Array, count: int) -> Array:
 
 
 def _size(corners: Corners, which: Indices, w: Array, edges: Array) -> Array:
-    """Return a bound of how long r is at any t (N,) [m]."""
+    """Return an upper bound of |r| at any t (N,) [m]."""
     lengths: Array = np.linalg.norm(edges, axis=2)
     found: Array = np.linalg.norm(w, axis=1) + np.einsum("nk,kn->n", corners.spread[which], lengths)
     return found
 
 
 def _depth(swept: SweptBundle, which: Indices, measured: Array, least: Array, length: Array) -> Array:
-    """Return how far all may move (N,) [m] while bodies that overlap are sure to do so still."""
+    """Return the largest motion (N,) [m] for which overlapping bodies certainly still overlap."""
     depth, plane, corners = np.zeros(len(which)), swept.flat[which], swept.corners
     rounding = _TOUCHING * _size(corners, which, measured[0], measured[1:])
     touching = ~swept.is_signed[which] & (length <= rounding)

@@ -1,8 +1,8 @@
-"""Bodies of more than three edge vectors, said by three: a body is rigid, whatever its edges are.
+"""Bodies with more than three edge vectors, rewritten with three: a body is rigid, whatever its edges are.
 
-All edge vectors of a body are turned by the same rotations, and what each leaves in the blocks of a chain is linear in
-the edge: `E = A B` with three rows B, orthonormal over all blocks. So `sum_i t_i E_i = (t A) B`, the vertices' t A
-being three numbers each. What rounding leaves of the difference is measured, and said.
+The same rotations rotate all edge vectors of a body, and the blocks of a chain are linear in the edge: `E = A B` with
+three rows B, orthonormal over all blocks. So `sum_i t_i E_i = (t A) B`, where t A has three numbers for each vertex.
+The difference that rounding leaves is measured, and returned.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ _ROUNDING = 64.0 * UNIT_ROUNDOFF  # an edge, relative to the body's size: produc
 
 
 def in_three_edges(path: RelativePath) -> tuple[RelativePath, float]:
-    """Return the path with at most three edge vectors a body, and by how much its separation may differ [m].
+    """Return the path with at most three edge vectors for each body, and a bound of its separation's change [m].
 
-    The path itself and zero, where no body has more, or the edges of one are those of no rigid body.
+    It is the path itself and zero if no body has more, or if the edges of a body are not those of a rigid body.
     """
     difference = path.difference
     first, second = difference.corners
@@ -45,11 +45,11 @@ class _Body:
     vertices: Array
     edges: tuple[Array, ...]
     off: float
-    """How far a vertex may be from where it was [m]."""
+    """Largest allowed displacement of a vertex [m]."""
 
 
 def _rewritten(vertices: Array, edges: tuple[Array, ...]) -> _Body | None:
-    """Return a body by three edges at most; None if it is not rigid."""
+    """Return a body with at most three edges; None if it is not rigid."""
     if len(edges) <= _EDGES:
         return _Body(vertices, edges, 0.0)
     stacked = np.array(edges).reshape(len(edges), -1)

@@ -1,13 +1,13 @@
-"""The vertices of many pairs of bodies: which of them is least along a direction, and what the others cost.
+"""The vertices of many pairs of bodies: the lowest vertex along a direction, and the cost of the others.
 
-The vector between two bodies is `r(t) = w + sum_i t_i e_i`, where t runs over the product of two convex hulls, one of
-each body, whose corners are given as coefficients of the edges e_i: none of a point, 0 and 1 of a segment, metres along
-orthogonal unit vectors of a polytope. Along a vector n every body is least at a corner,
+The vector between two bodies is `r(t) = w + sum_i t_i e_i`, where t runs over the product of two convex hulls, one for
+each body. Their corners are coefficients of the edges e_i: none for a point, 0 and 1 for a segment, metres along
+orthogonal unit vectors for a polytope. Along a vector n, the minimum of every body is at a corner,
 
     min_t n . r(t) = n . w + min_c (n . E_a) . c + min_c (n . E_b) . c,
 
-so that a pair needs its few edges at a configuration, and never a chain for a vertex. Bodies with the same corners
-share a table; rows that ask for one table are looked up in one matrix product. `docs/hull-proofs.md`.
+so a pair needs only its few edges at a configuration, and no chain for a vertex. Bodies with the same corners share a
+table; one matrix product serves all rows with the same table. `docs/hull-proofs.md`.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ _TABLE = 3  # edges of a body that stands in the table
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One body of some pairs: its corners, and where its edges stand among the pair's.
+    """One body of some pairs: its corners, and the indices of its edges among those of the pair.
 
     Attributes:
         corners: (k, m) coefficients of its edge vectors.
-        columns: Its m edges among those of the pair.
+        columns: Indices of its m edges among those of the pair.
     """
 
     corners: Array
@@ -46,16 +46,16 @@ class Corners:
 
     Attributes:
         sides: Distinct sides.
-        which: (m, 2) index among them, of the first and second body of each pair; -1 of a point.
-        spread: (m, K) the largest coefficient of each edge, in size; K edges at most.
-        middle: (m, K) coefficients of a place inside both bodies.
+        which: (m, 2) index in `sides` for the first and second body of each pair; -1 for a point.
+        spread: (m, K) the largest absolute coefficient of each edge; at most K edges.
+        middle: (m, K) coefficients of a point inside both bodies.
         scatter: (m, K, K) covariance of the coefficients of all pairs of corners.
-        searched: (m,) whether the nearest places have no closed form.
-        pairs: Of each pair the corners of its two bodies.
-        wide: (m,) whether a body has more than three edges, so that it does not stand in the table.
+        searched: (m,) whether the nearest points have no closed form.
+        pairs: The corners of the two bodies of each pair.
+        wide: (m,) whether a body has more than three edges, so that it is not in the table.
         table: (V, 3) the corners of all sides, as coefficients of three edges each.
-        bodies: (m, 4) first corner in the table and number of corners of either body; zero of a point.
-        slots: (m, 6) where the three edges of either body stand among the pair's; K where there is none.
+        bodies: (m, 4) first corner in the table and number of corners of each body; zero for a point.
+        slots: (m, 6) indices of the three edges of each body among those of the pair; K where there is none.
     """
 
     sides: tuple[Side, ...]
@@ -72,11 +72,11 @@ class Corners:
 
     @cached_property
     def members(self) -> Flags:
-        """Which pairs have each side, (sides, m)."""
+        """Whether each pair has each side, (sides, m)."""
         return np.array([np.any(self.which == number, axis=1) for number in range(len(self.sides))])
 
     def asked(self, which: Indices) -> Iterator[tuple[Side, Indices | slice]]:
-        """Return each side with the rows (of pairs `which`) that ask for it, not too many at a time."""
+        """Return each side with the rows (of pairs `which`) that need it, in parts of limited size."""
         for side, has in zip(self.sides, self.members, strict=True):
             rows = np.flatnonzero(has[which])
             step = max(1, _MOST_NUMBERS // len(side.corners))
@@ -87,7 +87,7 @@ class Corners:
                 yield side, rows[start : start + step]
 
     def least(self, which: Indices, along: Array) -> tuple[Array, Array]:
-        """Return the least `sum_i t_i along_i` (N,) of pairs `which` (N,), and the corner's t (N, K).
+        """Return the minimum of `sum_i t_i along_i` (N,) for pairs `which` (N,), and the corner's t (N, K).
 
         Args:
             which: (N,) the pair of each row.
@@ -102,16 +102,16 @@ class Corners:
         return value, chosen
 
     def slack(self, which: Indices, along: Array, rates: Sequence[Array], t: Array) -> Array:
-        """Return by how much corners may pass below the one that is least in the middle, if that moves as t (N,) [m].
+        """Return how far corners may pass below the lowest corner in the middle, if that moves like t (N,) [m].
 
-        A corner that leads away from t by d is above the least one by its height there, and falls against t by no more
-        than `sum |n . E' d|` of all rates. What stays above costs nothing. Zero or less.
+        A corner at the distance d from t is above the lowest corner by its height, and decreases relative to t by at
+        most `sum |n . E' d|` over all rates. A corner that stays above costs nothing. The result is at most zero.
 
         Args:
             which: (N,) the pair of each row.
             along: (N, K) `n . e_i`.
-            rates: (N, K) each, `n . e_i'` over half the piece, or half across the box in each coordinate.
-            t: (N, K) any places on the bodies; the nearest ones cost least.
+            rates: (N, K) each, `n . e_i'` over half the piece, or over half the box in each coordinate.
+            t: (N, K) any points on the bodies; the nearest points cost least.
         """
         found = np.zeros(len(which))
         for side, rows in self.asked(which):
@@ -130,12 +130,12 @@ def corners_of(
     edges: int,
     searched: Sequence[bool],
 ) -> Corners:
-    """Return the corners of pairs, those that are equal once.
+    """Return the corners of pairs; equal corners are stored once.
 
     Args:
-        pairs: Of each pair the corners (k, m_a) and (k, m_b) of its two bodies; m is zero for a point.
-        edges: The number K of edges that every pair is padded to.
-        searched: Of each pair whether its nearest places have no closed form.
+        pairs: The corners (k, m_a) and (k, m_b) of the two bodies of each pair; m is zero for a point.
+        edges: The number K of edges to which every pair is padded.
+        searched: Whether the nearest points of each pair have no closed form.
     """
     sides: list[Side] = []
     known: dict[tuple[bytes, ...], int] = {}

@@ -142,12 +142,12 @@ def certify_box(
 
 
 def _over_z(robot: Robot, chosen: Sequence[Boundary]) -> tuple[Robot, Sequence[Boundary]]:
-    """Return a robot and its boundaries; of one with loops that are no parallelograms those over z."""
+    """Return a robot and its boundaries; of one with loops that are not parallelograms those over z."""
     return (robot.opened, [over_z(one) for one in chosen]) if isinstance(robot, LoopRobot) else (robot, chosen)
 
 
 def _families(robot: Robot, chosen: Sequence[Boundary], low: Array, high: Array, limits: bool) -> Sequence[Any]:
-    """Return all constraints over boxes of q; through loops that are no parallelograms, too."""
+    """Return all constraints over boxes of q; through loops that are not parallelograms, too."""
     if not isinstance(robot, LoopRobot):
         return families(robot, chosen, low, high)
     errors = loop_errors(robot, low, high, 1)

@@ -1,4 +1,4 @@
-"""Motions and boxes through loops that are no parallelograms: what is known of `z = F(q)` where q is known.
+"""Motions and boxes through loops that are not parallelograms: what is known of `z = F(q)` where q is known.
 
 A motion of q is a motion of z, whose passive parts are bounded by interval arithmetic: value, first and second
 derivative. The robot over z, in which these loops are open, is then certified as any other. `docs/loops.md` proves it.

@@ -119,8 +119,8 @@ def _print_points(level: PointLevel) -> None:
     rows = [(f"pin of closure {name}", f"{1e3 * gap:.1e}") for name, gap in level.pins.items()]
     worst = sorted(level.differences.items(), key=lambda one: one[1], reverse=True)
     rows += [(name, f"{1e3 * value:.1e}") for name, value in worst]
-    title = f"Points: clearances against coal's shapes, {level.samples} configurations, the worst first"
-    allowed = f"Allowed: {1e3 * level.tolerance:.0e} mm a metre of path." + _solid(level)
+    title = f"Points: clearances compared with coal's shapes, {level.samples} configurations, worst first"
+    allowed = f"Allowed: {1e3 * level.tolerance:.0e} mm per metre of path." + _solid(level)
     print_table(title, ("boundary", "worst difference [mm]"), rows, allowed, _MOST_ROWS)
 
 
@@ -134,8 +134,10 @@ def _print_boundaries(level: BoundaryLevel) -> None:
         for name, one in sorted(level.boundaries.items(), key=lambda one: one[1].metres, reverse=True)
     ]
     columns = ("boundary", "compared with", "rays []", "free []", "grazing []", "worst [deg]", "worst [mm]")
-    title = f"Contacts: closed form against bisection on coal's distance, {level.rays} rays, the worst first"
-    allowed = f"Allowed: {np.degrees(level.tolerance):.1e} deg, {1e3 * level.metres_tolerance:.0e} mm a metre of path."
+    title = f"Contacts: closed form compared with bisection on coal's distance, {level.rays} rays, worst first"
+    allowed = (
+        f"Allowed: {np.degrees(level.tolerance):.1e} deg, {1e3 * level.metres_tolerance:.0e} mm per metre of path."
+    )
     allowed += _solid(level)
     print_table(title, columns, rows, allowed, _MOST_ROWS)
 
@@ -160,7 +162,7 @@ def _print_bodies(robot: Robot, level: BodyLevel) -> None:
     ]
     columns = ("links", "boundaries []", "both clear []", "both contact []", "missed []", "refused []")
     columns += ("unreachable []", "ways []", "near []", "inside []", "worst miss [mm]", "needless refusal [mm]")
-    title = f"Bodies: verdicts against coal on the collision bodies, {level.samples} configurations, the worst first"
+    title = f"Bodies: verdicts compared with coal on the collision bodies, {level.samples} configurations, worst first"
     allowed = f"Allowed: misses {millimetres(level.tolerance)} mm; refusals, for boundaries of zero threshold,"
     print_table(title, columns, rows, f"{allowed} {millimetres(level.stop_tolerance)} mm.", _MOST_ROWS)
     said = console()
@@ -172,29 +174,28 @@ def _print_bodies(robot: Robot, level: BodyLevel) -> None:
                     said.print(f"  worst {what} at {typed(robot, q)}", markup=False)
     meshed = [pair for pair in level.pairs if pair.meshes]
     if meshed:
-        text = (
-            f"{several(len(meshed), 'pair has', 'pairs have')} meshes: coal says yes or no on their triangles, no way"
-        )
+        text = f"{several(len(meshed), 'pair has', 'pairs have')} meshes: coal answers yes or no for their triangles,"
         said.print(
-            f"{text} is swept, refusals are measured {several(sum(pair.measured for pair in meshed), 'time')}.",
+            f"{text} no motion is swept, and refusals are measured "
+            f"{several(sum(pair.measured for pair in meshed), 'time')}.",
             markup=False,
         )
         for pair in meshed:
             _print_inside(robot, pair)
     part = [" - ".join(pair.links) for pair in level.pairs if pair.coverage not in ("watched", "")]
     if part:
-        said.print(f"Not watched as a whole, so that misses are possible: {', '.join(part)}.", markup=False)
+        said.print(f"Not fully watched, so misses are possible: {', '.join(part)}.", markup=False)
     for link, reason in level.left_out.items():
         said.print(f"Not compared: {link} {reason}.", markup=False)
 
 
 def _print_inside(robot: Robot, pair: LinkPair) -> None:
-    """Say where a body is wholly inside another's mesh: no triangles touch there, and nobody refuses needlessly."""
+    """Print where a body is completely inside another body's mesh, so that no triangles touch."""
     said = console()
-    text = f"Wholly inside a mesh ({pair.within}), so that no triangles touch"
+    text = f"Completely inside a mesh ({pair.within}), so that no triangles touch"
     if pair.inside_q is not None:
         said.print(
-            f"{text}: {pair.inside} places that the marks refuse, e.g. {typed(robot, pair.inside_q)}. "
+            f"{text}: {pair.inside} samples that the marks refuse, e.g. {typed(robot, pair.inside_q)}. "
             "They do not count as needless refusals.",
             markup=False,
         )

@@ -15,7 +15,7 @@ def rule_rows(robot: Robot, for_people: bool = False) -> list[tuple[str, str, st
     """Return every rule as it is said of q: its name, what it asks, and where.
 
     For people a rule over angles alone is said in degrees; else numbers are in radians and metres. Through loops that
-    are no parallelograms a rule is said of q and their passive joints.
+    are not parallelograms a rule is said of q and their passive joints.
     """
     robot = opened(robot)
 
@@ -36,6 +36,6 @@ def rule_rows(robot: Robot, for_people: bool = False) -> list[tuple[str, str, st
 
 
 def opened(robot: Robot) -> Robot:
-    """Return the robot in which loops that are no parallelograms are open; itself, if it has none."""
+    """Return the robot in which loops that are not parallelograms are open; itself, if it has none."""
     found: Robot = getattr(robot, "opened", robot)
     return found

@@ -204,7 +204,7 @@ def parse_configuration(
             value = math.nan
         if not equals or name not in robot.coordinates or not math.isfinite(value):
             remedy = f"Write NAME=NUMBER, NAME one of: {', '.join(robot.coordinates)}"
-            raise _bad(option, f"{part.strip()!r} is no coordinate with a finite number", remedy)
+            raise _bad(option, f"{part.strip()!r} is not a coordinate with a finite number", remedy)
         q[robot.coordinates.index(name)] = math.radians(value) if deg and robot.turns(name) else value
     if not deg:
         hint_degrees(robot, q[None], option)
@@ -232,7 +232,7 @@ def parse_window(robot: Robot, text: str | None, deg: bool = False) -> dict[str,
             lower = upper = math.nan
         if not dots or name not in robot.coordinates or not lower <= upper:
             remedy = f"Write NAME=LOWER..UPPER, e.g. q1=-1..1, NAME one of: {', '.join(robot.coordinates)}"
-            raise _bad("--window", f"{part.strip()!r} is no coordinate with two ends, lower first", remedy)
+            raise _bad("--window", f"{part.strip()!r} is not a coordinate with two ends, lower first", remedy)
         turns = deg and robot.turns(name)
         window[name] = (math.radians(lower), math.radians(upper)) if turns else (lower, upper)
     if window and not deg:

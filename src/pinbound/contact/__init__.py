@@ -1,7 +1,7 @@
-"""What contact is: one rule, for `load`, limits, certificates, regions, batches and cross-checks alike.
+"""The contact rule: one rule for `load`, limits, certificates, regions, batches and cross-checks.
 
-A boundary is a *stop*, a *height* or a *distance*; `rule` says which, and gives its signed clearance. `batch` asks many
-boundaries at once. `docs/contacts.md` gives the arguments.
+A boundary is a *stop*, a *height* or a *distance*; `rule` decides which, and computes its signed clearance. `batch`
+does this for many boundaries at once. `docs/contacts.md` has the reasons.
 """
 
 from pinbound.contact.batch import SignedKernel

@@ -1,7 +1,7 @@
-"""Signed clearances of many boundaries, for many configurations: the rule of `rule`, at the speed of the batch kernel.
+"""Signed clearances of many boundaries for many configurations, by `rule`, at the speed of the batch kernel.
 
-Stops are functions of one angle each, so that whether they are free is an interval of a linear combination of q, like
-a joint limit: `free` needs the kernel for the other boundaries alone. Their signed clearances are `stops`.
+A stop is a function of one angle. It is free in an interval of a linear combination of q, like a joint limit, so `free`
+needs the kernel only for the other boundaries. `stops` has the signed clearances of stops.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ __all__ = ["SignedKernel"]
 
 
 class SignedKernel:
-    """Evaluates the signed clearances of a set of boundaries; its methods are those of `Kernel`, its clearances signed.
+    """Evaluates the signed clearances of a set of boundaries, with the methods of `Kernel`.
 
     Attributes:
         rules: The boundaries' rules.
-        areas: Places of the boundaries that are no stops.
-        stops: Places of the stops.
+        areas: Indices of the boundaries that are not stops.
+        stops: Indices of the stops.
     """
 
     def __init__(
@@ -59,14 +59,14 @@ class SignedKernel:
 
     @cached_property
     def pairs(self) -> tuple[Pair, ...]:
-        """Every boundary with what its separation must exceed."""
+        """Every boundary with the value that its separation must exceed."""
         from pinbound.kernel import Pair
 
         return tuple(Pair(rule.path, rule.distance, names) for rule, names in zip(self.rules, self.marks, strict=True))
 
     @cached_property
     def thresholds(self) -> Array:
-        """(m,) [m]: what is taken off the separation; of stops zero."""
+        """(m,) [m]: the value that is subtracted from the separation; zero for stops."""
         return read_only(np.array([0.0 if rule.stop else rule.distance for rule in self.rules]))
 
     @cached_property
@@ -87,7 +87,7 @@ class SignedKernel:
         return chosen
 
     def free(self, Q: Array, limits: bool, threads: int = 1, backend: Backend = "auto") -> AnyArray:
-        """Return which rows (N,) have positive signed clearances alone, and are within all joint limits."""
+        """Return which rows (N,) have only positive signed clearances, and are within all joint limits."""
         from pinbound.kernel import BallKernel, check_choices
 
         check_choices(threads, backend)
@@ -113,7 +113,7 @@ class SignedKernel:
         return found
 
     def one_is_free(self, q: Array, limits: bool) -> bool:
-        """Return what `free` does for one configuration."""
+        """Return `free` for one configuration."""
         if not (self._within if limits else self._open).holds_at(q.tolist()):
             return False
         areas = self.kernel.one(q, "clearances") if len(self.areas) else np.empty(0)
@@ -155,7 +155,7 @@ class SignedKernel:
         backend: Backend = "auto",
         dtype: Any = np.float64,
     ) -> tuple[AnyArray, Ints]:
-        """Return each row's smallest signed clearance (N,) and which boundary has it; NaN and -1 if one is NaN."""
+        """Return the smallest signed clearance (N,) of each row and its boundary; NaN and -1 if one is NaN."""
         if not len(self.stops):
             return self.kernel.smallest(Q, with_index, out, threads, backend, dtype)
         least, index = self._stops.smallest(Q, with_index, out, threads, backend, dtype)

@@ -4,18 +4,19 @@
     height:    s = height - threshold, above a plane: the height has a sign of its own;
     stop:      s = 2 sqrt(|p| |s|) sin(d / 2),  d = min(phi - low, high - phi),  phi = c . q.
 
-A *stop* is a pair of two points of zero threshold and one effective angle phi: two arms p and s at one pivot. The
+A *stop* is a pair of two points of zero threshold and one effective angle phi: two arms p and s about one pivot. The
 robot stops where they align, on the lines `phi = phi* + 2 pi k`. Home lies in the gap (low, high) between two of these
-lines, and d [rad] says how deep in that gap q is: negative beyond it. A pair is a stop if it is declared as one, or if
-its arms miss each other by no more than `contact_tolerance` where they align. The norm there is the *miss* m, and
+lines, and d [rad] is the depth of q in that gap, negative beyond it. A pair is a stop if it is declared as one, or if
+the distance of its points, where the arms align, is at most `contact_tolerance`. This distance is the *miss* m, and
 
     norm^2 = m^2 + 4 |p| |s| sin^2((phi - phi*) / 2),    so that    |s| = sqrt(norm^2 - m^2),
 
-smooth through contact, and zero there. More than a turn beyond the gap s stays negative: `-2 sqrt(|p| |s|) |sin(d/2)|`.
+which is zero at contact, and smooth there. More than a turn beyond the gap, s stays negative: `-2 sqrt(|p| |s|)
+|sin(d/2)|`.
 
-Where the sides of closed loops differ, marks may be off by the boundary's `place_error` e (`docs/closures.md`). It is
-added to T. A stop's arms are then off by `asin(e / |p|)` and `asin(e / |s|)` in direction, and the gap is narrowed by
-their sum at both ends.
+If the sides of closed loops differ, marks may have an error of up to the boundary's `place_error` e
+(`docs/closures.md`). It is added to T. The arms of a stop then have direction errors of up to `asin(e / |p|)` and
+`asin(e / |s|)`, and the gap is narrower by their sum at both ends.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ _TURN = 2.0 * math.pi
 
 
 def contact_distance(path: RelativePath, threshold: float, tolerance: float) -> float:
-    """Return up to which separation there is contact, where contact is an area [m]; above a plane a signed height."""
+    """Return the largest separation that is contact, if contact is an area [m]; for a plane, the signed height."""
     return max(threshold, path.floor + tolerance)
 
 
@@ -55,9 +56,9 @@ class Stop(Value):
         coefficients: (n,) c, the last that is not zero positive: `phi = c . q`.
         angle: phi* [rad], in (-pi, pi].
         gap: (low, high) [rad], the two neighbouring contact lines between which home lies; NaN if home is on one.
-        miss: [m], the norm where the arms align.
-        arms: (|p|, |s|) [m], the lengths of the arms, across the pivot's axis.
-        play: [rad], by how much the arms may be off in direction, because the sides of loops differ.
+        miss: [m], the norm at the angle at which the arms align.
+        arms: (|p|, |s|) [m], the lengths of the arms, perpendicular to the axis of the pivot.
+        play: [rad], the largest direction error of the arms, if the sides of loops differ.
     """
 
     coefficients: Array
@@ -69,7 +70,7 @@ class Stop(Value):
 
     @cached_property
     def free_gap(self) -> tuple[float, float]:
-        """The gap, less what the arms may be off in direction [rad]."""
+        """The gap, narrowed by the direction errors of the arms [rad]."""
         return self.gap[0] + self.play, self.gap[1] - self.play
 
     @cached_property
@@ -78,7 +79,7 @@ class Stop(Value):
         return 2.0 * math.sqrt(self.arms[0]) * math.sqrt(self.arms[1])
 
     def depth(self, phi: Array) -> Array:
-        """Return how deep phi is in home's gap [rad]: at most pi, negative beyond a contact line."""
+        """Return the depth of phi in home's gap [rad]: at most pi, negative beyond a contact line."""
         low, high = self.free_gap
         return np.minimum(phi - low, high - phi)
 
@@ -109,7 +110,7 @@ class Stop(Value):
 
 
 def signed_share(depth: Array) -> Array:
-    """Return `sin(d / 2)`, and `-|sin(d / 2)|` more than a turn beyond the gap."""
+    """Return `sin(d / 2)`, or `-|sin(d / 2)|` more than a turn beyond the gap."""
     share = np.sin(0.5 * depth)
     far = depth < -_TURN
     return np.where(far, -np.abs(share), share) if np.any(far) else share
@@ -123,15 +124,15 @@ def share_slope(depth: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ContactRule(Value):
-    """What contact is for one boundary.
+    """The contact rule of one boundary.
 
     Attributes:
         path: The reduced path between its marks.
         threshold: `radius_a + radius_b + min_distance` [m].
         tolerance: `contact_tolerance` [m].
-        home: (n,), says on which side of a stop the robot is.
+        home: (n,), the home, which decides on which side of a stop is free.
         is_declared: Whether it is declared as a stop.
-        error: [m], by how much the separation may be off, because the sides of loops differ.
+        error: [m], the largest error of the separation, if the sides of loops differ.
     """
 
     path: RelativePath
@@ -143,7 +144,7 @@ class ContactRule(Value):
 
     @cached_property
     def _arms(self) -> tuple[Array, Strip, tuple[float, float]] | None:
-        """Coefficients, strip and arm lengths of two points of zero threshold and one effective angle, else None."""
+        """Coefficients, strip and arm lengths of two points of zero threshold and one effective angle; else None."""
         if not self.path.is_plain or self.threshold != 0.0 or self.path.turns_several:
             return None
         found = univariate.one_angle(self.path.minimal)
@@ -157,12 +158,12 @@ class ContactRule(Value):
 
     @cached_property
     def miss(self) -> float | None:
-        """[m], by how much the arms of a pair that could be a stop miss each other where they align; None of others."""
+        """[m], the distance of the points of a possible stop where its arms align; None for other pairs."""
         return None if self._arms is None else self._arms[1].smallest
 
     @cached_property
     def stop(self) -> Stop | None:
-        """The stop that the boundary is, declared or by its equal arms; None if it is none."""
+        """The stop, if the boundary is one: declared, or by its equal arms; else None."""
         if self._arms is None:
             return None
         coefficients, strip, arms = self._arms
@@ -176,7 +177,7 @@ class ContactRule(Value):
 
     @property
     def size_path(self) -> RelativePath:
-        """Of a stop, the path whose norm is the size of the signed clearance: arms of `sqrt(|p| |s|)`, no miss."""
+        """The path whose norm is the absolute signed clearance of a stop: both arms are `sqrt(|p| |s|)`."""
         chain = self.path.minimal
         axis = chain.axes[0]
         arms = np.array([offset - axis * (axis @ offset) for offset in chain.offsets])
@@ -185,17 +186,17 @@ class ContactRule(Value):
 
     @property
     def is_stop(self) -> bool:
-        """Whether contact is where two arms align."""
+        """Whether contact is the angle at which two arms align."""
         return self.stop is not None
 
     @cached_property
     def distance(self) -> float:
-        """T [m], the separation up to which there is contact, where contact is an area; of a stop its miss."""
+        """T [m], the largest separation that is contact, if contact is an area; for a stop, its miss."""
         return self.stop.miss if self.stop else self.raised(0.0)
 
     @cached_property
     def placed_distance(self) -> float:
-        """T [m] if all links were where the coupling puts them, for bounds that carry `error` themselves."""
+        """T [m] without `error`, for bounds that include `error` themselves."""
         return self.stop.miss if self.stop else contact_distance(self.path, self.threshold, self.tolerance)
 
     def signed(self, Q: Array) -> Array:
@@ -216,13 +217,13 @@ class ContactRule(Value):
         return separation.gradients(self.path, Q)
 
     def strips(self, margin: float = 0.0) -> tuple[Array, tuple[Strip, ...]] | None:
-        """Return the effective angle's coefficients and its strips where the signed clearance is at most a margin.
+        """Return the coefficients of the effective angle, and the strips of signed clearances up to a margin.
 
         Args:
-            margin: [m]; of boundaries that are no stops it is added to the threshold.
+            margin: [m]; for boundaries that are not stops, it is added to the threshold.
 
         Returns:
-            As `univariate.one_angle_strips`: None if there are several angles, or a slide.
+            As `univariate.one_angle_strips`: None if there are several angles, or a prismatic joint.
         """
         if self.stop is None:
             return self._contacts if margin == 0.0 else univariate.one_angle_strips(self.path, self.raised(margin), 0.0)
@@ -232,17 +233,17 @@ class ContactRule(Value):
 
     @cached_property
     def _contacts(self) -> tuple[Array, tuple[Strip, ...]] | None:
-        """The strips of a boundary that is no stop, without a margin: bodies' are searched once."""
+        """The strips of a boundary that is not a stop, without a margin; for bodies, they are searched once."""
         return univariate.one_angle_strips(self.path, self.raised(0.0), 0.0)
 
     def raised(self, margin: float) -> float:
-        """Return the separation up to which there is contact, of a boundary that is no stop, a margin added [m]."""
+        """Return the largest separation that is contact plus a margin [m], for a boundary that is not a stop."""
         return contact_distance(self.path, self.threshold + margin, self.tolerance) + self.error
 
     def arcs(self, index: int, name: str, Q: Array, window: tuple[float, float] | None = None) -> AllowedArcsTable:
-        """Return the values of one coordinate that are out of contact, the others as in Q (N, n).
+        """Return the values of one coordinate that are not in contact; the other coordinates are those of Q (N, n).
 
-        Of a stop these are the arcs between its contact lines, beyond home's gap too: `signed` tells the side.
+        For a stop, these are all arcs between its contact lines, also beyond home's gap; `signed` has the side.
         """
         if self.stop is None:
             return univariate.allowed_arcs_table(self.path, index, name, Q, self.distance, 0.0, window)
@@ -256,7 +257,7 @@ class ContactRule(Value):
         return univariate.allowed_arcs_table(self.path, index, name, Q, 0.0, math.inf, window)
 
     def refusal_at_home(self) -> str | None:
-        """Return why home is no home, with the rule that says so; None if it is free."""
+        """Return why home is not free, by the rule; None if it is free."""
         stop = self.stop
         if stop is not None:
             away = float(stop.signed(self.home[None])[0]) if math.isfinite(stop.gap[0]) else 0.0
@@ -281,9 +282,9 @@ class ContactRule(Value):
 
 
 def stop_fault(rule: ContactRule) -> tuple[str, str] | None:
-    """Return what is wrong with a boundary that is declared as a stop, and what to do; None if it can be one.
+    """Return what is wrong with a boundary that is declared as a stop, and what to do; None if it can be a stop.
 
-    That its marks are points of zero threshold has been checked before.
+    It is already checked that its marks are points of zero threshold.
     """
     path = rule.path
     if not path.minimal.rotations and not np.any(path.minimal.slides):
@@ -307,7 +308,7 @@ def stop_fault(rule: ContactRule) -> tuple[str, str] | None:
             f"its arms are {_millimetres(arms[0])} and {_millimetres(arms[1])} long and miss each other by "
             f"{_millimetres(strip.smallest)} where they align, more than {STOP_MISS:.0%} of the shorter one"
         )
-        return what, "Mend the two points, or remove stop: as they are they never touch"
+        return what, "Correct the two points, or remove stop: as they are they never touch"
     return None
 
 

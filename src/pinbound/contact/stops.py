@@ -1,13 +1,13 @@
 """Signed clearances of stops for many configurations, in the batch kernel.
 
-A stop's signed clearance is `s = A sin(d / 2)`, `d = min(phi - low, high - phi)`, with `high = low + 2 pi` where the
-sides of all loops are equal. Then both terms of the minimum have the same sine, and for d of at least -2 pi
+A stop's signed clearance is `s = A sin(d / 2)`, `d = min(phi - low, high - phi)`, with `high = low + 2 pi` if the sides
+of all loops are equal. Then both terms of the minimum have the same sine, and for d >= -2 pi
 
     s = A sin((phi - low) / 2) = A (sin(phi / 2) cos(low / 2) - cos(phi / 2) sin(low / 2)),
 
-which costs two products and a difference, and the cosine and sine of `phi / 2` once an angle. Its rounding is
-`|A| (1 + |phi|)` times a few unit roundoffs, so that a sign is sure beyond that; the few rows that are nearer to a
-contact line, and those more than a turn beyond it, are taken from the rule itself. So is a stop whose gap is narrowed.
+which costs two products and a difference, and the cosine and sine of `phi / 2` once for each angle. Its rounding error
+is `|A| (1 + |phi|)` times a few unit roundoffs, and beyond that its sign is certain. The rule itself computes the few
+rows that are nearer to a contact line, rows more than a turn beyond it, and stops with a narrowed gap.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
 __all__ = ["StopKernel"]
 
 _SURE = 32.0
-"""Machine epsilons, relative to `A (1 + |phi|)`: beyond them the sign of a computed clearance is sure."""
+"""Machine epsilons, relative to `A (1 + |phi|)`: beyond them the sign of a computed clearance is certain."""
 
 _TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True)
 class _Rules:
-    """The rules as the interpreter that the kernel has to equal."""
+    """The rules as the reference interpreter of the kernel."""
 
     rules: tuple[ContactRule, ...]
 
@@ -113,7 +113,7 @@ class StopKernel:
     def smallest(
         self, Q: Array, with_index: bool, out: AnyArray | None, threads: int, backend: Backend, dtype: Any
     ) -> tuple[AnyArray, Ints]:
-        """Return each row's smallest signed clearance (N,) and which stop has it; NaN and -1 if one is NaN."""
+        """Return the smallest signed clearance (N,) of each row and its stop; NaN and -1 if one is NaN."""
         least, index = self._kernel.smallest(Q, with_index, out, threads, backend, dtype)
         extent = _extent(Q)
         doubtful = ~(np.abs(least) > self._sure(extent, least.dtype).max(initial=0.0))
@@ -128,14 +128,14 @@ class StopKernel:
         return least, index
 
     def _sure(self, extent: Array, kind: np.dtype[Any]) -> Array:
-        """Return above which size (k,) the sign of a computed clearance is sure while it is finite [m]."""
+        """Return the absolute value (k,) above which the sign of a finite computed clearance is certain [m]."""
         largest = np.where(np.isfinite(extent), np.abs(extent), 0.0).max(axis=0)
         reach = np.array([np.abs(stop.coefficients) @ largest for stop in self._stops])
         size = np.array([stop.amplitude for stop in self._stops])
         return _SURE * float(np.finfo(kind).eps) * size * (1.0 + reach)
 
     def _far(self, Q: Array, extent: Array) -> list[Indices]:
-        """Return the rows at which each stop's angle is more than a turn beyond home's gap."""
+        """Return the rows at which the angle of each stop is more than a turn beyond home's gap."""
         found: list[Indices] = []
         with np.errstate(invalid="ignore", over="ignore"):
             for stop in self._stops:
@@ -151,14 +151,14 @@ class StopKernel:
 
 
 def _extent(Q: Array) -> Array:
-    """Return the least and the largest value of each coordinate (2, n); NaN if one is, zero of no rows."""
+    """Return the smallest and the largest value of each coordinate (2, n); NaN if one is NaN, zero without rows."""
     if not len(Q):
         return np.zeros((2, Q.shape[1]))
     return np.array([[column.min(), column.max()] for column in Q.T]).reshape(-1, 2).T
 
 
 def _kept_free(values: Array, kind: np.dtype[Any]) -> Array:
-    """Return clearances of which no positive one becomes zero as a number of this kind: free stays free."""
+    """Return clearances rounded to this type such that no positive one becomes zero: free stays free."""
     return np.where(values > 0.0, np.maximum(values, np.finfo(kind).tiny), values)
 
 

@@ -178,7 +178,8 @@ class _Reader:
     def _capsule(self, body: Body) -> Body:
         """Return the capsule that Pinocchio makes of a cylinder."""
         if body.shape != "cylinder":
-            self.notes.append(f"<collision_checking> names {body.name!r} of link {body.link!r}, which is no cylinder")
+            named = f"{body.name!r} of link {body.link!r}"
+            self.notes.append(f"<collision_checking> names {named}, which is not a cylinder")
             return body
         return replace(body, shape="capsule")
 
@@ -195,7 +196,7 @@ class _Reader:
                 message = f"a <capsule> in <collision_checking> of {what} has no name"
                 self.problems.add(message, "Name the cylinder that is a capsule", capsule.sourceline)
             elif name not in names:
-                message = f"<collision_checking> of {what} names {name!r}, which is no body of this link"
+                message = f"<collision_checking> of {what} names {name!r}, which is not a body of this link"
                 self.problems.add(message, name_hint(name, filter(None, names)), capsule.sourceline)
             else:
                 found.add(name)

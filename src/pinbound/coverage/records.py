@@ -192,9 +192,9 @@ def hollow_note(links: Iterable[str]) -> str:
     if not named:
         return ""
     return (
-        f"a mesh is a surface, and several marks hold that of: {named}. A body that is wholly inside it, in a hollow "
-        "between its marks, touches no triangle, and no boundary says so. No motion leads there from outside without "
-        "contact, which boundaries see"
+        f"a mesh is a surface, and several marks together hold the mesh of: {named}. A body completely inside such a "
+        "mesh, in a hollow between its marks, touches no triangle, and no boundary detects it. But every motion to "
+        "such a place from outside passes through contact, which boundaries detect"
     )
 
 

@@ -223,7 +223,7 @@ class _Survey:
             for name in (mark.a, mark.b)
             if name not in self.tree.links
         }
-        said = [f"{source} leaves out pairs of {name!r}, which is no link" for source, name in sorted(absent)]
+        said = [f"{source} leaves out pairs of {name!r}, which is not a link" for source, name in sorted(absent)]
         hollow = [
             body.link
             for link in self.links.values()
@@ -245,7 +245,7 @@ class _Survey:
         if boundaries:
             reason = self._missing(a, b, watched, count) + (f"; the rest: {why}" if why else "")
             return PairCoverage((a, b), Status.IN_PART, reason, basis, names)
-        free = "a free joint lies between, so that no boundary is possible" if self._is_free(a, b) else ""
+        free = "a free joint lies between them, so no boundary is possible" if self._is_free(a, b) else ""
         return PairCoverage((a, b), Status.UNWATCHED, free or "no boundary between them", None, names)
 
     def _basis(self, a: str, b: str) -> tuple[Basis | None, str]:
@@ -265,7 +265,7 @@ class _Survey:
         if self._is_free(a, b):
             return None
         if degrees == 1:
-            return Basis.NEIGHBOURS, "neighbours: one degree of freedom between"
+            return Basis.NEIGHBOURS, "neighbours: one degree of freedom between them"
         pin = next((c.name for c in self.annotations.closures if {c.link_a, c.link_b} == {a, b}), None)
         if pin is not None:
             return Basis.NEIGHBOURS, f"neighbours: joined by the pin of closure {pin}"

@@ -292,7 +292,7 @@ def mark_shape(mark: Mark, more: float, reach: float = 1.0) -> Shape:
             return _box(mark.link, shape, axes, lengths, thick)
         if np.linalg.matrix_rank(axes) < _SOLID:
             raise UnsupportedError(
-                f"coal has no flat body like {mark.name!r}, but for rectangles; mark a body with some thickness"
+                f"coal has no flat bodies except rectangles, so not {mark.name!r}; mark a body with some thickness"
             )
         return Shape(mark.link, "hull", (thick,), np.eye(3), first, shape.corners @ shape.directions)
     if shape.is_point:

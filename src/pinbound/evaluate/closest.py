@@ -1,15 +1,15 @@
-"""Where two swept points are nearest: the t in [0, 1] that make `|w + t_1 e_1 + t_2 e_2 + ...|` least.
+"""Nearest points of two segments or parallelograms: the t in [0, 1] that minimise `|w + t_1 e_1 + t_2 e_2 + ...|`.
 
-More than two edge vectors are for `minimum_norm`. Of two, a convex function of t is least on the square's rim, or at a
-stationary point inside. Each side of the rim is one segment, `t = -w . e / |e|^2` cut to [0, 1]. Inside, with
-`n = e_1 x e_2`,
+`minimum_norm` is for more than two edge vectors. With two, the minimum of the convex function of t is on a side of the
+square, or at a stationary point inside. On a side, `t = -w . e / |e|^2`, limited to [0, 1]. Inside, with `n = e_1 x
+e_2`,
 
     t_1 = -(w x e_2) . n / |n|^2,     t_2 = -(e_1 x w) . n / |n|^2.
 
-n is taken as it is, not `|e_1|^2 |e_2|^2 - (e_1 . e_2)^2`, which has lost all its digits when the segments are parallel
-to 1e-8; and whatever t comes out is cut to the square and moved to the foot on the other segment, so that each of the
-five candidates is a true distance between two points of the segments. The least of them is the answer: rounding can
-only choose badly between candidates that are equal to rounding. `docs/segments.md`.
+The denominator is `|n|^2` and not `|e_1|^2 |e_2|^2 - (e_1 . e_2)^2`, which loses all its digits if the segments are
+parallel to 1e-8. Each t is limited to the square and moved to the foot on the other segment, so each of the five
+candidates is a true distance between two points of the segments. The smallest candidate is the answer: rounding can
+only choose wrongly between candidates that are equal up to rounding. `docs/segments.md`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _FACE = 64  # unit roundoffs, relative to the furthest corner over the least sin
 
 
 def nearest(w: Array, edges: Array) -> Array:
-    """Return the t (N, k) in [0, 1] at which `|w + sum_i t_i e_i|` is least.
+    """Return the t (N, k) in [0, 1] at which `|w + sum_i t_i e_i|` is smallest.
 
     Args:
         w: (N, d), d being 3, or 2 across a line.
@@ -53,7 +53,7 @@ def nearest(w: Array, edges: Array) -> Array:
 
 
 def nearest_of_hulls(w: Array, edges: Array, corners: tuple[Array, Array]) -> Array:
-    """Return the t (N, k) at which `|w + sum_i t_i e_i|` is least, t over the product of two hulls of corners.
+    """Return the t (N, k) at which `|w + sum_i t_i e_i|` is smallest, for t in the product of two hulls of corners.
 
     Args:
         w: (N, d), d being 3, or 2 across a line.
@@ -66,7 +66,7 @@ def nearest_of_hulls(w: Array, edges: Array, corners: tuple[Array, Array]) -> Ar
 
 
 def lowest(edges: Array, corners: tuple[Array, Array]) -> Array:
-    """Return the t (N, k) at which `sum_i t_i e_i` is least, the e_i being (k, N, 1) heights: those of a corner.
+    """Return the t (N, k) of the corner at which `sum_i t_i e_i` is smallest; the e_i are heights (k, N, 1).
 
     Example:
         >>> lowest(np.array([[[1.0]], [[-2.0]]]), (np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.zeros((1, 0))))
@@ -94,13 +94,13 @@ def _on_square(w: Array, first: Array, second: Array) -> Array:
 
 
 def overlap(w: Array, edges: Array) -> Array:
-    """Return a ball's radius (N,) within which the origin may move without leaving `w + sum_i t_i e_i`, d = 3.
+    """Return the radius (N,) of a ball around the origin that is inside `w + sum_i t_i e_i`, for d = 3.
 
-    It is the least distance of the origin from a face, less what rounding can have made of it: each face is spanned by
-    two edge vectors, and all pairs of them are looked at. Zero where the origin is outside, or where they span no body.
-
-    Two that are nearly parallel span a face whose normal rounding has made. They are left out: laying the shorter
-    one along the other would move the body by less than `sine |e|`, which is taken off for all of them.
+    It is the smallest distance of the origin from a face, minus the rounding error. Two edge vectors span each face,
+    and all pairs are checked. It is zero if the origin is outside, or if the edge vectors span no body. If two edge
+    vectors are nearly parallel, the normal of their face is only rounding. Such pairs are left out: replacing the
+    shorter vector by a parallel of the other moves the body by less than `sine |e|`, and this is subtracted for all of
+    them.
 
     Example:
         >>> overlap(np.array([[-0.5, -0.5, -0.3]]), np.eye(3)[:, None]).round(9).tolist()
@@ -128,9 +128,9 @@ def overlap(w: Array, edges: Array) -> Array:
 
 
 def overlap_in_plane(w: Array, edges: Array, normal: Array) -> Array:
-    """Return the same for what stays in a plane: how far the origin's foot in it may move (N,), zero if outside.
+    """Return the same for bodies in a plane: how far the foot of the origin may move (N,), zero if it is outside.
 
-    The sides of a polygon `w + sum_i t_i e_i` are along its edge vectors, two each.
+    The sides of a polygon `w + sum_i t_i e_i` are parallel to its edge vectors, two sides to each.
     """
     depth = np.full(len(w), np.inf)
     for edge in edges:
@@ -143,7 +143,7 @@ def overlap_in_plane(w: Array, edges: Array, normal: Array) -> Array:
 
 
 def _inside(w: Array, first: Array, second: Array) -> tuple[Array, Array]:
-    """Return the stationary point, cut to the square, one of the two at the foot of the other."""
+    """Return the stationary point, limited to the square, with one t at the foot of the other."""
     if w.shape[1] == 3:
         n = np.cross(first, second)
         s = _cut(-np.einsum("ni,ni->n", np.cross(w, second), n), np.einsum("ni,ni->n", n, n))
@@ -160,5 +160,5 @@ def _foot(w: Array, edge: Array) -> Array:
 
 
 def _cut(above: Array, below: Array) -> Array:
-    """Return the quotient cut to [0, 1]; 0 where the denominator is."""
+    """Return the quotient limited to [0, 1]; 0 if the denominator is 0."""
     return np.clip(np.divide(above, below, out=np.zeros_like(above), where=below > 0.0), 0.0, 1.0)

@@ -59,7 +59,7 @@ class Penetration(Value):
 
 @dataclass
 class _Deepest:
-    """Of one row: the depth, the outward normal of the nearest face, whether it is the only one."""
+    """The depth in one row, the outward normal of the nearest face, and whether this normal is unique."""
 
     depth: float
     normal: Array
@@ -111,7 +111,7 @@ def signed_gradients(path: RelativePath, Q: Array) -> Array:
 
 
 def _overlapping(path: RelativePath, apart: Array) -> Indices:
-    """Return the rows in which a distance of zero hides a depth; a height goes on below zero itself."""
+    """Return the rows with a distance of zero, which have a depth; a height is negative itself."""
     return np.flatnonzero(apart == path.floor)
 
 
@@ -149,18 +149,18 @@ def _deepest_of(path: RelativePath, Q: Array, rows: Indices) -> list[tuple[int, 
 
 
 def _normal_plane(unit: Array) -> Array:
-    """Return two unit rows normal to a unit vector, and to each other."""
+    """Return two unit rows that are normal to a unit vector and to each other."""
     one = np.asarray(np.cross(unit, np.eye(3)[int(np.argmin(np.abs(unit)))]), dtype=np.float64)
     one /= np.linalg.norm(one)
     return np.stack((one, np.asarray(np.cross(unit, one), dtype=np.float64)))
 
 
 def _deepest(a: Array, b: Array, basis: Array) -> _Deepest:
-    """Return how deep the origin is in all sums of vertices a (k, d) and b (l, d); its normal in space.
+    """Return the depth of the origin in the set of all sums of vertices a (k, d) and b (l, d), and its normal.
 
     Args:
         a: Vertices of one body, d being 3, or 2 across a line.
-        b: Vertices of the other, turned round.
+        b: Vertices of the other body, negated.
         basis: (d, 3), unit rows.
     """
     from scipy.spatial import QhullError
@@ -216,8 +216,8 @@ def _spanning(support: Callable[[Array], Array], d: int, size: float) -> tuple[A
 def _faces(points: Array) -> tuple[Array, Array]:
     """Return the outward unit normals (f, d) of the faces of a hull, and the origin's distances behind them (f,).
 
-    Qhull sees the points stretched to equal extents, so that it can tell the faces of slivers apart. A distance is the
-    least of the face's own vertices: a bound from below.
+    The points are scaled to equal extents for Qhull, so that it can distinguish the faces of thin bodies. A distance is
+    the smallest value over the vertices of the face: a lower bound.
     """
     from scipy.spatial import ConvexHull
 
@@ -231,7 +231,7 @@ def _faces(points: Array) -> tuple[Array, Array]:
 
 
 def _slope(path: RelativePath, q: Array, m: Array, depth: float) -> Array:
-    """Return the gradient (n,) of the signed distance of bodies that overlap, m being their only way out."""
+    """Return the gradient (n,) of the signed distance of bodies that overlap; m is the only separating direction."""
     placed, corners = _placed(path, q), path.difference.corners
     split = corners[0].shape[1]
     w, edges = placed.w, placed.edges

@@ -1,14 +1,12 @@
-"""The t in [0, 1] that make `|w + sum_i t_i e_i|` least, for any number of edge vectors e_i: boxes and prisms.
+"""The t in [0, 1] that minimise `|w + sum_i t_i e_i|`, for any number of edge vectors e_i: boxes and prisms.
 
 `Z = {w + sum_i t_i e_i}` is convex, and its furthest point against a direction v is a corner, `t_i = [v . e_i < 0]`. So
-Z is handled by its corners alone, as in the algorithm of Gilbert, Johnson and Keerthi (1988): v is the point nearest to
-the origin of the hull of up to four corners, and the next corner is the furthest against v. With it
+corners are sufficient, as in the algorithm of Gilbert, Johnson and Keerthi (1988): v is the point nearest to the origin
+in the hull of up to four corners, and s(v), the corner furthest against v, is the next corner. Then
 
-    v . s(v) / |v| <= distance <= |v|,     s(v) being that corner,
-
-so that every answer carries its own proof: the search ends when both sides agree to rounding. Where they do not, as of
-flat bodies with the origin in their plane, the t that are free are solved for once more. `docs/segments.md`. Where
-there is Numba, and enough to do, `machine/searched.py` does the same in machine code.
+    v . s(v) / |v| <= distance <= |v|,     so every answer has its own proof: the search ends when both sides agree up
+    to rounding. If they do not agree, as for flat bodies with the origin in their plane, the free t are computed once
+    more. `docs/segments.md`. With Numba, and enough work, `machine/searched.py` does the same in machine code.
 """
 
 from __future__ import annotations
@@ -30,10 +28,10 @@ _SINGULAR = 1e-12  # relative: directions in which edge vectors lead less far do
 
 
 def nearest_corners(w: Array, edges: Array) -> tuple[Array, Array]:
-    """Return the least t (N, k), and a proven lower bound of the distance (N,), zero or less if the origin is inside.
+    """Return the t (N, k) of the minimum, and a proven lower bound of the distance (N,), at most zero if it is inside.
 
-    Outside, bound and distance agree but for rounding. Inside, a ball of minus the bound around the origin is inside,
-    too: within the four corners at which the search ended; zero if it ended with fewer.
+    If the origin is outside, bound and distance agree up to rounding. If it is inside, a ball around it with the radius
+    `-bound` is inside the hull of the four corners at which the search ended; zero if it ended with fewer corners.
 
     Args:
         w: (N, 3).
@@ -61,7 +59,7 @@ def nearest_corners(w: Array, edges: Array) -> tuple[Array, Array]:
 
 
 def nearest_hulls(w: Array, edges: Array, corners: tuple[Array, Array]) -> Array:
-    """Return the t (N, m) that make `|w + sum_i t_i e_i|` least, t over the product of two hulls of corners.
+    """Return the t (N, m) that minimise `|w + sum_i t_i e_i|`, for t in the product of two hulls of corners.
 
     Args:
         w: (N, 3).
@@ -86,15 +84,15 @@ def nearest_hulls(w: Array, edges: Array, corners: tuple[Array, Array]) -> Array
 def nearest_in_tables(
     w: Array, edges: Array, start: Array, scale: Array, table: Array, bodies: Array
 ) -> tuple[Array, Array]:
-    """Return the same t (N, 6) of many pairs, each row with its own two bodies, and a proven bound as `gjk` does (N,).
+    """Return the same t (N, 6) for many pairs, each row with its own two bodies, and a proven bound (N,) as in `gjk`.
 
-    The few rows that float64 cannot settle (slivers that touch) are left as they are.
+    The few rows that float64 cannot decide (thin bodies that touch) are left as they are.
 
     Args:
         w: (N, 3).
         edges: (N, 6, 3): three of the first body, three of the second; zero where it has fewer.
-        start: (N, 3), the first direction to look against.
-        scale: (N,), what rounding is relative to.
+        start: (N, 3), the first search direction.
+        scale: (N,), the length to which rounding is relative.
         table: (V, 3), the vertices of all bodies as coefficients of their three edge vectors.
         bodies: (N, 4), first vertex and number of vertices of either body.
     """
@@ -121,7 +119,7 @@ def nearest_in_tables(
 
 
 def _is_worth_compiling(k: int, rows: int) -> bool:
-    """Count rows, and say whether there have been enough to pay for loading machine code, or for compiling it."""
+    """Count rows, and return whether there were enough to load machine code, or to compile it."""
     _rows[k] = _rows.get(k, 0) + rows
     if _rows[k] < _WORTH_LOADING:
         return False
@@ -145,7 +143,7 @@ def _in_numpy(w: Array, edges: Array) -> tuple[Array, Array]:
 
 
 def _solved(w: Array, edges: Array, t: Array) -> Array:
-    """Return t (N, k) no worse: those between their ends solved for, the others as they are; edges (N, 3, k)."""
+    """Return t (N, k) that are at least as good: free t are computed again, others stay; edges (N, 3, k)."""
     r: Array = w + np.einsum("nik,nk->ni", edges, t)
     for _ in range(3):
         free = (t > 0.0) & (t < 1.0)

@@ -1,7 +1,7 @@
 """Exact values, gradients and Hessians of a chain in NumPy, for one or many configurations.
 
-With `x_i = b_i + R_{i+1} x_{i+1}` and `R = R(u, c . q)`, one loop from the tail carries value, first and second
-derivative along (`(x)` is the outer product over coordinates, `sym` adds its transpose):
+With `x_i = b_i + R_{i+1} x_{i+1}` and `R = R(u, c . q)`, one loop from the tail computes the value and the first and
+second derivative (`(x)` is the outer product over coordinates, `sym` adds its transpose):
 
     x'  = L + R x' + (u x R x) (x) c
     x'' = R x'' + sym[(u x R x') (x) c] + u x (u x R x) (x) c (x) c
@@ -35,12 +35,12 @@ def positions(chain: Chain, Q: Array) -> Array:
 
 
 def derivative(chain: Chain, Q: Array) -> Array:
-    """Return the derivative (N, 3, n) [m/rad, or 1 for slides] of the chain's value for Q (N, n)."""
+    """Return the derivative (N, 3, n) [m/rad, or 1 for prismatic joints] of the chain's value for Q (N, n)."""
     return derivatives(chain, Q, order=1)[1]
 
 
 def jacobian(chain: Chain, Q: Array) -> tuple[Array, Array]:
-    """Return the chain's value (N, 3) [m] and its Jacobian (N, 3, n) [m/rad]; smooth everywhere, contact included."""
+    """Return the chain's value (N, 3) [m] and its Jacobian (N, 3, n) [m/rad]; smooth everywhere, also at contact."""
     r, J, _ = derivatives(chain, Q, order=1)
     return r, J
 
@@ -62,7 +62,7 @@ def norm(r: Array) -> Array:
 
 
 def gradient(chain: Chain, Q: Array) -> Array:
-    """Return the gradient (N, n) of the norm; NaN where the norm is zero, for it has a kink there."""
+    """Return the gradient (N, n) of the norm; NaN where the norm is zero (a kink)."""
     r, J, _ = derivatives(chain, Q, order=1)
     return np.einsum("ni,nia->na", unit(r), J)
 
@@ -121,7 +121,7 @@ def _offset(chain: Chain, index: int, Q: Array) -> Array:
 
 
 def _combination(c: Array, Q: Array) -> Array:
-    """Return `c . q` for each row; no BLAS, so that a row's bits do not depend on how many rows there are."""
+    """Return `c . q` for each row; without BLAS, so that the bits of a row do not depend on the number of rows."""
     total = np.zeros(len(Q))
     for index in np.flatnonzero(c):
         total = total + c[index] * Q[:, index]

@@ -1,10 +1,10 @@
-"""A chain whose rotations share one direction, as a sum of turning arrows in the complex plane.
+"""A chain whose rotations share one direction, as a sum of rotating arrows in the complex plane.
 
-Across the axis u, with `z = e_1 . r + i e_2 . r` and `e_1 x e_2 = u`, a rotation is a factor `exp(i phi)`, so
+Perpendicular to the axis u, with `z = e_1 . r + i e_2 . r` and `e_1 x e_2 = u`, a rotation is a factor `exp(i phi)`, so
 
     z(q) = sum_m w_m exp(i g_m . q),   r . u = h,   |r|^2 = |z|^2 + h^2,
 
-g_m being the sums of the coefficients up to rotation m. Ten times faster than the general chain.
+where g_m is the sum of the coefficients up to rotation m. It is ten times faster than the general chain.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ __all__ = ["Arrows", "arrows"]
 
 @dataclass(frozen=True)
 class Arrows:
-    """`z(q) = sum_m w_m exp(i g_m . q)` beside a constant height.
+    """`z(q) = sum_m w_m exp(i g_m . q)` with a constant height.
 
     Attributes:
         weights: (k + 1,) complex, w_m [m].
@@ -60,7 +60,7 @@ class Arrows:
 
 
 def arrows(chain: Chain) -> Arrows | None:
-    """Return a chain as arrows, or None if its axes differ in direction, or it slides, or never turns.
+    """Return a chain as arrows, or None if its axes differ in direction, or it has a prismatic joint or no rotation.
 
     Example:
         >>> offsets = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]])

@@ -1,16 +1,16 @@
-"""Distance along a relative path, of points, of bodies or across a line, or signed height; with its derivatives.
+"""Distance of points, of bodies, or from a line, or signed height, along a relative path; with its derivatives.
 
-With `r(q, t) = w + sum_i t_i e_i` the separation is `f = min_t |r|`, t in [0, 1]. At the least t* a free t has no slope
-and a t at its end does not move, so that with the Hessian H of |r| over (q, t) and the free t marked by f
+With `r(q, t) = w + sum_i t_i e_i`, the separation is `f = min_t |r|`, t in [0, 1]. At the minimum t*, the slope of a
+free t is zero, and a t at its end does not move. So with the Hessian H of |r| over (q, t), and f for the free t,
 
     grad = r^ . (w' + sum_i t*_i e_i'),      Hess = H_qq - H_qf H_ff^-1 H_fq.
 
-Of hulls the free t are those that stay in the face that is nearest: the differences of its vertices span them. Where
-H_ff is singular in a direction that q does not lead along either (edges along the axis of every joint), the separation
-does not depend on that direction, and it is left out.
+For hulls, the free t are those that stay in the nearest face: the differences of its vertices span them. If H_ff is
+singular in a direction along which q does not move the bodies either (edges parallel to the axes of all joints), the
+separation does not depend on that direction, and it is left out.
 
-A plane measures `n . r` instead of |r|, which is linear: its least t are 0 or 1. `docs/segments.md` derives all this,
-and says where derivatives jump.
+A plane measures `n . r` instead of |r|, which is linear, so the t of the minimum are 0 or 1. `docs/segments.md` derives
+all this, and says where derivatives jump.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def separations(path: RelativePath, Q: Array) -> Array:
 
 
 def gradients(path: RelativePath, Q: Array) -> Array:
-    """Return the gradient (N, n) of the separation; NaN where a distance is zero, for it has a kink there."""
+    """Return the gradient (N, n) of the separation; NaN where a distance is zero (a kink)."""
     return _of(path).gradients(path, Q)
 
 
@@ -53,7 +53,7 @@ def hessians(path: RelativePath, Q: Array) -> Array:
 
 
 def parameters(path: RelativePath, Q: Array) -> Array:
-    """Return the t (N, k) in [0, 1], one a segment, at which the two marks are nearest."""
+    """Return the t (N, k) in [0, 1], one for each segment, at which the two marks are nearest."""
     return _of(path).nearest(path, *measured(path, Q))
 
 
@@ -70,9 +70,9 @@ def vectors(path: RelativePath, Q: Array) -> Array:
 
 
 def nearest_points(path: RelativePath, Q: Array) -> Array:
-    """Return the nearest points of both marks (N, 2, 3) [m], radii left out, in the ancestor's frame.
+    """Return the nearest points of both marks (N, 2, 3) [m], without radii, in the ancestor's frame.
 
-    Of a line or plane it is the foot of the other's point. Where several pairs are equally near it is one of them.
+    On a line or plane, it is the foot of the other mark's point. If several pairs are equally near, it is one of them.
     """
     t = parameters(path, Q)
     points: list[Array] = []
@@ -91,7 +91,7 @@ def nearest_points(path: RelativePath, Q: Array) -> Array:
 
 
 def _left_of(path: RelativePath, r: Array, Q: Array) -> Array:
-    """Return what counts of r (N, 3) in the ancestor's frame."""
+    """Return the part of r (N, 3) that counts, in the ancestor's frame."""
     normal = path.normal
     if normal is None:
         return r
@@ -100,7 +100,7 @@ def _left_of(path: RelativePath, r: Array, Q: Array) -> Array:
 
 
 class _Lengths:
-    """Distances of bodies, and across lines: the least |r|."""
+    """Distances of bodies, and from lines: the minimum of |r|."""
 
     @staticmethod
     def values(path: RelativePath, Q: Array) -> Array:
@@ -155,7 +155,7 @@ class _Points(_Lengths):
 
 
 class _Heights:
-    """Heights above planes: the least n . r, which is linear in t."""
+    """Heights above planes: the minimum of n . r, which is linear in t."""
 
     @staticmethod
     def values(path: RelativePath, Q: Array) -> Array:
@@ -186,12 +186,12 @@ _MEASURED: Mapping[Case, type[_Lengths] | type[_Heights]] = {
 
 
 def _of(path: RelativePath) -> type[_Lengths] | type[_Heights]:
-    """Return how its separation is evaluated: the one place that asks for the case."""
+    """Return the evaluator of a path: the only function that asks for the case."""
     return _MEASURED[path.case]
 
 
 def _faces(path: RelativePath, r: Array, edges: Array) -> Array:
-    """Return the projectors (N, k, k) on the t that stay in the nearest face of either body."""
+    """Return the projectors (N, k, k) onto the t that stay in the nearest face of each body."""
     towards, k = numeric.unit(r), edges.shape[2]
     heights, split = np.einsum("ni,nik->nk", towards, edges), path.difference.corners[0].shape[1]
     size = np.linalg.norm(r, axis=1)
@@ -213,7 +213,7 @@ def _faces(path: RelativePath, r: Array, edges: Array) -> Array:
 
 
 def _follows(full: Array, faces: Array, n: int) -> Array:
-    """Return `H_qf H_ff^+ H_fq` (N, n, n), NaN where f is singular in a direction that q leads along."""
+    """Return `H_qf H_ff^+ H_fq` (N, n, n); NaN if H_ff is singular in a direction along which q moves."""
     inner = faces @ full[:, n:, n:] @ faces
     mixed = faces @ full[:, n:, :n]
     found = np.full((len(full), n, n), np.nan)
@@ -230,7 +230,7 @@ def _follows(full: Array, faces: Array, n: int) -> Array:
 
 
 def _solve(inner: Array, mixed: Array) -> Array:
-    """Solve for the free t; singular systems (parallel edge vectors: the nearest points are many) give no number."""
+    """Solve for the free t; singular systems (parallel edge vectors, many nearest points) give NaN."""
     size = np.sqrt(np.einsum("nii->ni", inner))
     with np.errstate(invalid="ignore", divide="ignore"):
         scaled = inner / (size[:, :, None] * size[:, None, :])
@@ -242,7 +242,7 @@ def _solve(inner: Array, mixed: Array) -> Array:
 
 
 def measured(path: RelativePath, Q: Array) -> tuple[Array, Array]:
-    """Return w (N, d) and the e (k, N, d) of what counts: d = 3, 2 across a line, 1 above a plane."""
+    """Return the parts of w (N, d) and e (k, N, d) that count: d = 3, 2 for a line, 1 for a plane."""
     w = numeric.positions(path.minimal, Q)
     chains = path.difference.edges
     edges = np.array([numeric.positions(edge, Q) for edge in chains]).reshape(len(chains), *w.shape)
@@ -251,14 +251,14 @@ def measured(path: RelativePath, Q: Array) -> tuple[Array, Array]:
 
 
 def _settled(path: RelativePath, r: Array) -> Array:
-    """Return r, zero where bodies overlap: the search leaves rounding there, which has no direction."""
+    """Return r, with zero where bodies overlap: r is only rounding there, without a direction."""
     if not path.is_solid:
         return r
     return np.where((np.abs(r).max(axis=1) <= OVERLAP * path.minimal.scale)[:, None], 0.0, r)
 
 
 def _around(path: RelativePath, Q: Array, order: int) -> tuple[Array, Array, Array, Array]:
-    """Return r (N, d), its derivatives by (q, t), (N, d, n + k) and (N, d, n + k, n + k), and t, at the nearest t."""
+    """Return r (N, d), its derivatives by (q, t), (N, d, n + k) and (N, d, n + k, n + k), and t, at the minimum."""
     chains = (path.minimal, *path.difference.edges)
     parts = [path.counted_of_each(numeric.derivatives(chain, Q, order)) for chain in chains]
     (w, J, H), others = parts[0], parts[1:]

@@ -1,6 +1,6 @@
 """SymPy expressions and LaTeX of a relative path, in the minimal frame or in the ancestor's.
 
-Constants become exact rationals of their decimal form (15 digits), so that expressions simplify exactly.
+Constants become the exact rationals of their decimal form (15 digits), so that expressions simplify exactly.
 """
 
 from __future__ import annotations
@@ -44,20 +44,20 @@ sp = cast(Any, sympy)  # SymPy carries only part of its types
 
 
 def symbols(coordinates: Sequence[str]) -> tuple[Any, ...]:
-    """Return one real symbol a coordinate, by its name."""
+    """Return one real symbol for each coordinate, with its name."""
     return tuple(sp.Symbol(name, real=True) for name in coordinates)
 
 
 def parameters(count: int, coordinates: Sequence[str]) -> tuple[Any, ...]:
-    """Return one real symbol t_1, t_2 a segment; primed where a coordinate has that name."""
+    """Return one real symbol t_1, t_2 for each segment; it is primed if a coordinate has the same name."""
     names = [f"t_{index + 1}" for index in range(count)]
     return tuple(sp.Symbol(name + "'" * (name in coordinates), real=True) for name in names)
 
 
 def minimal_vector(path: RelativePath, coordinates: Sequence[str]) -> Any:
-    """Return r (3, 1) in the frame on the path in which the fewest rotated terms are left.
+    """Return r (3, 1) in the frame on the path in which it has the fewest rotated terms.
 
-    Of segments, between the points t_1, t_2; of a line or plane, the part of r that counts.
+    For segments, it is between the points t_1 and t_2; for a line or plane, it is the part of r that counts.
     """
     r = _sum_vector(path.difference, path.frame, coordinates)
     rows = path.projection
@@ -88,13 +88,13 @@ def operations(vector: Any) -> int:
 
 
 def unreduced_vector(place_a: Chain, place_b: Chain, coordinates: Sequence[str]) -> Any:
-    """Return `r_0,n - r_0,m` of Eq. (5): both points placed from the root by unreduced chains, nothing merged."""
+    """Return `r_0,n - r_0,m` of Eq. (5): unreduced chains place both points from the root, without any merging."""
     q = symbols(coordinates)
     return _vector(place_a, 0, q, merge=False) - _vector(place_b, 0, q, merge=False)
 
 
 def latex(vector: Any, digits: int = 6, entry: bool = False) -> str:
-    """Return a vector, or its first entry alone, as LaTeX, numbers as decimals in metres."""
+    """Return a vector, or only its first entry, as LaTeX, with decimal numbers in metres."""
     decimals = {number: sp.Float(number, digits) for number in vector.atoms(sp.Rational) if not number.is_Integer}
     found = vector.xreplace(decimals)
     named = {symbol: _text(symbol.name) for symbol in found.free_symbols if not _PLAIN.fullmatch(symbol.name)}
@@ -102,18 +102,18 @@ def latex(vector: Any, digits: int = 6, entry: bool = False) -> str:
 
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_]*'*")
-"""Names that LaTeX and MathML print as they are meant; all others are printed as text, letter by letter."""
+"""Names that LaTeX and MathML print as symbols; all other names are printed as text, letter by letter."""
 
 _LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "$": r"\$"}
 
 
 def _text(name: str) -> str:
-    """Return LaTeX that prints a name as it is; a name is data, and runs no command."""
+    """Return LaTeX that prints a name unchanged; a name is data, and cannot contain commands."""
     return r"\text{" + "".join(_LATEX.get(letter, "\\" * (letter in "{}%&#_") + letter) for letter in name) + "}"
 
 
 def lines(vector: Any, digits: int = 6) -> tuple[str, ...]:
-    """Return the three components as text for people, lengths in millimetres.
+    """Return the three components as text for people, with lengths in millimetres.
 
     Example:
         >>> lines(sp.Matrix([sp.Rational(969, 100000) - sp.cos(sp.Symbol("q2")) / 10, 0, 0]))
@@ -147,12 +147,12 @@ def mathml(vector: Any, digits: int = 6) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class LimitExpressions:
-    """Where one coordinate comes into contact, as SymPy expressions of the others: quadrant-safe, every turn.
+    """The contacts of one coordinate, as SymPy expressions of the others, in every quadrant and every turn.
 
     Attributes:
         coordinate: Its name.
-        aligned: The value at which the two arms align, the norm being smallest: `(phi* - rest) / c`, phi* an atan2.
-        half_width: `w / |c|`, an acos of lengths; zero if the boundary has no threshold, so that contact is alignment.
+        aligned: The value at which the two arms align and the norm is smallest: `(phi* - rest) / c`, phi* is an atan2.
+        half_width: `w / |c|`, an acos of lengths; zero for a boundary without threshold, whose contact is alignment.
         period: `2 pi / |c|`.
     """
 
@@ -172,7 +172,7 @@ class LimitExpressions:
         return self.aligned + self.half_width
 
     def latex(self, digits: int = 6) -> str:
-        """Return `q = aligned +- half_width + period k` as LaTeX, numbers as decimals in metres and radians."""
+        """Return `q = aligned +- half_width + period k` as LaTeX, with decimal numbers in metres and radians."""
         head = latex(sp.Matrix([sp.Symbol(self.coordinate)]), entry=True)
         aligned = latex(sp.Matrix([self.aligned]), digits, entry=True)
         width = "" if self.half_width == 0 else rf" \pm {latex(sp.Matrix([self.half_width]), digits, entry=True)}"
@@ -181,19 +181,20 @@ class LimitExpressions:
 
 
 def limit_expressions(path: RelativePath, index: int, coordinates: Sequence[str], threshold: float) -> LimitExpressions:
-    """Return the contacts of a coordinate that turns one rotation: `r = p + R(u, phi) s`, `phi = c q_j + rest`.
+    """Return the contacts of a coordinate in exactly one rotation: `r = p + R(u, phi) s`, `phi = c q_j + rest`.
 
-    With p and s across u, of lengths P and S, and h the sum of both along u, contact at the distance t is at
+    With the lengths P and S of the parts of p and s perpendicular to u, and the sum h of both along u, contact at the
+    distance t is at
 
         phi = atan2(u . (p x s), -p . s) +- acos((h^2 + P^2 + S^2 - t^2) / (2 P S)).
 
-    Above a plane of normal n the height is `A + B cos phi + C sin phi`, and contact is at
+    Above a plane with normal n, the height is `A + B cos phi + C sin phi`, and contact is at
 
         phi = atan2(-C, -B) +- acos((A - t) / sqrt(B^2 + C^2)).
 
     Raises:
         UnsupportedError: If the path does not use the coordinate in exactly one rotation, or measures a distance of
-            segments or across a line.
+            segments or from a line.
     """
     chain = path.minimal
     if not path.is_harmonic:
@@ -213,7 +214,7 @@ def limit_expressions(path: RelativePath, index: int, coordinates: Sequence[str]
 
 
 def _distance_strip(path: RelativePath, place: int, q: Sequence[Any], threshold: float) -> tuple[Any, Any]:
-    """Return phi* and w of two points, the rotation at `place` turning."""
+    """Return phi* and w of two points for the rotation at `place`."""
     axis, p, s = _parts(path, place, q)
     height = sp.expand(axis.dot(p + s))
     p, s = p - axis * axis.dot(p), s - axis * axis.dot(s)
@@ -225,7 +226,7 @@ def _distance_strip(path: RelativePath, place: int, q: Sequence[Any], threshold:
 
 
 def _height_strip(path: RelativePath, place: int, q: Sequence[Any], threshold: float) -> tuple[Any, Any]:
-    """Return phi* and w of a point above a plane, the rotation at `place` turning."""
+    """Return phi* and w of a point above a plane for the rotation at `place`."""
     axis, p, s = _parts(path, place, q)
     before = path.minimal.before(place)
     offsets = np.zeros_like(before.offsets)
@@ -241,19 +242,19 @@ _STRIPS = {Case.POINTS: _distance_strip, Case.PLANE: _height_strip}
 
 
 def _parts(path: RelativePath, place: int, q: Sequence[Any]) -> tuple[Any, Any, Any]:
-    """Return u, p and s of `r = p + R(u, phi) s`, R being the rotation at `place`."""
+    """Return u, p and s of `r = p + R(u, phi) s`, where R is the rotation at `place`."""
     chain = path.minimal
     axis = _constants(chain.axes[place], 1.0)
     return axis, _vector(chain.before(place), place, q), _vector(chain.behind(place), 0, q)
 
 
 def _decimal(value: float) -> Any:
-    """Return the decimal that a number was most likely written as, as a rational."""
+    """Return the decimal number that was most likely written, as a rational."""
     return sp.Rational(f"{value:.{SYMBOLIC_DIGITS}g}")
 
 
 def _vector(chain: Chain, position: int, q: Sequence[Any], merge: bool = True) -> Any:
-    """Sum every offset of a chain, turned into the frame at `position`."""
+    """Sum all offsets of a chain, rotated into the frame at `position`."""
     total = sp.zeros(3, 1)
     for index in range(chain.rotations + 1):
         block = _constants(chain.offsets[index], chain.scale) + _constants(chain.slides[index], 1.0) * sp.Matrix(q)
@@ -268,7 +269,7 @@ def _vector(chain: Chain, position: int, q: Sequence[Any], merge: bool = True) -
 
 
 def _factors(axes: Array, coefficients: Array, q: Sequence[Any], merge: bool) -> list[Any]:
-    """Return rotation matrices; `merge` makes neighbours about one direction one of the summed angle."""
+    """Return rotation matrices; `merge` replaces neighbours about one direction by one rotation by the summed angle."""
     factors: list[Any] = []
     start = 0
     while start < len(axes):
@@ -293,7 +294,7 @@ def _rotation(axis: Array, angle: Any) -> Any:
 
 
 def _constants(array: Array, scale: float) -> Any:
-    """Return the decimals that float64 values of size `scale` were most likely written as, as rationals."""
+    """Return the decimal numbers that were most likely written for float64 values of size `scale`, as rationals."""
     digits = SYMBOLIC_DIGITS - 1 - math.floor(math.log10(scale)) if scale > 0 else SYMBOLIC_DIGITS
     matrix = array.reshape(3, -1)
     return sp.Matrix(*matrix.shape, [sp.Rational(f"{value:.{max(digits, 0)}f}") for value in matrix.ravel()])

@@ -1,8 +1,8 @@
-"""Which vertices of two bodies are nearest to each other: a vertex, an edge or a face of each.
+"""The nearest features of two bodies: a vertex, an edge or a face of each.
 
-With the unit vector r^ between the nearest points, from b to a, the nearest feature of a is where `r^ . x` is least
-over its vertices, that of b where it is greatest. Vertices that reach the extreme within the rounding of r^ belong to
-it: one is a vertex, two an edge, more a face.
+Let r^ be the unit vector between the nearest points, from b to a. The nearest feature of a has the vertices with the
+smallest `r^ . x`, the nearest feature of b those with the largest, up to the rounding of r^. One vertex is a vertex,
+two are an edge, more are a face.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ class Feature(Value):
     """The part of a body that is nearest to the other one.
 
     Attributes:
-        vertices: Positions among the vertices of the mark's shape (`mark.shape.vertices`), in order.
-        kind: ``"vertex"``, ``"edge"`` or ``"face"``; ``"point"`` where the body has one vertex alone.
+        vertices: Indices of its vertices in the shape of the mark (`mark.shape.vertices`), in order.
+        kind: ``"vertex"``, ``"edge"`` or ``"face"``; ``"point"`` if the body has only one vertex.
     """
 
     vertices: tuple[int, ...]
     kind: str
 
     def __str__(self) -> str:
-        """Return the kind, and which vertices where there are several.
+        """Return the kind, and the vertices if there are several.
 
         Example:
             >>> str(Feature((1, 5), "edge")), str(Feature((0,), "point"))
@@ -48,7 +48,7 @@ class Feature(Value):
 
 
 def nearest_features(path: RelativePath, Q: Array) -> list[tuple[Feature, Feature] | None]:
-    """Return the nearest features of a and b at each row of Q; None where they overlap, and no direction is told.
+    """Return the nearest features of a and b at each row of Q; None where the bodies overlap.
 
     Args:
         path: The relative path of two marks.

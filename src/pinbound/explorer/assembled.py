@@ -122,7 +122,7 @@ def explorer_page(
     """
     if isinstance(robot, LoopRobot):
         raise UnsupportedError(
-            f"the page cannot go through the loops of {robot.name!r}, which are no parallelograms; "
+            f"the page cannot go through the loops of {robot.name!r}, which are not parallelograms; "
             "ask boundaries.limits(coordinate, q), which can"
         )
     if not robot.coordinates:

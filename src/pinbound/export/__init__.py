@@ -1,4 +1,4 @@
-"""Boundaries as code and data for others: C, CasADi, chains as JSON, ROS 2 limits, half-spaces for Drake."""
+"""Boundaries as code and data for other programs: C, CasADi, chains as JSON, ROS 2 limits, half-spaces for Drake."""
 
 from pinbound.export.c_source import c_files
 from pinbound.export.casadi_functions import casadi_function

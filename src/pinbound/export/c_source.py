@@ -1,6 +1,6 @@
 """C99 without dependencies: signed clearances and their Jacobian as straight-line code.
 
-Only `sin`, `cos` and `sqrt` of `math.h` are called. The same robot gives the same bytes.
+It calls only `sin`, `cos` and `sqrt` of `math.h`. The same robot always gives the same text.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ def c_files(
     """Return the text of `stem.h` and `stem.c`.
 
     Args:
-        nodes: What to compute.
+        nodes: The nodes to compute.
         robot: The robot's name.
         coordinates: Name and unit of each coordinate, in q's order.
         names: Names of the boundaries, in order.
-        stem: Name of the files; functions begin with it, made an identifier.
+        stem: Name of the files; names of functions begin with it, converted to an identifier.
     """
     prefix = re.sub(r"\W", "_", stem, flags=re.ASCII)
     if not re.match(r"[A-Za-z]", prefix):
@@ -79,7 +79,7 @@ def _comment(lines: Sequence[str]) -> str:
 
 
 def _body(graph: Graph, outputs: Sequence[tuple[str, int]]) -> str:
-    """Return declarations in order, then the outputs."""
+    """Return the declarations in order, and then the outputs."""
     numbers = graph.reachable(node for _, node in outputs)
     lines = [
         f"    const double v{number} = {_text(graph, graph.nodes[number])};\n"

@@ -1,7 +1,7 @@
-"""CasADi: signed clearances as a `Function`, of SX where the form is closed, else with callbacks for what is searched.
+"""CasADi: signed clearances as a `Function`: SX for closed forms, callbacks for nearest points that need an iteration.
 
-An SX function is differentiated by CasADi itself, Hessians included. The nearest points of boxes and prisms are
-searched for, so that these rows are callbacks, with a Jacobian and without a Hessian.
+CasADi itself differentiates an SX function, also for Hessians. The nearest points of boxes and prisms need an
+iteration, so these rows are callbacks with a Jacobian, but without a Hessian.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ def casadi_function(
 def _expressions(casadi: Any, nodes: SignedNodes, q: Any) -> list[Any]:
     """Return the expressions of the values.
 
-    A `hold`, whose derivative counts as zero here, is its operand: to first order it does not matter, and a Hessian
-    needs it.
+    A `hold` node has a derivative of zero elsewhere. Here it is replaced by its operand: the first derivative is the
+    same, and a Hessian needs the operand.
     """
     graph, found = nodes.graph, dict[int, Any]()
     for number in graph.reachable(nodes.values):

@@ -1,4 +1,4 @@
-"""The reduced chains as data: everything that another program needs to evaluate the boundaries itself."""
+"""The reduced chains as data, with everything that another program needs to evaluate the boundaries."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def chains_record(
         robot: The robot's name.
         coordinates: Name and unit of each coordinate, in q's order.
         home: (n,).
-        limits: Joint limits, mimic joints' too, said of q.
-        boundaries: Of each boundary name, names of its two marks, and contact rule.
+        limits: Joint limits, also of mimic joints, in terms of q.
+        boundaries: The name, the names of the two marks, and the contact rule of each boundary.
     """
     return {
         "format": "pinbound chains 1",

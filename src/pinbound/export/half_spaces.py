@@ -1,4 +1,4 @@
-"""Convex sets `{x : A x <= b}` as Drake reads them: YAML of named `HPolyhedron`s, for `LoadIrisRegionsYamlFile`."""
+"""Convex sets `{x : A x <= b}` as YAML of named `HPolyhedron`s, which Drake's `LoadIrisRegionsYamlFile` reads."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ def half_spaces_text(sets: Mapping[str, tuple[Array, Array]], coordinates: Seque
 
     Args:
         sets: A (m, k) and b (m,) by name.
-        coordinates: Names of x's entries; they stand in a comment, since Drake's format has no place for them.
+        coordinates: Names of the entries of x; they are written as a comment, because Drake's format has no field for
+            them.
 
     Example:
         >>> print(half_spaces_text({"one": (np.array([[1.0, -0.5]]), np.array([1e-9]))}, ["q1", "q2"]))
@@ -45,7 +46,7 @@ def write_half_spaces(path: Path, sets: Mapping[str, tuple[Array, Array]], coord
     """Write `half_spaces_text` to a file.
 
     Raises:
-        OSError: If it cannot be written.
+        OSError: If the file cannot be written.
     """
     path.write_text(half_spaces_text(sets, coordinates), encoding="utf-8")
     return path
@@ -56,6 +57,6 @@ def _numbers(row: Array) -> str:
 
 
 def _number(x: float) -> str:
-    """Return a number with a point: YAML 1.1 reads `1e-09` as text."""
+    """Return a number with a decimal point, because YAML 1.1 reads `1e-09` as text."""
     text = repr(x)
     return text.replace("e", ".0e") if "e" in text and "." not in text else text

@@ -1,4 +1,4 @@
-"""Signed clearances and their gradients as nodes of one graph: what every language of expressions starts from."""
+"""Signed clearances and their gradients as nodes of one graph, from which every exporter starts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class SignedNodes:
     Attributes:
         graph: The graph.
         values: (m,) nodes of the signed clearances [m].
-        slopes: (m, n) nodes of their gradients [m/rad or 1]; empty if they were not asked for.
+        slopes: (m, n) nodes of their gradients [m/rad or 1]; empty if they were not requested.
         n: Number of active coordinates.
     """
 
@@ -36,7 +36,7 @@ class SignedNodes:
 
 
 def is_closed(rule: ContactRule) -> bool:
-    """Return whether the nearest points have a closed form: those of boxes, prisms and hulls are searched for."""
+    """Return whether the nearest points have a closed form; those of boxes, prisms and hulls need an iteration."""
     return rule.is_stop or rule.path.is_expression
 
 
@@ -47,14 +47,14 @@ def signed_nodes(
     common: Callable[[], Mapping[str, CommonMark] | None],
     slopes: bool = True,
 ) -> SignedNodes:
-    """Return the nodes of rules, all of which are closed (`is_closed`).
+    """Return the nodes of rules; all rules must be closed (`is_closed`).
 
     Args:
         rules: The boundaries' rules.
-        marks: Names of the two marks of each.
+        marks: Names of the two marks of each rule.
         n: Number of active coordinates.
         common: Each mark's chains in one common frame, as for `BoundarySet`.
-        slopes: Whether gradients are made, too; else `slopes` of what is returned is empty.
+        slopes: Whether to make gradients, too; otherwise `slopes` of the result is empty.
     """
     areas = [k for k, rule in enumerate(rules) if not rule.is_stop]
     pairs = [Pair(rules[k].path, rules[k].distance, marks[k]) for k in areas]
@@ -70,7 +70,7 @@ def signed_nodes(
 
 
 def _stop(g: Graph, stop: Stop) -> int:
-    """Return `A sin(d / 2)`, d being the depth in home's gap, and `-A |sin(d / 2)|` more than a turn beyond it."""
+    """Return `A sin(d / 2)` with the depth d in home's gap, or `-A |sin(d / 2)|` more than a turn beyond it."""
     (low, high), c = stop.free_gap, np.asarray(stop.coefficients)
     phi, (cos, sin) = g.linear(c.tolist()), g.angle((0.5 * c).tolist())
 

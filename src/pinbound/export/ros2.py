@@ -1,4 +1,4 @@
-"""ROS 2 `joint_limits`: what limits of one joint each can say, and which couplings they lose."""
+"""ROS 2 `joint_limits`: limits of single joints, with a list of the couplings that this format loses."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def ros2_text(
     boundaries: Sequence[tuple[str, tuple[str, ...], tuple[float, float] | None]],
     units: Sequence[str],
 ) -> str:
-    """Return YAML of `joint_limits`, one entry a coordinate: limits and boundaries that depend on it alone.
+    """Return YAML of `joint_limits` with one entry for each coordinate: limits and boundaries that depend only on it.
 
-    Those are sound on their own. All that depends on several coordinates is lost, and listed as a comment.
+    These limits are correct, but limits that depend on several coordinates are lost; a comment lists them.
 
     Args:
         robot: The robot's name.

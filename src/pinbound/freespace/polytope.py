@@ -98,7 +98,7 @@ def certified_polytope(
     chosen = scope(robot, boundaries, True, limits_only)
     meter = Meter(budget or _BUDGET)
     if not robot.coordinates:
-        raise UnsupportedError(f"no joint of {robot.name!r} moves, so that there is no free space; call certify()")
+        raise UnsupportedError(f"no joint of {robot.name!r} moves, so there is no free space; call certify()")
     ground = _Ground(robot, start, chosen, dict(window or {}))
     empty = FreePolytope(
         verdict=Verdict.UNDECIDED,

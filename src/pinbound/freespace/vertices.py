@@ -117,8 +117,8 @@ def _vertices(A: Array, b: Array) -> Array:
         return np.array([[low], [high]]) if low < high else np.empty((0, 1))
     if k > _EXACT:
         raise UnsupportedError(
-            f"vertices are listed of polytopes in up to {_EXACT} coordinates that are coupled by faces, and here are "
-            f"{k}; take .A and .b, or sampled_volume()"
+            f"vertices are computed if faces couple at most {_EXACT} coordinates, and here they couple {k}; use .A "
+            "and .b, or sampled_volume()"
         )
     centre, radius = centre_of(A, b)
     if not radius > 0.0:

@@ -1,1 +1,1 @@
-"""Closed loops: parallelograms, the proof that they close, and what their errors do to a distance."""
+"""Closed loops: parallelograms, the proof that they close, and the effect of their errors on a distance."""

@@ -1,11 +1,11 @@
 """Closed loops: pins that join two links of the tree, and the proof that they stay joined.
 
-The reduced path of a closure that always closes is empty: all its offsets cancel. What is left bounds the residual
-for every q at once, `|r(q)| <= sum_i |s_i|` (rotations keep lengths), so no sampling is needed to accept a loop.
+The reduced path of a closure that always closes is empty: all its offsets cancel. The remaining offsets bound the
+residual for every q, `|r(q)| <= sum_i |s_i|` (rotations keep lengths), so a loop is accepted without sampling.
 
-A small residual at the pin is not a small error of the links. Where the sides of a loop differ by more than rounding,
-its passive joints are not exactly where the coupling puts them: each `Deviation` bounds by how much, and
-`place_error` says what that does to the distance of two marks. `docs/closures.md` derives both.
+A small residual at the pin does not mean a small error of the links. If the sides of a loop differ by more than
+rounding, its passive joints differ from the coupling: each `Deviation` has a bound of this error, and `place_error` is
+its effect on the distance of two marks. `docs/closures.md` derives both.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ __all__ = ["Closure", "Deviation", "augmented", "close", "joint_errors", "place_
 
 @dataclass(frozen=True, eq=False)
 class Deviation(Value):
-    """How far the true linkage can be from the coupling, because the sides of its loop differ.
+    """The largest difference of the true linkage from the coupling, if the sides of its loop differ.
 
     Attributes:
-        joint: The passive joint that gives way.
+        joint: The passive joint that deviates.
         bound: [rad], proven while every joint limit is kept.
-        response: (n_tree,) by how much each tree joint turns with it, per radian.
+        response: (n_tree,) the motion of each tree joint with it, per radian.
     """
 
     joint: str
@@ -51,8 +51,8 @@ class Closure(Value):
     Attributes:
         mark: The annotation.
         path: The relative path between the two ends of the pin.
-        deviations: Its passive joints' errors; none if its sides are equal to rounding.
-        apart: [m], how far its two pins are apart along the axis of its joints.
+        deviations: The errors of its passive joints; none if its sides are equal up to rounding.
+        apart: [m], the distance of its two pins along the axis of its joints.
     """
 
     mark: ClosureMark
@@ -66,7 +66,7 @@ class Closure(Value):
         return self.mark.name
 
     def residuals(self, Q: Array) -> Array:
-        """Return the gap (N,) [m] between the two ends of the pin, from both branches, nothing cancelled."""
+        """Return the gap (N,) [m] between the two ends of the pin, from both branches without cancellation."""
         return numeric.norm(
             numeric.positions(self.path.branch_a.chain, Q) - numeric.positions(self.path.branch_b.chain, Q)
         )
@@ -78,7 +78,7 @@ class Closure(Value):
 
     @property
     def left(self) -> float:
-        """What is left of the loop's offsets [m]; infinite if it slides open."""
+        """The remaining offsets of the loop [m]; infinite if a prismatic joint opens it."""
         chain = self.path.minimal
         if np.any(chain.slides):
             return math.inf
@@ -86,22 +86,22 @@ class Closure(Value):
 
     @property
     def bound(self) -> float:
-        """A proven upper bound of the residual over all q [m]; infinite if the loop slides open."""
+        """A proven upper bound of the residual over all q [m]; infinite if a prismatic joint opens the loop."""
         return self.left + REDUCTION * self.size  # what the reduction may have taken for zero
 
     @property
     def tolerance(self) -> float:
-        """What its sides may differ by in all [m]: the mark's, but no more than a share of the loop's size."""
+        """The allowed total difference of its sides [m]: that of the mark, but at most a share of the loop's size."""
         return max(min(self.mark.tolerance, CLOSURE_SHARE * self.size), EXACT_LOOP * self.size)
 
     @property
     def is_exact(self) -> bool:
-        """Whether nothing but rounding is left of the loop."""
+        """Whether only rounding remains of the loop."""
         return self.left <= EXACT_LOOP * self.size
 
     @property
     def closes(self) -> bool:
-        """Whether the proven bound is below its tolerance, and rounding."""
+        """Whether the proven bound is below its tolerance plus rounding."""
         return self.bound <= self.tolerance + EXACT_LOOP * self.size
 
 
@@ -116,11 +116,11 @@ def close(tree: Tree, coupling: Coupling, mark: ClosureMark) -> Closure:
 
 
 def augmented(coupling: Coupling, responses: Sequence[tuple[str, Array]]) -> Coupling:
-    """Return the coupling with more coordinates behind its own: zero in the coupling, small in the true linkage.
+    """Return the coupling with additional coordinates: zero in the coupling, small in the true linkage.
 
     Args:
         coupling: `theta = S q + o`.
-        responses: Name of each new coordinate and how every tree joint responds to it (n_tree,).
+        responses: The name of each new coordinate, and the response of every tree joint to it (n_tree,).
     """
     columns = np.array([response for _, response in responses]).reshape(-1, len(coupling.joints)).T
     names = (*coupling.coordinates, *(name for name, _ in responses))
@@ -128,7 +128,7 @@ def augmented(coupling: Coupling, responses: Sequence[tuple[str, Array]]) -> Cou
 
 
 def joint_errors(coupling: Coupling, closures: Sequence[Closure]) -> Array:
-    """Return how far each tree joint can be from `S q + o` (n_tree,) [rad or m]; zero where loops are exact."""
+    """Return the largest difference of each tree joint from `S q + o` (n_tree,) [rad or m]; zero for exact loops."""
     errors = np.zeros(len(coupling.joints))
     for one in _all(closures):
         errors += one.bound * np.abs(one.response)
@@ -138,9 +138,10 @@ def joint_errors(coupling: Coupling, closures: Sequence[Closure]) -> Array:
 def place_error(
     tree: Tree, coupling: Coupling, limits: Sequence[LinearLimit], closures: Sequence[Closure], a: Mark, b: Mark
 ) -> float:
-    """Return how far the distance of two marks can be from the one of the coupling [m], within all joint limits.
+    """Return the largest error of the distance of two marks computed by the coupling [m], within all joint limits.
 
-    `|r(q, d) - r(q, 0)| <= sum_k bound_k sum_i rho_i |c_ik|`: the lever arms of the path over q and the deviations d.
+    `|r(q, d) - r(q, 0)| <= sum_k bound_k sum_i rho_i |c_ik|`, with the lever arms of the path over q and the deviations
+    d.
 
     Raises:
         UnsupportedError: If a floating or planar joint lies between the two links.
@@ -166,7 +167,7 @@ def place_error(
 
 
 def _moved(path: RelativePath, reach: Array, n: int) -> Array:
-    """Return by how much each coordinate behind the first n moves a path's distance, at most [m per unit]."""
+    """Return the largest rate of a path's distance by each coordinate after the first n [m per unit]."""
     from pinbound.bounds.swept_bounds import swept_bundle
 
     chain = path.minimal
@@ -180,7 +181,7 @@ def _all(closures: Sequence[Closure]) -> list[Deviation]:
 
 
 def _reach(limits: Sequence[LinearLimit], n: int) -> Array:
-    """Return how far each coordinate can be from zero (n,); infinite where nothing limits it by itself."""
+    """Return the largest absolute value of each coordinate (n,); infinite if no limit bounds it alone."""
     reach = np.full(n, np.inf)
     for limit in limits:
         (used,) = np.nonzero(limit.coefficients)

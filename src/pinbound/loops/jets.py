@@ -1,4 +1,4 @@
-"""Jets: a value and its first two derivatives along one way, of arrays or of intervals."""
+"""Jets: a value and its first two derivatives in one direction, for arrays or intervals."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Jet:
         )
 
     def clipped(self, low: float, high: float) -> Jet:
-        """Return the value held within [low, high]: beyond an end it does not move."""
+        """Return the value limited to [low, high]: beyond an end it is constant."""
         value = self.value
         if isinstance(value, Interval):
             outside = (value.upper <= low) | (value.lower >= high)
@@ -107,7 +107,7 @@ def squared(x: T) -> T:
 
 
 def sqrt(x: T) -> T:
-    """Return the root; of an interval that rounding took below zero, from zero."""
+    """Return the root; an interval that extends below zero because of rounding is cut at zero."""
     if isinstance(x, Interval):
         return intervals.sqrt(Interval(np.maximum(x.lower, 0.0), np.maximum(x.upper, 0.0)))
     return np.sqrt(x)
@@ -143,7 +143,7 @@ def jet_root(x: Jet) -> Jet:
 
 
 def ratio(x: Jet, y: Jet) -> Jet:
-    """Return a jet whose derivatives are those of an integral of `x' / y`: its value means nothing."""
+    """Return a jet with the derivatives of an integral of `x' / y`; its value has no meaning."""
     first = x.first / y.value
     return Jet(x.value, first, (x.second - first * y.first) / y.value)
 

@@ -1,7 +1,7 @@
-"""From active coordinates q to all of z: q, the passive joints of loops that are no parallelograms, and their toggles.
+"""The map from active coordinates q to z: q, passive joints of loops that are not parallelograms, and their toggles.
 
-Everything that is linear in joints stays linear in z (`theta = S z + o`). What is not linear is this one map
-`z = F(q)`, with its derivatives, and with bounds of them over a motion or a box.
+Everything that is linear in the joints stays linear in z (`theta = S z + o`). Only the map `z = F(q)` is not linear. It
+comes with its derivatives, and with bounds of them over a motion or a box.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def lifted_names(names: Sequence[str], linkages: Sequence[Linkage]) -> tuple[str
     """Return the names of z: those of q first, then what each loop adds; its w is called ``"NAME toggle"``.
 
     Args:
-        names: Of the coordinates that the linkages' indices speak of.
+        names: Names of the coordinates to which the indices of the linkages belong.
         linkages: The loops, in the order in which they are solved.
     """
     passive = {index for one in linkages for index in one.passive}
@@ -47,19 +47,19 @@ def lifted_names(names: Sequence[str], linkages: Sequence[Linkage]) -> tuple[str
 
 
 def places(names: Sequence[str], linkages: Sequence[Linkage]) -> list[int]:
-    """Return where each of the names is in z."""
+    """Return the index of each name in z."""
     lifted = lifted_names(names, linkages)
     return [lifted.index(name) for name in names]
 
 
 @dataclass(frozen=True, eq=False)
 class LinearParts:
-    """What holds z over N boxes of q: `z = centre + sum_a s_a steps_a + e`, `s_a` in [-1, 1], `|e| <= off`.
+    """Enclosures of z over N boxes of q: `z = centre + sum_a s_a steps_a + e`, `s_a` in [-1, 1], `|e| <= off`.
 
     Attributes:
         centre: (N, n + k), F at the middles of the boxes, as computed.
-        half: (N, n + k), how far z can be from the centre.
-        steps: (p, N, n + k), of the p coordinates that were asked for.
+        half: (N, n + k), the largest distance of z from the centre.
+        steps: (p, N, n + k), the steps of the p requested coordinates.
         off: (N, n + k).
     """
 
@@ -95,7 +95,7 @@ class Lift(Value):
 
     @cached_property
     def columns(self) -> tuple[tuple[int, ...], ...]:
-        """Where each linkage's passive joints, w and turn are in z."""
+        """The indices in z of the passive joints, w and turn of each linkage."""
         found: list[tuple[int, ...]] = []
         for one in self.linkages:
             extra = [one.name + _TOGGLE, *([one.name + _TURN] if one.ahead < 0 else [])]
@@ -103,7 +103,7 @@ class Lift(Value):
         return tuple(found)
 
     def toggle_names(self) -> tuple[str, ...]:
-        """Return the names of what z holds beside joints."""
+        """Return the names of the entries of z that are not joints."""
         return tuple(self.names[index] for columns in self.columns for index in columns[2:])
 
     def __call__(self, Q: ArrayLike) -> Array:
@@ -131,7 +131,7 @@ class Lift(Value):
 
         Args:
             given: Jets of q (n).
-            errors: Of intervals, by how much the gap of each loop may be off [m] (`Linkage.widened`).
+            errors: For intervals, the error of the gap of each loop [m] (`Linkage.widened`).
         """
         missing: Any = None
         z: list[Jet] = [*given, *([missing] * (len(self.names) - len(given)))]
@@ -146,15 +146,15 @@ class Lift(Value):
         return z
 
     def beside(self, values: Sequence[Interval], at: Sequence[Interval]) -> list[Interval]:
-        """Return what holds z over boxes of q on the branch on which z is at a place in them.
+        """Return an enclosure of z over boxes of q, on the branch of the value of z at one point of each box.
 
-        An angle of X by intervals is next to that of the middle of X's own box, which may be a whole turn off `at`.
-        Where X's box holds zero the angle may be any, and a turn to either side is added: z goes on from `at` within
-        that, or passes the limit of the turn.
+        Interval arithmetic gives an angle of X near that of the middle of X's own box, which may be a whole turn off
+        `at`. If the box of X contains zero, any angle is possible, and a turn to either side is added: z continues from
+        `at` within that, or violates the limit of the turn.
 
         Args:
-            values: Of the boxes, one interval a coordinate of z.
-            at: Of the places.
+            values: One interval for each coordinate of z, over the boxes.
+            at: The values of z at the points.
         """
         found, unknown = list(values), np.zeros(len(values[0].lower), dtype=np.bool_)
         for one, columns in zip(self.linkages, self.columns, strict=True):
@@ -180,7 +180,7 @@ class Lift(Value):
         return self.with_jacobians(Q)[1]
 
     def with_jacobians(self, Q: Array) -> tuple[Array, Array]:
-        """Return z (N, n + k) and `dz/dq` (N, n + k, n) of many q (N, n), in one go."""
+        """Return z (N, n + k) and `dz/dq` (N, n + k, n) of many q (N, n), computed together."""
         (count, n), size = Q.shape, len(self.names)
         found, J = np.empty((count, size)), np.zeros((count, size, n))
         J[:, np.arange(n), np.arange(n)] = 1.0
@@ -224,7 +224,7 @@ class Lift(Value):
         return J, H
 
     def over(self, lower: Array, upper: Array, errors: Sequence[float] | None = None) -> Interval:
-        """Return what holds z, (N, n + k), while q is in boxes (N, n); `errors` as in `jets`."""
+        """Return an enclosure of z, (N, n + k), over boxes (N, n) of q; `errors` as in `jets`."""
         count, n, size = len(lower), len(self.coordinates), len(self.names)
         rate = np.zeros((count, size, n))
         nothing, unit = np.zeros(count), np.ones(count)
@@ -252,7 +252,7 @@ class Lift(Value):
         return Interval(low, high)
 
     def _spread(self, low: Array, high: Array) -> None:
-        """Widen what holds z (N, n + k), in place, where an angle of X passes its cut and z jumps by whole turns."""
+        """Widen the enclosure of z (N, n + k), in place, where an angle of X passes its cut and z jumps by turns."""
         for one, columns in zip(self.linkages, self.columns, strict=True):
             if one.ahead >= 0:
                 continue
@@ -264,17 +264,17 @@ class Lift(Value):
     def linear(
         self, centre: Array, half: Array, along: Sequence[int], errors: Sequence[float] | None = None
     ) -> LinearParts:
-        """Return what holds z while q is in boxes `centre +- half` (N, n); `errors` as in `jets`.
+        """Return an enclosure of z over the boxes `centre +- half` (N, n) of q; `errors` as in `jets`.
 
-        By the mean value theorem: `z - F(c) = sum_a F'_a(x) d_a` with x in the box. Its steps are the middles of the
-        intervals that hold F'_a, times the half-width; what they are off by is `off`. Where F itself, by intervals, is
-        known better than that, its steps are zero and `off` is all.
+        By the mean value theorem: `z - F(c) = sum_a F'_a(x) d_a` with x in the box. The steps are the middles of the
+        intervals that contain F'_a, times the half-width; `off` bounds their errors. If interval arithmetic for F
+        itself gives a better bound, the steps are zero, and `off` is this bound.
 
         Args:
             centre: (N, n).
             half: (N, n).
-            along: Indices of the p coordinates that are not held: the others have a half-width of zero.
-            errors: Of each loop [m].
+            along: Indices of the p coordinates that are not fixed; the others have a half-width of zero.
+            errors: Errors of each loop [m].
         """
         count, n, size = len(centre), int(centre.shape[1]), len(self.names)
         zero, one = Interval.at(np.zeros(count)), Interval.at(np.ones(count))

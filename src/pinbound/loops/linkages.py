@@ -1,14 +1,15 @@
-"""Planar loops in closed form: four-bar, five-bar and slider-crank, values and derivatives, exact or as intervals.
+"""Planar loops in closed form: four-bar, five-bar and slider-crank, with derivatives, as numbers or intervals.
 
-The part of a loop that active joints move is one complex number X(z), in the plane of the loop. What closes it are two
-passive joints. `docs/loops.md` derives the three forms:
+The part of a loop that active joints move is a complex number X(z) in the plane of the loop. Two passive joints close
+the loop. `docs/loops.md` derives the three forms:
 
     ARMS       X + Y e^(i alpha) + Z e^(i beta) = 0        two arms of fixed length, pinned to each other
     SLIDE      X + s + Y e^(i alpha) = 0                   an arm, and a slide that is fixed to X's frame
     TELESCOPE  X + e^(i alpha) (s + i b) = 0               a slide that turns with the arm, b beside its pivot
 
-Each has two solutions, its assemblies. They meet where the *transmission* w reaches an end of its range: a toggle.
-Beyond it, the formulas go on with w held at its end, so that they are defined everywhere; a limit of w forbids it.
+Each form has two solutions, its assemblies. They meet where the *transmission* w reaches an end of its range: a toggle.
+Beyond it, the formulas continue with w fixed at its end, so that they are defined everywhere; a limit of w forbids
+this.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ __all__ = ["Form", "Linkage", "Solution"]
 
 
 class Form(Enum):
-    """What closes a loop."""
+    """The form of the part that closes a loop."""
 
     ARMS = "two arms"
     SLIDE = "an arm and a prismatic joint"
@@ -40,13 +41,13 @@ class Form(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What a linkage's passive joints do, and how far it is from a toggle.
+    """The values of a linkage's passive joints, and its transmission.
 
     Attributes:
-        first: Of the first passive joint [rad or m].
-        second: Of the second passive joint.
+        first: Value of the first passive joint [rad or m].
+        second: Value of the second passive joint.
         transmission: w, without unit: its range is `Linkage.transmission_range`.
-        turn: The angle of X from its reference [rad], where X can go round zero; None where it cannot.
+        turn: The angle of X from its reference [rad], if X can go around zero; else None.
     """
 
     first: Jet
@@ -64,7 +65,7 @@ class Linkage(Value):
 
     Attributes:
         name: The closure's name.
-        form: What closes it.
+        form: The form of the part that closes it.
         angles: (m, n) coefficients of the angles of the terms of X, over all coordinates z.
         vectors: (m, 2) [m].
         slides: (m, 2, n) [m per unit].
@@ -73,10 +74,10 @@ class Linkage(Value):
         passive: Indices of its passive joints in z.
         mix: (2, 2), integers.
         rows: (2, n).
-        offset: (2,) [rad or m], whole turns so that home's values are those that are given there.
-        ahead: Index of the term that is longer than all others together, so that X cannot go round zero; -1: none is.
-            Not used of SLIDE.
-        reference: [rad], of the angle of X where none is.
+        offset: (2,) [rad or m], with whole turns such that the values at home are the given ones.
+        ahead: Index of the term that is longer than all others together (X cannot go around zero), or -1; not for
+            SLIDE.
+        reference: [rad], reference for the angle of X if there is no such term.
     """
 
     name: str
@@ -101,7 +102,7 @@ class Linkage(Value):
 
     @property
     def transmission_range(self) -> tuple[float, float]:
-        """The ends of w at which it toggles, less `tolerances.TOGGLE`."""
+        """The ends of w at which it toggles, moved inwards by `tolerances.TOGGLE`."""
         most = math.sqrt((1.0 - TOGGLE) * (1.0 + TOGGLE))
         if self.form is Form.TELESCOPE:
             return self.lengths[0] ** 2 + (TOGGLE * self._size) ** 2, math.inf
@@ -109,7 +110,7 @@ class Linkage(Value):
 
     @property
     def _least_ahead(self) -> float:
-        """How far X leads at least along the term that is longer than all others together [m], halved; else zero."""
+        """Half the least part of X along the term that is longer than all others together [m]; else zero."""
         if self.ahead < 0:
             return 0.0
         lengths = np.linalg.norm(self.vectors, axis=1)
@@ -117,11 +118,11 @@ class Linkage(Value):
 
     @property
     def _size(self) -> float:
-        """The largest length of X [m], slides left out."""
+        """The largest length of X [m], without prismatic joints."""
         return float(np.linalg.norm(self.vectors, axis=1).sum())
 
     def moved(self, z: list[Jet]) -> tuple[Jet, Jet]:
-        """Return X (real and imaginary part) where the coordinates are `z`, of which None do not occur."""
+        """Return X (real and imaginary part) at the coordinates `z`; coordinates that are None do not occur."""
         x: Jet | None = None
         y: Jet | None = None
         for row, vector, slides in zip(self.angles, self.vectors, self.slides, strict=True):
@@ -142,38 +143,38 @@ class Linkage(Value):
         return x, y
 
     def solve(self, z: list[Jet]) -> Solution:
-        """Return the passive joints where the others are `z`; entries of z that it does not use do not matter."""
+        """Return the passive joints for the other coordinates `z`; unused entries of z do not matter."""
         x, y = self.moved(z)
         ask = {Form.ARMS: self._arms, Form.SLIDE: self._slide, Form.TELESCOPE: self._telescope}[self.form]
         return ask(x, y, z)
 
     @property
     def turns_with_x(self) -> Array:
-        """(2,) how many turns the passive joints make when X goes round once, the arms standing still to it."""
+        """(2,) number of turns of the passive joints when X goes around once, with the arms fixed relative to it."""
         return self.mix @ np.array([1.0, 1.0 if self.form is Form.ARMS else 0.0])
 
     def values(self, z: Sequence[Array]) -> tuple[Array, ...]:
-        """Return what `solve` gives, values alone: both passive joints (N,), the transmission and, if it has one, turn.
+        """Return only the values of `solve`: both passive joints (N,), the transmission and, if it exists, the turn.
 
         Args:
-            z: Columns (N,) of the coordinates; those that it does not use do not matter.
+            z: Columns (N,) of the coordinates; unused columns do not matter.
         """
         return self._settled(*self._moved_values(z), z)
 
     def slopes(
         self, z: Sequence[Array], ways: Sequence[Sequence[Array | float]]
     ) -> tuple[tuple[Array, ...], list[tuple[Array, ...]]]:
-        """Return what `values` gives, and its derivatives along ways, without the second derivatives of `solve`.
+        """Return the result of `values`, and its first derivatives in some directions.
 
         Args:
             z: As for `values`.
-            ways: Of each way the derivative of every coordinate, 0.0 of those that stand still.
+            ways: The derivative of every coordinate in each direction, 0.0 for coordinates that do not move.
         """
         x, y, rates = self._moved_slopes(z, ways)
         return self._settled(x, y, z), [self._slope(x, y, *rate, way) for rate, way in zip(rates, ways, strict=True)]
 
     def _settled(self, x: Array, y: Array, z: Sequence[Array]) -> tuple[Array, ...]:
-        """Return the passive joints, the transmission and the turn where X is (x, y)."""
+        """Return the passive joints, the transmission and the turn for X = (x, y)."""
         Y, Z = self.lengths
         most = 0.5 * TOGGLE
         flat = math.sqrt((1.0 - most) * (1.0 + most))
@@ -222,7 +223,7 @@ class Linkage(Value):
     def _moved_slopes(
         self, z: Sequence[Array], ways: Sequence[Sequence[Array | float]]
     ) -> tuple[Array, Array, list[tuple[Any, Any]]]:
-        """Return X, and its derivatives along ways."""
+        """Return X, and its derivatives in some directions."""
         x: Any = 0.0
         y: Any = 0.0
         rates: list[tuple[Any, Any]] = [(0.0, 0.0) for _ in ways]
@@ -242,7 +243,7 @@ class Linkage(Value):
         return np.asarray(x), np.asarray(y), rates
 
     def _slope(self, x: Array, y: Array, dx: Any, dy: Any, way: Sequence[Array | float]) -> tuple[Array, ...]:
-        """Return the derivatives of what `_settled` gives where X is (x, y) and moves by (dx, dy)."""
+        """Return the derivatives of the result of `_settled` for X = (x, y) with the rate (dx, dy)."""
         Y, Z = self.lengths
         most = 0.5 * TOGGLE
         flat = math.sqrt((1.0 - most) * (1.0 + most))
@@ -283,11 +284,10 @@ class Linkage(Value):
         return _turned_back(x, y, start, lead) + start + lead
 
     def widened(self, found: Solution, error: float) -> Solution:
-        """Return an interval solution with room for a gap of `error` [m], which rounded numbers of the loop leave.
+        """Return an interval solution, widened for a gap of `error` [m] from the rounded numbers of the loop.
 
-        A gap e moves alpha and beta by at most e over the arm and the sine of the angle between the arms; their
-        derivatives change by the same, relative to themselves, over the sine once more. Twice and sixteen times that
-        are taken, which holds all higher terms while they are below 1e-3.
+        A gap e changes alpha and beta by at most e over the arm and the sine of the angle between the arms, and their
+        derivatives relatively by this over the sine again. Twice and sixteen times that cover higher terms below 1e-3.
         """
         if self.form is Form.TELESCOPE:
             slide: Interval = found.second.value - float(self.offset[1])
@@ -368,7 +368,7 @@ class Linkage(Value):
         return Solution(found[0], found[1], w, None if self.ahead >= 0 or turn is None else turn.plus(-self.reference))
 
     def _angle(self, x: Jet, y: Jet, square: Jet, held: Jet, z: list[Jet]) -> Jet:
-        """Return the angle of X, continuous where one term is ahead, else within half a turn of the reference."""
+        """Return the angle of X: continuous if one term is ahead, else within half a turn of the reference."""
         if self.ahead >= 0:
             start = math.atan2(*self.vectors[self.ahead][::-1].tolist())
             lead = _linear(self.angles[self.ahead], z)
@@ -432,7 +432,7 @@ def _aside(square: Jet, area: Jet, Y: float, Z: float, sign: float) -> Jet:
 
 
 def _turned_back(x: Any, y: Any, start: float, lead: Any, least: float = 0.0) -> Any:
-    """Return the angle of (x, y) from `start + lead`, along which (x, y) leads by `least` or more."""
+    """Return the angle of (x, y) from `start + lead`, along which (x, y) has a part of at least `least`."""
     if lead is None and not isinstance(x, Interval):
         c, s = math.cos(start), math.sin(start)
         return np.arctan2(y * c - x * s, x * c + y * s)

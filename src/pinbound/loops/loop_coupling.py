@@ -1,4 +1,4 @@
-"""The coupling of a robot with loops that are no parallelograms: a function of q, and no matrix."""
+"""The coupling of a robot with loops that are not parallelograms: a function of q, and not a matrix."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _WHOLE_TURN = np.pi * (1.0 - 1e-9)
 
 
 def refuse_linear(what: str, lift: Lift) -> NoReturn:
-    """Refuse what would take passive joints of these loops for linear functions of q.
+    """Refuse a method that would treat passive joints of these loops as linear functions of q.
 
     Raises:
         UnsupportedError: Always, with the names of the loops.
     """
     names = ", ".join(repr(one.name) for one in lift.linkages)
-    message = f"{what}: loop {names} is no parallelogram, so that its passive joints are not linear functions of q"
+    message = f"{what}: loop {names} is not a parallelogram, so that its passive joints are not linear functions of q"
     raise UnsupportedError(
         f"{message}. Supported through it are: values, gradients, Hessians, signed clearances, free, certify, "
         "certify_box, certified_box, feasible_region, limits, cross_check of points and bodies, coupling.expand, "
@@ -37,7 +37,7 @@ def refuse_linear(what: str, lift: Lift) -> NoReturn:
 
 
 class LoopCoupling(Coupling):
-    """`theta = S F(q) + o`, F being a `Lift`. What asks for a matrix over q is refused with the loop's name.
+    """`theta = S F(q) + o`, where F is a `Lift`. A request for a matrix over q is refused with the name of the loop.
 
     Attributes:
         opened: `theta = S z + o`, linear in all of z.
@@ -45,7 +45,7 @@ class LoopCoupling(Coupling):
     """
 
     def __init__(self, opened: Coupling, lift: Lift) -> None:
-        """Hold both maps."""
+        """Store both maps."""
         object.__setattr__(self, "coordinates", lift.coordinates)
         object.__setattr__(self, "joints", opened.joints)
         object.__setattr__(self, "opened", opened)
@@ -77,7 +77,7 @@ class LoopCoupling(Coupling):
         """Return the coefficients (n,) and the offset of one tree joint that no such loop moves.
 
         Raises:
-            UnsupportedError: If the joint is passive in a loop that is no parallelogram.
+            UnsupportedError: If the joint is passive in a loop that is not a parallelogram.
         """
         coefficients, offset = self.opened.row(joint)
         n = len(self.coordinates)
@@ -86,7 +86,7 @@ class LoopCoupling(Coupling):
         return coefficients[:n].copy(), offset
 
     def text(self, joint: str) -> str:
-        """Return what a joint does in terms of q, for people; of passive joints the loop that moves them."""
+        """Return the value of a joint in terms of q, for people; for passive joints, the loop that moves them."""
         coefficients, offset = self.opened.row(joint)
         n = len(self.coordinates)
         if not np.any(coefficients[n:]):
@@ -108,7 +108,7 @@ def lifted(coupling: Coupling, linkages: tuple[Linkage, ...]) -> tuple[Coupling,
     """Return a coupling over z, in which passive joints and toggles are coordinates, and the map from q to z.
 
     Args:
-        coupling: Over all joints that no parallelogram couples, passive ones too.
+        coupling: The coupling over all joints that no parallelogram couples, also passive joints.
         linkages: The loops over its coordinates, in the order in which they are solved.
     """
     names = lifted_names(coupling.coordinates, linkages)

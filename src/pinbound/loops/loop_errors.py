@@ -1,8 +1,8 @@
-"""What sides that differ do to a linkage: its loops' passive joints get bounded deviations from the coupling.
+"""The effect of different sides on a linkage: passive joints of its loops get bounded deviations from the coupling.
 
-Each loop that is not exact is *opened* at two passive joints: they may deviate from the coupling, all other joints
-respond, and the loop's own geometry bounds by how much (`planar_loops.deviations`). Loops that share joints respond to
-each other's deviations. `docs/closures.md` has the argument.
+Each loop that is not exact is *opened* at two passive joints. They may deviate from the coupling, all other joints
+respond, and the geometry of the loop bounds the deviation (`planar_loops.deviations`). Loops that share joints respond
+to each other's deviations. `docs/closures.md` has the proof.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class _Opened:
     Attributes:
         closure: The loop, its path over q and every deviation.
         joints: The two passive joints.
-        responses: (n_tree,) each, how all tree joints respond to them.
-        bounds: (2,) [rad], of their deviations.
+        responses: (n_tree,) each, the responses of all tree joints to them.
+        bounds: (2,) [rad], bounds of their deviations.
     """
 
     closure: Closure
@@ -51,15 +51,15 @@ class _Opened:
 
 @dataclass(frozen=True, eq=False)
 class _Shape:
-    """How a loop's deviations depend on its shape: `phi = at + coefficients @ (q, d)`.
+    """The dependence of a loop's deviations on its shape `phi = at + coefficients @ (q, d)`.
 
     Attributes:
         found: The loop.
-        own: Places of its own deviations among all coordinates.
-        inverse: (2, 2), from the angles missing to parallel to the joints' deviations.
-        coefficients: (N,) of the angle between the two sides that its passive joints do not turn.
-        at: [rad], flat poses being at multiples of pi.
-        swing: By how much a small side turns, at most, per radian missing to parallel.
+        own: Indices of its own deviations among all coordinates.
+        inverse: (2, 2), from the angles between opposite sides to the deviations of the joints.
+        coefficients: (N,) of the angle between the two sides that its passive joints do not rotate.
+        at: [rad]; flat poses are at multiples of pi.
+        swing: Largest rotation of a small side per radian between opposite sides.
     """
 
     found: Parallelogram
@@ -70,7 +70,7 @@ class _Shape:
     swing: float
 
     def bounds(self, span: tuple[float, float]) -> Array | None:
-        """Return bounds (2,) [rad] of the passive joints' deviations while phi is in a range; None: there are none."""
+        """Return bounds (2,) [rad] of the passive joints' deviations while phi is in a range; None without a bound."""
         (a, b), (c, d) = self.found.pairs
         lengths = min(a.length, b.length), min(c.length, d.length)
         small, skew = sum(side.length for side in self.found.small), np.abs(self.found.constant)
@@ -81,7 +81,7 @@ class _Shape:
 
 
 class _Linkage:
-    """All loops of a robot, and what is known of their deviations."""
+    """All loops of a robot, and the known bounds of their deviations."""
 
     def __init__(self, tree: Tree, settled: Settled, annotations: Annotations, limits: Sequence[LinearLimit]) -> None:
         self.tree, self.settled, self.coupling, self.limits = tree, settled, settled.coupling, limits
@@ -103,7 +103,7 @@ class _Linkage:
         return [start, start + 1]
 
     def shape(self, closure: Closure, names: Sequence[str], own: list[int]) -> _Shape | Refusal:
-        """Return what a loop's deviations depend on; `own` are the places of its two passive joints."""
+        """Return the shape on which a loop's deviations depend; `own` are the indices of its two passive joints."""
         count = len(names)
         reference = np.concatenate((self.home, np.zeros(count - self.n)))
         found = parallelogram(closure, names, reference, np.eye(count)[:, : self.n])
@@ -122,7 +122,7 @@ class _Linkage:
         return _Shape(found, own, inverse, c, found.shape - float(c @ reference), float(max(swings, default=0.0)))
 
     def open(self, closure: Closure) -> tuple[_Opened, _Shape] | Refusal:
-        """Return a loop opened at the first two passive joints that explain it, those furthest from the root first."""
+        """Return a loop opened at the first two possible passive joints; joints furthest from the root come first."""
         name, mark = closure.name, closure.mark
         between = [j.name for j in self.tree.path_between(mark.link_a, mark.link_b) if j.moves]
         follow = [joint for joint in between if joint not in self.coupling.coordinates]
@@ -143,7 +143,7 @@ class _Linkage:
         return refusal
 
     def _responses(self, first: str, second: str) -> list[Array]:
-        """Return how all tree joints respond to two that deviate: those that follow them follow."""
+        """Return the responses of all tree joints to two deviating joints: mimic joints follow them."""
         loose = [replace(j, mimic=None) if j.name in (first, second) else j for j in self.tree.moving_joints]
         raw = couple(loose)
         return [raw.S[:, raw.coordinates.index(name)].copy() for name in (first, second)]
@@ -170,7 +170,7 @@ class _Linkage:
         return self.settled.closures[0].name
 
     def now(self, name: str) -> _Shape | Refusal:
-        """Return what an opened loop's deviations depend on, every loop's deviations known."""
+        """Return the shape of an opened loop, when the deviations of all loops are known."""
         whole = self.whole()
         self.opened[name].closure = close(self.tree, whole, self.opened[name].closure.mark)
         return self.shape(self.opened[name].closure, whole.coordinates, self.own(name))
@@ -206,7 +206,7 @@ def _fixed(pair: tuple[Side, Side], own: list[int]) -> bool:
 
 
 def _range(c: Array, limits: Sequence[LinearLimit]) -> tuple[float, float]:
-    """Return an interval that holds `c @ q` while every limit is kept: by each coordinate, and by parallel limits."""
+    """Return an interval that contains `c @ q` while all limits are kept, from coordinates and from parallel limits."""
     lower = upper = 0.0
     for index in np.flatnonzero(c):
         one = np.zeros(len(c))
@@ -259,10 +259,8 @@ def carry(
             continue  # both ends are on one rigid body: nothing can give way
         found = linkage.open(closure)
         if isinstance(found, Refusal):
-            message = (
-                f"closure {closure.name!r}: its ends are up to {1e3 * closure.bound:.3g} mm apart, and by how much"
-            )
-            problems.add(f"{message} its links are off is not known: {found.reason}", found.remedy, closure.mark.line)
+            message = f"closure {closure.name!r}: its ends are up to {1e3 * closure.bound:.3g} mm apart, and the error"
+            problems.add(f"{message} of its links has no bound: {found.reason}", found.remedy, closure.mark.line)
             return settled.closures, notes
         linkage.opened[closure.name] = found[0]
     if not linkage.opened:
@@ -270,9 +268,7 @@ def carry(
     lost = linkage.answer()
     if lost is not None:
         mark = next(closure.mark for closure in settled.closures if closure.name == lost)
-        message = (
-            f"closure {lost!r} shares joints with loops whose sides differ, and how it responds to them is not known"
-        )
+        message = f"closure {lost!r} shares joints with loops whose sides differ, and its response to them has no bound"
         problems.add(message, "Give these loops equal sides", mark.line)
         return settled.closures, notes
     if not _bound(linkage, problems):
@@ -332,7 +328,7 @@ def _too_flat(
     does = "no bound of the links' error is known, and the linkage can leave the parallelogram"
     if bounds is not None:
         does = f"this moves {joints[int(np.argmax(bounds))]!r} by up to {float(bounds.max()):.3g} rad"
-    message = f"closure {name!r}: the sides of its loop differ by {by} in all; within the joint limits it {comes}"
+    message = f"closure {name!r}: the sides of its loop differ by {by} in total; within the joint limits it {comes}"
     problems.add(f"{message}{where}, where {does}", _remedy(linkage, shape), mark.line)
 
 
@@ -391,7 +387,7 @@ def _note(linkage: _Linkage, name: str, found: Sequence[Deviation]) -> str:
     reasons: list[str] = []
     if not isinstance(shape, Refusal):
         if shape.found.mismatch:
-            reasons.append(f"the sides of its loop differ by {1e6 * shape.found.mismatch:.4g} um in all")
+            reasons.append(f"the sides of its loop differ by {1e6 * shape.found.mismatch:.4g} um in total")
         if np.any(shape.found.constant):
             off = float(np.abs(shape.found.constant).max())
             reasons.append(f"its joints' offsets are {off:.3g} rad from those that keep its sides parallel")
@@ -399,8 +395,8 @@ def _note(linkage: _Linkage, name: str, found: Sequence[Deviation]) -> str:
         return f"closure {name!r} shares joints with loops whose sides differ, and responds to them"
     moved = ", ".join(f"{one.joint!r} by up to {one.bound:.3g} rad" for one in found if one.bound)
     return (
-        f"closure {name!r}: {' and '.join(reasons)}; within the joint limits the true linkage leaves the coupling in "
-        f"{moved}; the boundaries that this moves keep as much more distance (place_error), and limits of these joints "
+        f"closure {name!r}: {' and '.join(reasons)}; within the joint limits the true linkage differs from the "
+        f"coupling in {moved}; boundaries that this moves keep more distance (place_error), and limits of these joints "
         "are narrower by it"
     )
 

@@ -38,7 +38,7 @@ class Settled(Value):
         closures: The closures with their paths in this coupling.
         passive: Joints that a closure made follow, by the closure's name.
         notes: What was coupled.
-        linkages: Loops that are no parallelograms, in the order in which they are solved; their passive joints are
+        linkages: Loops that are not parallelograms, in the order in which they are solved; their passive joints are
             among the coupling's coordinates.
         linked: The closures of these loops.
     """
@@ -54,7 +54,7 @@ class Settled(Value):
 def couple_parallelogram(
     closure: Closure, coupling: Coupling, reference: Array, depth: Sequence[int]
 ) -> Coupling | Refusal:
-    """Return the coupling in which a loop's passive joints follow, or why it is no parallelogram.
+    """Return the coupling in which a loop's passive joints follow, or why it is not a parallelogram.
 
     Args:
         closure: The closure, its path derived with `coupling`.
@@ -77,7 +77,7 @@ def passive_coordinates(closure: Closure, coupling: Coupling, rows: Array, depth
     names = coupling.coordinates
     for name in closure.mark.passive:
         if name not in names:
-            return Refusal(f"its passive joint {name!r} is no free joint", f"Free joints: {', '.join(names)}")
+            return Refusal(f"its passive joint {name!r} is not a free joint", f"Free joints: {', '.join(names)}")
     given = [names.index(name) for name in closure.mark.passive]
     used = [
         int(index) for index in np.flatnonzero(np.any(rows, axis=0)) if names[int(index)] not in closure.mark.active
@@ -212,7 +212,7 @@ def _settle_one(tree: Tree, coupling: Coupling, annotations: Annotations, mark: 
     again = close(tree, found, mark)
     if not again.closes:
         message = f"coupled as a parallelogram its ends are still up to {1e3 * again.bound:.6g} mm apart"
-        return Refusal(message, "Couple the joints of the loop by <mimic>, or mend its pins")
+        return Refusal(message, "Couple the joints of the loop by <mimic>, or correct its pins")
     return found
 
 

@@ -24,7 +24,7 @@ _SIDES = 4
 _PAIRINGS = (((0, 1), (2, 3)), ((0, 2), (1, 3)), ((0, 3), (1, 2)))
 _ROUNDS = 200
 _STEP = 1.0 + 1e-6
-_MEND = "Couple the joints of the loop by <mimic>, or mend its pins"
+_MEND = "Couple the joints of the loop by <mimic>, or correct its pins"
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +115,9 @@ def parallelogram(
     if not chain.rotations and not np.any(chain.slides):
         gap = float(np.linalg.norm(chain.offsets[0]))
         message = f"its joints are coupled, or fixed, so that this gap of {1e3 * gap:.6g} mm is the same in every pose"
-        return Refusal(message, "Mend xyz_a or xyz_b of the pin (in the frame of its link), or the joints' origins")
+        return Refusal(message, "Correct xyz_a or xyz_b of the pin (in the frame of its link), or the joints' origins")
     if not chain.rotations or not chain.is_planar or np.any(chain.slides):
-        return Refusal(f"it is no planar loop of revolute joints ({moving})", _MEND, is_other=True)
+        return Refusal(f"it is not a planar loop of revolute joints ({moving})", _MEND, is_other=True)
     apart = apart_along(chain)
     if apart > tolerance:
         return Refusal(f"its two pins are {1e3 * apart:.6g} mm apart along the axis of its joints", _MEND)

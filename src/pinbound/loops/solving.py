@@ -1,4 +1,4 @@
-"""Planar loops that are no parallelograms: which two joints close them, by which closed form, in which assembly.
+"""Planar loops that are not parallelograms: which two joints close them, by which closed form, in which assembly.
 
 Going once round the loop, every term of `sum_k (V_k + L_k z) e^(i g_k . z) = 0` lies before the first passive joint,
 between the two, or behind both. One of these groups may move: it is X of `linkages`. `docs/loops.md`.
@@ -29,7 +29,7 @@ __all__ = ["Toggles", "linkage", "ordered", "said", "toggles"]
 Complex = NDArray[np.complex128]
 
 _PASSIVES = 2
-_PINS = "Mend xyz_a or xyz_b of the pin (in the frame of its link), or the joints' origins"
+_PINS = "Correct xyz_a or xyz_b of the pin (in the frame of its link), or the joints' origins"
 _SPATIAL = "Couple its joints by <mimic> if they are proportional; else a robot with this loop cannot be loaded"
 _REMEDY = 'Name two other joints of the loop, passive="...", or couple its joints by <mimic>'
 
@@ -71,18 +71,18 @@ def linkage(
     chain = closure.path.minimal
     moving = [names[index] for index in chain.coordinates]
     if not chain.rotations or not chain.is_planar:
-        return Refusal(f"it is a spatial loop ({', '.join(moving)}), of which no closed form is known", _SPATIAL)
+        return Refusal(f"it is a spatial loop ({', '.join(moving)}), which has no known closed form", _SPATIAL)
     axis = chain.axes[0]
     if apart_along(chain) > closure.tolerance or np.any(np.abs(axis @ chain.slides) > REDUCTION):
         return Refusal("its pins do not stay in one plane across the axis of its joints", _PINS)
     terms = _terms(chain)
     for name in closure.mark.passive:
         if name not in moving:
-            message = f"its passive joint {name!r} is no free joint of the loop"
+            message = f"its passive joint {name!r} is not a free joint of the loop"
             return Refusal(message, f"Free joints: {', '.join(moving)}")
     given = [names.index(name) for name in closure.mark.passive]
     if given and len(given) != _PASSIVES:
-        return Refusal(f"it names {len(given)} passive joints; a pin in the plane settles two", _REMEDY)
+        return Refusal(f"it names {len(given)} passive joints; a pin in the plane determines two", _REMEDY)
     order = given or sorted(chain.coordinates, key=lambda index: (-depth[index], -index))
     order = [index for index in order if index not in taken and names[index] not in closure.mark.active]
     first: Refusal | None = None
@@ -91,7 +91,7 @@ def linkage(
         if isinstance(found, Linkage):
             return found
         first = first or found
-    return first or Refusal(f"only {', '.join(moving)} moves it, and a pin in the plane settles two joints", _REMEDY)
+    return first or Refusal(f"only {', '.join(moving)} moves it, and a pin in the plane determines two joints", _REMEDY)
 
 
 def ordered(linkages: Sequence[Linkage]) -> tuple[Linkage, ...] | str:

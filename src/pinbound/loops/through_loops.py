@@ -1,4 +1,4 @@
-"""Contacts and limits along one coordinate, or in a plane of two, through loops that are no parallelograms.
+"""Contacts and limits along one coordinate, or in a plane of two, through loops that are not parallelograms.
 
 Over a box of these coordinates with middle c and half-widths h, F is `F(c) + sum_a s_a J_a h_a + e` with `s_a` in
 [-1, 1], J the middle of an interval that holds F', and |e| bounded by what is left of it (`Lift.linear`). A limit is

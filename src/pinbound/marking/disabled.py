@@ -161,7 +161,7 @@ class _Finder:
         robot = self.robot
         for link in (a, b):
             if link not in robot.tree.links:
-                return f"{link!r} is no link", "granted", "the robot does not have it", None
+                return f"{link!r} is not a link", "granted", "the robot does not have it", None
         for link in (a, b):
             if link not in self.with_bodies:
                 return f"{link} has no body", "proof", "no body could touch", None

@@ -107,7 +107,7 @@ class Links:
                     return spare
         if not np.all(np.isfinite(found)):
             raise UnsupportedError(
-                f"the distance of {a.name!r} and {b.name!r} is no finite number; are all lengths of the URDF in metres?"
+                f"the distance of {a.name!r} and {b.name!r} is not a finite number; give all lengths in metres"
             )
         return Pair(a, b, contact, None if off else self._always(a, b, contact))
 

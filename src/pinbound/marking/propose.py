@@ -184,8 +184,8 @@ def _not_reached(found: Sequence[Cover], accuracy: float, most: int) -> str:
         return ""
     listed = ", ".join(f"{link} by {1e3 * excess:.2f} mm" for link, excess in wide.items())
     capped = any(parts[link] >= most for link in wide)
-    hint = f"allow more than {most} marks a link: --most {2 * most}, most={2 * most}" if capped else "no cut helps"
-    return f"marks stick out of meshes by more than the {1e3 * accuracy:g} mm that were asked for ({listed}); {hint}"
+    hint = f"allow more than {most} marks per link: --most {2 * most}, most={2 * most}" if capped else "no cut helps"
+    return f"marks stick out of meshes by more than the requested {1e3 * accuracy:g} mm ({listed}); {hint}"
 
 
 def _readable(robot: Robot, bodies: Sequence[Body], skip_missing: bool) -> tuple[list[Body], list[str]]:
@@ -195,7 +195,7 @@ def _readable(robot: Robot, bodies: Sequence[Body], skip_missing: bool) -> tuple
         problems = Problems(robot.document.label)
         for body, fault in faults.items():
             if fault:
-                remedy = "Mend it, or leave such bodies uncovered: --skip-missing, skip_missing=True"
+                remedy = "Correct it, or leave such bodies uncovered: --skip-missing, skip_missing=True"
                 problems.add(f"the mesh of {body.name!r} cannot be read: {fault.rstrip('.')}", remedy, body.line)
         problems.raise_if_any()
     notes = [note for body in bodies for note in robot.meshes.notes(body)]

@@ -31,7 +31,7 @@ def read_dae(data: bytes, source: str) -> tuple[Array, Ints, Ints, tuple[str, ..
     """Return vertices, triangles, the polygon that each was cut from, and notes.
 
     Raises:
-        InputError: If it is no COLLADA file, or something of it is damaged or not there.
+        InputError: If it is not a COLLADA file, or something of it is damaged or not there.
     """
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=True)
     try:
@@ -41,7 +41,7 @@ def read_dae(data: bytes, source: str) -> tuple[Array, Ints, Ints, tuple[str, ..
     if root.getroottree().docinfo.internalDTD is not None:
         refuse(source, "declares a document type, which may hold entities", "Remove the <!DOCTYPE ...>")
     if _name(root) != "COLLADA":
-        refuse(source, f"is no COLLADA file: its root is <{_name(root)[:40]}>", _MEND)
+        refuse(source, f"is not a COLLADA file: its root is <{_name(root)[:40]}>", _MEND)
     return _Reader(root, source).read()
 
 
@@ -62,7 +62,7 @@ class _Reader:
     def read(self) -> tuple[Array, Ints, Ints, tuple[str, ...]]:
         instance = next((one for one in self.root.iterfind("{*}scene/{*}instance_visual_scene")), None)
         if instance is None:
-            refuse(self.source, "has no <instance_visual_scene>, so that it places no geometry", _MEND)
+            refuse(self.source, "has no <instance_visual_scene>, so it places no geometry", _MEND)
         scene = self._referred(instance, "visual_scene")
         pieces: list[Piece] = []
         for node in _children(scene, "node"):

@@ -73,7 +73,7 @@ def _vertex(words: list[str], source: str, line: int) -> tuple[float, float, flo
         w = float(words[3])
         return x / w, y / w, z / w
     except (ValueError, ZeroDivisionError):
-        refuse(source, f"'v {' '.join(words)[:60]}' is no vertex", "Export the mesh again", line)
+        refuse(source, f"'v {' '.join(words)[:60]}' is not a vertex", "Export the mesh again", line)
 
 
 def _corner(word: str, count: int, source: str, line: int) -> int:

@@ -90,7 +90,7 @@ def _off_faces(data: bytes, source: str) -> int:
     lines = [line for line in (one.partition(b"#")[0].split() for one in data.splitlines()) if line]
     words = lines[0][1:] if lines and len(lines[0]) > 1 else lines[1] if len(lines) > 1 else []
     if len(words) < 2 or not all(word.isdigit() for word in words[:2]):
-        refuse(source, "is no OFF file: it does not say how many vertices and polygons it has", _MEND)
+        refuse(source, "is not an OFF file: it does not say how many vertices and polygons it has", _MEND)
     vertices, faces = (int(word[:12]) for word in words[:2])
     too_many(source, max(vertices // 3, faces))
     head = 1 if len(lines[0]) > 1 else 2

@@ -102,7 +102,7 @@ def _stray(data: bytes, place: int, source: str) -> NoReturn:
     if place == 0:
         refuse(
             source,
-            "is no STL file: it does not start with 'solid', and its size differs from the size in its header",
+            "is not an STL file: it does not start with 'solid', and its size differs from the size in its header",
             _MEND,
         )
     refuse(source, f"expected a facet of three vertices, or 'endsolid', found {said!r}", _MEND, line)

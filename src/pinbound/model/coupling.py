@@ -330,12 +330,12 @@ def real_array(values: Any, what: str) -> Array:
             raise DimensionError(f"{what} is complex; give real numbers")
         is_text = raw.dtype.kind in "SUmM" or (raw.dtype == object and any(isinstance(x, str) for x in raw.flat))
         if is_text:
-            raise DimensionError(f"{what} is no array of numbers: its type is {raw.dtype}; give numbers")
+            raise DimensionError(f"{what} is not an array of numbers: its type is {raw.dtype}; give numbers")
         return np.asarray(raw, dtype=np.float64)
     except (TypeError, ValueError) as error:
         if isinstance(error, DimensionError):
             raise
-        raise DimensionError(f"{what} is no array of numbers ({error}); give numbers") from error
+        raise DimensionError(f"{what} is not an array of numbers ({error}); give numbers") from error
 
 
 def as_configurations(Q: ArrayLike, coordinates: Sequence[str]) -> Array:
@@ -434,5 +434,6 @@ def narrowed_by_mimics(joints: Sequence[Joint], coupling: Coupling, limits: Sequ
             continue
         what = f"the limits of mimic joint {limit.joint!r} ({limit.lower:.6g} .. {limit.upper:.6g})"
         left = f"{lower:.6g} .. {upper:.6g}" if lower <= upper else "nothing"
-        notes.append(f"{what} leave {left} of {own[primary][0]:.6g} .. {own[primary][1]:.6g} to {primary!r}")
+        whole = f"{own[primary][0]:.6g} .. {own[primary][1]:.6g}"
+        notes.append(f"{what} reduce the range of {primary!r} from {whole} to {left}")
     return notes

@@ -145,7 +145,7 @@ def _fault(answer: dict[str, Any], path: Path, seconds: float) -> Problem:
     if answer.get("refused"):
         remedy = "Remove it: pinbound resolves no entities, neither internal nor external ones"
         return Problem(error, remedy, source, line)
-    remedy = "Mend the xacro file or its arguments"
+    remedy = "Correct the xacro file or its arguments"
     if "there is no package" in error:
         remedy = "Give the folder that holds the package: package_dirs=[...], or --package-dir"
     return Problem(f"xacro cannot expand it: {error}", remedy, source, line)

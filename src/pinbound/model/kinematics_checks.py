@@ -65,7 +65,7 @@ def _note_follower(joint: Joint, primary: Joint, notes: list[str]) -> None:
     if (joint.type == "continuous") != (primary.type == "continuous"):
         notes.append(f"{joint.type} joint {joint.name!r} follows {primary.type} joint {primary.name!r}")
     if joint.mimic is not None and joint.mimic.multiplier == 0.0:
-        notes.append(f"joint {joint.name!r} follows {primary.name!r} times 0: it stands still")
+        notes.append(f"joint {joint.name!r} follows {primary.name!r} times 0: it does not move")
 
 
 def _followed(joint: Joint, joints: Mapping[str, Joint]) -> set[str]:

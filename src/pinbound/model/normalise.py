@@ -77,7 +77,7 @@ def _exact_turns(root: etree._Element) -> list[str]:
         names = list(dict.fromkeys(joints))
         who = ", ".join(map(repr, names[:_NAMED])) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
         said.append(f"{word} as {_in_pi(turn)} = {turn * math.pi / 2!r} ({who})")
-    return [f"rpy angles that are multiples of pi/2 to the digits printed are read as such: {'; '.join(said)}"]
+    return [f"rpy angles that are multiples of pi/2 to the printed digits are read as exact ones: {'; '.join(said)}"]
 
 
 def _in_pi(turn: int) -> str:

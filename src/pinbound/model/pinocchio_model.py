@@ -52,7 +52,7 @@ def build_model(document: Document, kinematics: Kinematics) -> Any:
         model = pin.buildModelFromXML(etree.tostring(root).decode())
     except (ValueError, RuntimeError) as error:
         reason = str(error).strip().splitlines()[0]
-        raise refusal(document.label, f"Pinocchio refuses it: {reason}", "Mend the URDF") from error
+        raise refusal(document.label, f"Pinocchio refuses it: {reason}", "Correct the URDF") from error
     for name, joint in joints.items():
         if joint.moves:
             index = model.joints[model.getJointId(name)].idx_q
@@ -118,7 +118,7 @@ def _build(text: str, label: str, mimic: bool = False) -> Any:
         if mimic:
             raise ValueError(str(error)) from error
         reason = str(error).strip().splitlines()[0]
-        raise refusal(label, f"Pinocchio refuses it: {reason}", "Mend the URDF") from error
+        raise refusal(label, f"Pinocchio refuses it: {reason}", "Correct the URDF") from error
 
 
 def _stock_text(document: Document, kinematics: Kinematics) -> str:

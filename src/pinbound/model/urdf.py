@@ -178,7 +178,7 @@ class _Reader:
             self.problems.add(f"{what} has no <{tag} link=...>", "Name its link", element.sourceline)
         elif name not in self.links:
             self.problems.add(
-                f"{what} has the {tag} {name!r}, which is no link", name_hint(name, self.links), _line(end)
+                f"{what} has the {tag} {name!r}, which is not a link", name_hint(name, self.links), _line(end)
             )
         else:
             return name

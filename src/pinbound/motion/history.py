@@ -225,7 +225,7 @@ def _check_followers(
             if gap[row] > FOLLOWS:
                 rule = robot.coupling.text(name)
                 message = f"{name!r} does not follow ({rule}) in row {row + 1}: {values[name][row]:.9g}"
-                remedy = f"It should be {theta[row, column]:.9g}; leave the column out, or mend it"
+                remedy = f"It should be {theta[row, column]:.9g}; leave the column out, or correct it"
                 problems.add(message, remedy, _line(lines, row))
 
 

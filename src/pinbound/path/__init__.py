@@ -1,1 +1,1 @@
-"""The reduced relative path of two marks: the one idea, and which case it is."""
+"""The reduced relative path of two marks, and its case."""

@@ -1,9 +1,9 @@
-"""A chain of rotations about constant axes, and its reduction: the value that every interpreter reads.
+"""A chain of rotations about constant axes, and its reduction; every interpreter reads this value.
 
     r(q) = b_0 + R_1( b_1 + R_2( b_2 + ... R_k b_k ) ),   R_i = R(u_i, c_i . q),   b_i = s_i + L_i q,
 
-in which L_i is zero unless joints slide. `docs/relative-path.md` proves that each step below preserves its value, or,
-where said, its norm.
+where L_i is zero without prismatic joints. `docs/relative-path.md` proves that each step below preserves its value or,
+where stated, its norm.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class Chain(Value):
         offsets: (k + 1, 3) [m], the s_i.
         slides: (k + 1, 3, n), the L_i [m per unit of q].
         axes: (k, 3) unit vectors u_i.
-        coefficients: (k, n), the c_i; in a reduced chain no row is zero, and no two neighbours are parallel
-            unless their offset lies between them.
-        scale: Metres; the length of the path before reduction, against which rounding is judged.
+        coefficients: (k, n), the c_i; in a reduced chain no row is zero, and two neighbours are parallel only if an
+            offset is between them.
+        scale: Metres; the length of the path before reduction, to which rounding is relative.
     """
 
     offsets: Array
@@ -53,11 +53,11 @@ class Chain(Value):
         return tuple(int(index) for index in np.flatnonzero(used))
 
     def reversed(self) -> Chain:
-        """Return the same vector, seen in the frame behind the last rotation: `b_k + R_k^T (b_(k-1) + ...)`."""
+        """Return the same vector in the frame behind the last rotation: `b_k + R_k^T (b_(k-1) + ...)`."""
         return Chain(self.offsets[::-1], self.slides[::-1], -self.axes[::-1], self.coefficients[::-1], self.scale)
 
     def before(self, place: int) -> Chain:
-        """Return what stands before rotation `place`, and does not turn with it."""
+        """Return the part before rotation `place`, which does not rotate with it."""
         return Chain(
             self.offsets[: place + 1],
             self.slides[: place + 1],
@@ -67,14 +67,14 @@ class Chain(Value):
         )
 
     def behind(self, place: int) -> Chain:
-        """Return what rotation `place` turns, in the frame behind it."""
+        """Return the part that rotation `place` rotates, in the frame behind it."""
         after = place + 1
         return Chain(
             self.offsets[after:], self.slides[after:], self.axes[after:], self.coefficients[after:], self.scale
         )
 
     def pushed_behind(self) -> tuple[Array, Array]:
-        """Return offsets and slides, the part of each along the next axis, which that does not turn, put behind it."""
+        """Return offsets and slides; the part of each along the next axis, which is not rotated, moves behind it."""
         offsets, slides = self.offsets.copy(), self.slides.copy()
         for index, axis in enumerate(self.axes):
             along = np.outer(axis, axis)
@@ -91,7 +91,7 @@ class Chain(Value):
 
     @cached_property
     def planar_angles(self) -> Array:
-        """Of a planar chain (k + 1, n): coefficients of the angle, about the first axis, by which each block turns."""
+        """Coefficients (k + 1, n) of the angle, about the first axis, by which each block of a planar chain rotates."""
         signs = np.sign(self.axes @ self.axes[0]) if self.rotations else np.zeros(0)
         steps = signs[:, None] * self.coefficients
         return read_only(np.cumsum(np.vstack((np.zeros(self.coefficients.shape[1]), steps)), axis=0))
@@ -102,14 +102,14 @@ _NO_CORNER = read_only(np.zeros((1, 0)))
 
 @dataclass(frozen=True, eq=False)
 class HullChain(Value):
-    """A point, or one that slides over two bodies: `chain + sum_i t_i direction_i`, t over the product of two hulls.
+    """A point, or all points over two bodies: `chain + sum_i t_i direction_i`, for t in the product of two hulls.
 
     Attributes:
-        chain: Where all t are zero.
-        directions: One an t, (k + 1, 3) [m]: offsets of a chain with the rotations of `chain`. Those of the first body
-            come first.
-        corners: Of either body the vertices of the t, (k_a, m_a) and (k_b, m_b), m_a + m_b directions in all. A body
-            that is all `t in [0, 1]^m` has the corners of that cube.
+        chain: The point for t = 0.
+        directions: One for each t, (k + 1, 3) [m]: offsets of a chain with the rotations of `chain`; the first body
+            comes first.
+        corners: The vertices of t for each body, (k_a, m_a) and (k_b, m_b), with m_a + m_b directions in total. A body
+            with all `t in [0, 1]^m` has the corners of that cube.
     """
 
     chain: Chain
@@ -118,7 +118,7 @@ class HullChain(Value):
 
     @cached_property
     def is_zonotope(self) -> bool:
-        """Whether every t runs over [0, 1], whatever the others."""
+        """Whether every t runs over [0, 1], independent of the others."""
         return all(len(c) == 2 ** c.shape[1] and np.array_equal(c, cube_corners(c.shape[1])) for c in self.corners)
 
     @cached_property
@@ -129,12 +129,12 @@ class HullChain(Value):
 
     @cached_property
     def edges(self) -> tuple[Chain, ...]:
-        """The directions as chains, no longer than they need."""
+        """The directions as chains, as short as possible."""
         return tuple(map(_trimmed, self.turned))
 
     @cached_property
     def vertex_chains(self) -> tuple[Chain, ...]:
-        """The chains of all pairs of vertices, b's changing first; for cubes that of zeros first."""
+        """The chains of all pairs of vertices; the vertex of b changes fastest; for cubes, zero corners are first."""
         found: list[Chain] = []
         for corner in (np.concatenate(pair) for pair in product(*self.corners)):
             moved = sum((t * edge for t, edge in zip(corner, self.directions, strict=True)), start=self.chain.offsets)
@@ -143,25 +143,25 @@ class HullChain(Value):
 
 
 def are_parallel(u: Array, v: Array) -> bool:
-    """Return whether two unit vectors span one line, up to the rounding of folded constants."""
+    """Return whether two unit vectors are parallel or antiparallel, up to the rounding of folded constants."""
     (a, b, c), (x, y, z) = u.tolist(), v.tolist()
     return max(abs(b * z - c * y), abs(c * x - a * z), abs(a * y - b * x)) <= REDUCTION
 
 
 def split(chain: Chain, n: int, corners: tuple[Array, Array] = (_NO_CORNER, _NO_CORNER)) -> HullChain:
-    """Return a chain over n coordinates, and the directions of the parameters behind them, which have these corners."""
+    """Return a chain over n coordinates, and the directions of the parameters after them, with these corners."""
     own = replace(chain, slides=chain.slides[:, :, :n], coefficients=chain.coefficients[:, :n])
     return HullChain(own, tuple(chain.slides[:, :, column] for column in range(n, chain.slides.shape[2])), corners)
 
 
 def _trimmed(chain: Chain) -> Chain:
-    """Return a chain that does not slide without the rotations behind its last offset."""
+    """Return a chain without prismatic joints, without the rotations behind its last offset."""
     used = np.flatnonzero(np.any(chain.offsets, axis=1))
     return chain.before(int(used[-1]) if len(used) else 0)
 
 
 def reduce_chain(chain: Chain) -> Chain:
-    """Collect parallel rotations until nothing changes; the value of the chain stays."""
+    """Collect parallel rotations until nothing changes; the value of the chain stays the same."""
     while True:
         before = chain.rotations
         chain = _collect_runs(chain)
@@ -170,10 +170,10 @@ def reduce_chain(chain: Chain) -> Chain:
 
 
 def _collect_runs(chain: Chain) -> Chain:
-    """Rewrite each maximal run of parallel rotations as a sum over its distinct angles, and nest that again.
+    """Rewrite each maximal run of parallel rotations as a sum over its distinct angles, and nest it again.
 
-    In a run, `R(g_1) b_1 + ... + R(g_m) (b_m + rest)` with cumulative angles g. Offsets under one angle add up,
-    components along the axis and offsets under no angle leave the run, zero offsets vanish.
+    In a run, `R(g_1) b_1 + ... + R(g_m) (b_m + rest)` with cumulative angles g. Offsets with equal angles are added,
+    components along the axis and offsets without an angle leave the run, and zero offsets are dropped.
     """
     blocks = [np.column_stack((s, L)) for s, L in zip(chain.offsets, chain.slides, strict=True)]
     out_blocks, out_axes, out_coefficients = [blocks[0]], list[Array](), list[Array]()
@@ -219,7 +219,7 @@ def _collect_runs(chain: Chain) -> Chain:
 
 @dataclass
 class _Group:
-    """The offsets of a run that turn by one angle `c . q`."""
+    """The offsets of a run that rotate by the same angle `c . q`."""
 
     angle: Array
     block: Array
@@ -249,7 +249,7 @@ def _group(angles: Array, blocks: list[Array]) -> list[_Group]:
 
 
 def _ordered(groups: list[_Group], last: _Group | None, scale: float) -> list[_Group]:
-    """Leave out what is zero; put the angle under which the rest of the chain stands at the end."""
+    """Leave out zero terms; put the angle of the rest of the chain at the end."""
     kept = [g for g in groups if _counts(g.block, scale)]
     if last is None:
         return kept
@@ -258,12 +258,12 @@ def _ordered(groups: list[_Group], last: _Group | None, scale: float) -> list[_G
 
 
 def _counts(block: Array, scale: float) -> bool:
-    """Return whether an offset with its slides is not zero but for rounding."""
+    """Return whether an offset with its slides is nonzero by more than rounding."""
     return bool(np.any(np.abs(block[:, 0]) > REDUCTION * scale) or np.any(_moving(block)))
 
 
 def _cleared(coefficients: Array) -> Array:
-    """Return coefficients without what rounding has left of zeros."""
+    """Return coefficients in which entries that are only rounding are zero."""
     return np.where(np.abs(coefficients) > REDUCTION, coefficients, 0.0)
 
 
@@ -272,10 +272,10 @@ def _moving(block: Array) -> Flags:
 
 
 def drop_head(chain: Chain, projection: Array | None = None) -> Chain:
-    """Reduce a chain and drop leading rotations that turn nothing that counts.
+    """Reduce a chain and drop leading rotations that do not change the measured quantity.
 
-    `|b_0 + R x| = |b_0 + x|` if b_0 lies along R's axis. Of what lies across a line, R may turn all if it turns about
-    the line; heights above a plane stay if R turns about its normal, whatever b_0.
+    `|b_0 + R x| = |b_0 + x|` if b_0 is along the axis of R. A distance from a line stays the same if, in addition, this
+    axis is the direction of the line. A height above a plane stays the same if R rotates about the normal, for any b_0.
     """
     chain = reduce_chain(chain)
     while chain.rotations and _turns_nothing(chain, projection):
@@ -287,7 +287,7 @@ def drop_head(chain: Chain, projection: Array | None = None) -> Chain:
 
 
 def _only_projected(chain: Chain, projection: Array) -> Chain:
-    """Leave of the first block, which nothing turns, what counts."""
+    """Keep only the part that counts of the first block, which no rotation rotates."""
     offsets, slides = chain.offsets.copy(), chain.slides.copy()
     offsets[0] = projection.T @ (projection @ offsets[0])
     slides[0] = projection.T @ (projection @ slides[0])

@@ -1,4 +1,4 @@
-"""In which frame on its path a chain is written: that of the fewest rotated offsets, then of the fewest coordinates."""
+"""The frame on its path in which a chain is written: the one with the fewest rotated offsets, then coordinates."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ __all__ = ["best_frame"]
 
 
 def best_frame(chain: Chain, last_is_ancestor: bool) -> int:
-    """Return the position in whose frame the fewest offsets are rotated, then the fewest coordinates occur.
+    """Return the position of the frame with the fewest rotated offsets and, among these, the fewest coordinates.
 
-    Between equals an end of the chain that does not turn in the ancestor's frame wins, and then the first.
+    Among equal frames, an end of the chain that does not rotate in the ancestor's frame is chosen, and then the first.
     """
     used = np.any(chain.offsets, axis=1) | np.any(chain.slides, axis=(1, 2))
     turning = _coordinates_between(chain)[:, used]
@@ -28,10 +28,10 @@ def best_frame(chain: Chain, last_is_ancestor: bool) -> int:
 
 
 def _coordinates_between(chain: Chain) -> Ints:
-    """Count the coordinates in the angle between any two positions, (k + 1, k + 1); turns about one axis merged.
+    """Count the coordinates in the angle between any two positions, (k + 1, k + 1); parallel rotations are merged.
 
-    Rotations are taken in runs of parallel axes. Between two runs an angle is what is left of the first, all runs
-    between, and what the last has had, so that only pairs within one run are summed one by one.
+    Rotations form runs of parallel axes. The angle between positions in two runs is the rest of the first run, all runs
+    in between, and the beginning of the last run. So only pairs within one run are summed one by one.
     """
     k, starts = chain.rotations, _runs(chain.axes)
     counts = np.zeros((k + 1, k + 1), dtype=np.int64)
@@ -54,7 +54,7 @@ def _coordinates_between(chain: Chain) -> Ints:
 
 
 def _runs(axes: Array) -> list[int]:
-    """Return where runs of rotations about parallel axes begin."""
+    """Return the starts of runs of rotations about parallel axes."""
     starts: list[int] = []
     for position, axis in enumerate(axes):
         if not starts or not are_parallel(axes[starts[-1]], axis):

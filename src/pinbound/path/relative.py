@@ -1,11 +1,12 @@
-"""The reduced relative path: the one idea that every interpreter reads.
+"""The reduced relative path, which every interpreter reads.
 
-Between two marks lies a path in the tree: up from a's link to the lowest common ancestor, down to b's. With constant
-rotations folded away it is a chain (`path/chain.py`), reduced until nothing is left in it that does not change the
+Between two marks there is a path in the tree: up from the link of a to the lowest common ancestor, and down to the link
+of b. With folded constant rotations it is a chain (`path/chain.py`), reduced to the joints that can change the
 distance.
 
-A marked segment or box is a point that slides along its link: while the chain is reduced, each of its parameters is one
-more coordinate, and afterwards a *direction*, the chain's derivative by it. `docs/segments.md` derives that.
+A marked segment or box is a point on prismatic joints: while the chain is reduced, each of its parameters is one more
+coordinate. Afterwards it is a *direction*, the derivative of the chain by this parameter. `docs/segments.md` derives
+this.
 """
 
 from __future__ import annotations
@@ -43,16 +44,16 @@ class RelativePath(Value):
     """The path between two marks, reduced.
 
     Attributes:
-        kind: How the two links lie to each other.
-        ancestor: The lowest common ancestor link, helpers aside.
+        kind: How the two links are related in the tree.
+        ancestor: The lowest common ancestor link, without helper links.
         branch_a: `x_a(q)`, mark a in the ancestor's frame.
         branch_b: `x_b(q)`, mark b in the ancestor's frame; `r = x_a - x_b` is the paper's vector.
-        difference: Chain and directions of the same norm as r in which the fewest coordinates and rotations are left.
+        difference: Chain and directions with the norm of r and the fewest coordinates and rotations.
         frame: Position i of `minimal` in whose frame the vector has the fewest rotated terms.
-        projection: Rows that take from r, in the frame at position 0, what counts: (2, 3) what lies across a line,
-            (1, 3) the height above a plane. None: all of it.
+        projection: Rows that give the part of r that counts, in the frame at position 0: (2, 3) for a line, the part
+            perpendicular to it; (1, 3) for a plane, the height. None: all of r.
         normal: Unit direction of the line, or normal of the plane, in the ancestor's frame; None without one.
-        measure: The distance, the distance across a line, or the height above a plane.
+        measure: The distance, the distance from a line, or the height above a plane.
         first_is_b: Whether the line or plane is mark b.
     """
 
@@ -69,14 +70,14 @@ class RelativePath(Value):
 
     @cached_property
     def case(self) -> Case:
-        """What is measured between what."""
+        """The measured quantity."""
         if self.measure is not Measure.DISTANCE:
             return Case.LINE if self.measure is Measure.ACROSS else Case.PLANE
         return Case.BODIES if self.difference.directions else Case.POINTS
 
     @cached_property
     def form(self) -> Form:
-        """How an interpreter gets the separation."""
+        """How an interpreter computes the separation."""
         if self.difference.directions:
             closed = self.is_signed or (len(self.difference.directions) <= _CLOSED and self.difference.is_zonotope)
             return Form.PIECEWISE if closed else Form.SEARCHED
@@ -88,17 +89,17 @@ class RelativePath(Value):
 
     @property
     def turns_several(self) -> bool:
-        """Whether it is proven, without being traced, that there are several effective angles."""
+        """Whether it is proven, without reducing the path, that there are several effective angles."""
         return False
 
     @property
     def minimal(self) -> Chain:
-        """The chain of the two marks' own points: of two points, all that there is."""
+        """The chain between the points of the two marks; for two points, this is the whole path."""
         return self.difference.chain
 
     @property
     def is_plain(self) -> bool:
-        """Whether it lies between two points."""
+        """Whether it is between two points."""
         return self.case is Case.POINTS
 
     @property
@@ -108,24 +109,24 @@ class RelativePath(Value):
 
     @property
     def constants(self) -> tuple[Array, ...]:
-        """All arrays that the separation depends on, in an order that stays."""
+        """All arrays that the separation depends on, in a fixed order."""
         chain, difference, projection = self.minimal, self.difference, self.projection
         corners = () if difference.is_zonotope else difference.corners
         rows = () if projection is None else (projection,)
         return chain.offsets, chain.slides, chain.axes, chain.coefficients, *difference.directions, *corners, *rows
 
     def counted(self, r: Array) -> Array:
-        """Return what counts of vectors (..., 3) in the frame at position 0: three numbers, two, or one."""
+        """Return the part of vectors (..., 3) that counts, in the frame at position 0: three numbers, two, or one."""
         return r if self.projection is None else r @ self.projection.T
 
     def counted_of_each(self, parts: Sequence[Array]) -> tuple[Array, ...]:
-        """Return what counts of vectors (N, 3, ...), their derivatives for one, whose numbers are along axis 1."""
+        """Return the part that counts of vectors (N, 3, ...), such as derivatives, with components along axis 1."""
         if self.projection is None:
             return tuple(parts)
         return tuple(np.einsum("di,ni...->nd...", self.projection, part) for part in parts)
 
     def left_of(self, r: Any, along: Any) -> Any:
-        """Return what counts of r in the ancestor's frame, given its part along `normal`; arrays or expressions."""
+        """Return the part of r that counts, in the ancestor's frame, given its part along `normal`."""
         return along if self.case is Case.PLANE else r - along
 
     def height_row(self) -> Array:
@@ -135,9 +136,9 @@ class RelativePath(Value):
 
     @property
     def is_solid(self) -> bool:
-        """Whether the marks span bodies that may overlap, so that their distance stays zero: boxes, prisms, hulls.
+        """Whether the marks span bodies that may overlap with a distance of zero: boxes, prisms, hulls.
 
-        Across a line a body is seen as an area, which two directions span.
+        For a line, the projection of a body is an area, which two directions span.
         """
         spanned = {Case.BODIES: 3, Case.LINE: 2}.get(self.case, math.inf)
         return len(self.difference.directions) >= spanned
@@ -149,17 +150,17 @@ class RelativePath(Value):
 
     @property
     def floor(self) -> float:
-        """The least separation that there can be [m]: zero for a distance, minus infinity for a height."""
+        """The smallest possible separation [m]: zero for a distance, minus infinity for a height."""
         return -math.inf if self.case is Case.PLANE else 0.0
 
     @property
     def is_expression(self) -> bool:
-        """Whether the separation is a closed form over t in [0, 1]: that of boxes, prisms and hulls is searched for."""
+        """Whether the separation is a closed form over t in [0, 1]; boxes, prisms and hulls need an iteration."""
         return self.is_plain or (self.form is not Form.SEARCHED and self.difference.is_zonotope)
 
     @property
     def is_short(self) -> bool:
-        """Whether its formula fits a page: of points and segments, by three rotations at most."""
+        """Whether its formula fits a page: points and segments with at most three rotations."""
         return self.difference.is_zonotope and self.minimal.rotations <= _MOST_ROTATIONS
 
 
@@ -170,7 +171,7 @@ def relative_path(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativeP
         tree: The robot's tree.
         coupling: `theta = S q + o`.
         a: First mark.
-        b: Second mark; one of the two at most may be a line or a plane.
+        b: Second mark; at most one of the two may be a line or a plane.
 
     Returns:
         Kind, ancestor and reduced chains.
@@ -205,11 +206,11 @@ def _traced(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:
 
 
 class _TracedLater(RelativePath):
-    """The path between two marks that have ends, each part of it traced when it is first asked for."""
+    """The path between two bounded marks; each part of it is reduced when it is first needed."""
 
     @classmethod
     def between(cls, tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> RelativePath:
-        """Return the path; no joint of several coordinates is in the tree."""
+        """Return the path; the tree has no joint with several coordinates."""
         path = object.__new__(cls)
         case = Case.POINTS if a.shape.is_point and b.shape.is_point else Case.BODIES
         path.__dict__.update(_source=(tree, coupling, a, b), projection=None, normal=None, case=case)
@@ -218,11 +219,11 @@ class _TracedLater(RelativePath):
 
     @property
     def turns_several(self) -> bool:
-        """Whether there are several, for sure; `replace` makes a path whose parts are all there."""
+        """Whether there are certainly several; `replace` makes a path with all parts."""
         return "difference" not in self.__dict__ and self.case is Case.POINTS and has_several_angles(*self._source)
 
     def __getattr__(self, name: str) -> Any:
-        """Trace a part that is not there yet, and keep it."""
+        """Reduce a missing part, and store it."""
         if "_source" not in self.__dict__ or name not in _PARTS:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         tree, coupling, a, b = self.__dict__["_source"]
@@ -273,13 +274,13 @@ def _minimal(tree: Tree, coupling: Coupling, a: Mark, b: Mark, projection: Array
 
 
 def _placed(mark: Mark, *both: Mark) -> Array:
-    """Return a mark as columns (3, 1 + k): its point, and the directions of both marks, those of the other zero."""
+    """Return a mark as columns (3, 1 + k): its point, and the directions of both marks, zero for the other mark."""
     directions = [one.shape.directions if one is mark else np.zeros_like(one.shape.directions) for one in both]
     return np.vstack((mark.shape.origin[None], *directions)).T
 
 
 def _projection(first: Shape) -> Array | None:
-    """Return the rows by which a line or plane measures r, which leads from what is measured to it."""
+    """Return the rows with which a line or plane measures r, the vector from the other mark to it."""
     unit = first.normal
     if unit is None:
         return None
@@ -294,7 +295,7 @@ def _projection(first: Shape) -> Array | None:
 def _branch(
     coupling: Coupling, joints: Sequence[Joint], placed: Array, held: bool = False, reach: float | None = None
 ) -> HullChain:
-    """Return a point and its directions (3, 1 + k) of the last joint's link, in the ancestor's frame."""
+    """Return a point of the last joint's link and its directions (3, 1 + k), in the ancestor's frame."""
     builder = _Builder(coupling, held)
     for joint in joints:
         builder.down(joint)
@@ -311,14 +312,14 @@ def _normal(coupling: Coupling, joints: Sequence[Joint], shape: Shape) -> Chain 
 def absolute_chain(tree: Tree, coupling: Coupling, link: str, xyz: Sequence[float], reduced: bool = True) -> Chain:
     """Return the chain of a point's position in the root link's frame.
 
-    A joint of several coordinates (floating, planar) is held at its origin, as `Robot.model` holds it.
+    A joint with several coordinates (floating, planar) is fixed at its origin, as in `Robot.model`.
 
     Args:
         tree: The robot's tree.
         coupling: `theta = S q + o`.
         link: The link that the point is fixed to.
         xyz: The point in the link's frame [m].
-        reduced: False leaves one rotation a joint, as Eq. (5) of the paper does.
+        reduced: False keeps one rotation for each joint, as in Eq. (5) of the paper.
     """
     builder = _Builder(coupling, held=True)
     for joint in tree.descent(tree.root, link):
@@ -328,9 +329,9 @@ def absolute_chain(tree: Tree, coupling: Coupling, link: str, xyz: Sequence[floa
 
 
 def direction_chain(tree: Tree, coupling: Coupling, link: str, unit: Sequence[float]) -> Chain:
-    """Return the chain of a link's unit vector in the root link's frame: rotations alone, so that no length rounds it.
+    """Return the chain of a unit vector of a link in the root link's frame: rotations, no rounding by lengths.
 
-    Joints of several coordinates are held at their origin, as `absolute_chain` does.
+    Joints with several coordinates are fixed at their origin, as in `absolute_chain`.
     """
     placed = np.column_stack((np.zeros(3), np.array(unit, dtype=np.float64)))
     edge = _branch(coupling, tree.descent(tree.root, link), placed, held=True).edges[0]
@@ -362,10 +363,10 @@ def _offset_at_zero(tree: Tree, ancestor: str, link: str) -> Array:
 
 
 class _Builder:
-    """Collect joints along a path into a chain, constant rotations folded into what follows them."""
+    """Collects joints along a path into a chain; constant rotations are folded into the terms after them."""
 
     def __init__(self, coupling: Coupling, held: bool = False) -> None:
-        """Start at a link's frame; joints of several coordinates are left at their origin (`held`), or refused."""
+        """Start at the frame of a link; joints with several coordinates are fixed at their origin, or refused."""
         self.coupling, self.held = coupling, held
         self.rotation = np.eye(3)
         n = len(coupling.coordinates)
@@ -417,7 +418,7 @@ class _Builder:
     def chain(self, tail: Array, head: Array | None = None, reaches: tuple[float, float] | None = None) -> Chain:
         """Return the position of `tail` (3, 1 + k), or `head` minus it; k parameters follow the coordinates.
 
-        `reaches` are bounds of how far tail and head may be from their links' origins [m]; by default with all
+        `reaches` are bounds of the distances of tail and head from the origins of their links [m]; by default for all
         parameters in [0, 1].
         """
         if reaches is None:
@@ -439,10 +440,10 @@ class _Builder:
 
 
 def _columns(placed: Array, n: int) -> Array:
-    """Return a point and its directions as first and last columns, those of n coordinates between them."""
+    """Return a point and its directions as first and last columns, with the columns of n coordinates in between."""
     return np.hstack((placed[:, :1], np.zeros((3, n)), placed[:, 1:]))
 
 
 def _farthest(placed: Array) -> float:
-    """Return a bound of how far a point may be from its link's origin while it slides [m]."""
+    """Return a bound of the distance of a point from the origin of its link, over all parameters [m]."""
     return float(np.linalg.norm(placed[:, 0]) + np.linalg.norm(placed[:, 1:], axis=0).sum())

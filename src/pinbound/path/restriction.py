@@ -1,7 +1,7 @@
-"""A chain with some coordinates held: constants folded, what no longer turns dropped.
+"""A chain with some coordinates fixed: constants are folded, and rotations without effect are dropped.
 
-A held rotation C is constant, and `C R(u, phi) = R(C u, phi) C`, so it moves into the axes and offsets behind it. A
-boundary that has many effective angles in the robot may have one, or none, in a plane of two coordinates.
+A rotation C by a fixed coordinate is constant, and `C R(u, phi) = R(C u, phi) C`, so it moves into the axes and offsets
+behind it. A boundary with many effective angles in the robot may have one, or none, in a slice of two coordinates.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ __all__ = ["hold", "restrict", "restrict_path"]
 
 
 def restrict(chain: Chain, at: Array, keep: Sequence[int], projection: Array | None = None) -> Chain:
-    """Return a reduced chain over the coordinates `keep` with the same norm, the others held as in `at`.
+    """Return a reduced chain over the coordinates `keep` with the same norm, with the others fixed as in `at`.
 
-    Arguments are those of `hold`, and rows `projection` that take from the vector what counts; None: all of it.
+    Arguments are those of `hold`, and rows `projection` that give the part that counts; None: all of the vector.
 
     Example:
         >>> axes, slides = np.array([[0.0, 1.0, 0.0]] * 2), np.zeros((3, 3, 2))
@@ -35,10 +35,10 @@ def restrict(chain: Chain, at: Array, keep: Sequence[int], projection: Array | N
 
 
 def hold(chain: Chain, at: Array, keep: Sequence[int]) -> Chain:
-    """Return a chain over the coordinates `keep` with the same value, the others held as in `at`.
+    """Return a chain over the coordinates `keep` with the same value, with the others fixed as in `at`.
 
     Args:
-        chain: Over n coordinates.
+        chain: A chain over n coordinates.
         at: (n,) [rad or m].
         keep: Indices of the coordinates that stay, in their new order.
 
@@ -79,9 +79,9 @@ def hold(chain: Chain, at: Array, keep: Sequence[int]) -> Chain:
 
 
 def restrict_path(path: RelativePath, at: Array, keep: Sequence[int]) -> RelativePath:
-    """Return a path over the coordinates `keep` with the same separation, the others held as in `at` (n,).
+    """Return a path over the coordinates `keep` with the same separation, with the others fixed as in `at` (n,).
 
-    Its branches are left as they are: over all coordinates.
+    Its branches stay as they are, over all coordinates.
     """
     chain, n, k = path.minimal, len(at), len(path.difference.directions)
     edges = np.array(path.difference.directions).reshape(k, *chain.offsets.shape)

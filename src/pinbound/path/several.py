@@ -1,9 +1,9 @@
-"""A proof, without tracing a path, that its distance depends on several effective angles: of long paths most do.
+"""A proof, without reducing a path, that its distance depends on several effective angles, as for most long paths.
 
-Let every joint between two points turn by a coordinate of its own. Then no angles cancel, and neighbouring rotations
-become one only if they are parallel. The reduction drops a rotation at an end of the chain only if the point at that
-end is on its axis. So let i be the first joint from point a whose axis it is not on, and k the first from point b. If i
-comes before k, and two neighbours from i to k are not parallel, then rotations on either side of them are left.
+Let every joint between two points have its own coordinate. Then no angles cancel, and neighbouring rotations become one
+only if they are parallel. The reduction drops a rotation at an end of the chain only if the point at that end is on its
+axis. So let i be the first joint from point a whose axis does not contain a, and k the first such joint from point b.
+If i comes before k, and two neighbours from i to k are not parallel, then rotations on both sides of them remain.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ __all__ = ["has_several_angles"]
 
 
 def has_several_angles(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> bool:
-    """Return whether the distance of two points is proven to depend on several angles; False says nothing.
+    """Return whether the distance of two points is proven to depend on several angles; False proves nothing.
 
     Example:
         >>> import pinbound as pb
@@ -48,7 +48,7 @@ def has_several_angles(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> bool
 
 
 def _first_off(point: Array, lines: Sequence[tuple[Array, Array]], scale: float) -> int | None:
-    """Return the first axis that a point is clearly not on; None if there is none, or one that it may be on."""
+    """Return the first axis that certainly does not contain a point; None if there is none, or one may contain it."""
     for number, (axis, place) in enumerate(lines):
         away = _size(axis, point - place)
         if away > PLACED * scale:

@@ -1,13 +1,13 @@
-"""Where points of all links are in the root's frame, as chains that share their beginnings.
+"""Positions of points of all links in the frame of the root link, as chains that share their beginnings.
 
-A link's rotations are a linked list of *steps* from the root, and links below one another share it: 1,000 links of a
-chain have 1,000 steps, not half a million. A step goes `s + L q` in the frame above, and turns there about an axis:
+The rotations of a link are a linked list of *steps* from the root, which links below share: 1,000 links of a chain have
+1,000 steps, not half a million. A step translates by `s + L q` in the frame above, and then rotates about an axis:
 
     P = P_above + W_above (s + L q),    W = W_above R(u, c . q).
 
-What lies along u is not turned by it, and is put behind it, so that marks of one link share all of them. Turns about
-one axis at one place are one step, and a point on the axis of its last step stands on the step above. A joint of
-several coordinates is held at its origin, as `absolute_chain` does.
+A step does not rotate the part along u, which moves behind it, so that marks of one link share all steps. Rotations
+about one axis at one point are one step. A point on the axis of its last step belongs to the step above. A joint with
+several coordinates is fixed at its origin, as in `absolute_chain`.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ Terms = tuple[tuple[int, float], ...]
 
 @dataclass(frozen=True, eq=False)
 class Step(Value):
-    """A constant step and a slide, then a rotation.
+    """A translation, constant and by prismatic joints, then a rotation.
 
     Attributes:
         above: The step before; None: the root.
         offset: (3,) [m].
-        slides: By coordinate the direction (3,) of its slide [m per unit of q].
+        slides: The direction (3,) of the translation by each coordinate [m per unit of q].
         axis: (3,) unit vector.
         terms: Coordinates and coefficients of the angle.
     """
@@ -52,15 +52,15 @@ class Step(Value):
 
 @dataclass(frozen=True, eq=False)
 class Spot(Value):
-    """A point behind a step; of a link its origin, with its orientation.
+    """A point behind a step; for a link, its origin with its orientation.
 
     Attributes:
         step: The last step; None: the root.
         place: (3,) [m] in the frame behind it.
-        slides: As of a step.
+        slides: As for a step.
         rotation: (3, 3) the link's orientation in that frame.
         scale: [m], the length of all offsets down to it.
-        rate: At most how far a unit of each coordinate slides it, summed [m].
+        rate: Bound of the translation per unit of all coordinates [m].
     """
 
     step: Step | None
@@ -72,7 +72,7 @@ class Spot(Value):
 
 
 def link_spots(tree: Tree, coupling: Coupling, links: Iterable[str]) -> dict[str, Spot]:
-    """Return the origins of links, and of all links above them, by name."""
+    """Return the origins of links and of all links above them, by name."""
     rows = {name: (S, float(o)) for name, S, o in zip(coupling.joints, coupling.S, coupling.offset, strict=True)}
     found = {tree.root: Spot(None, np.zeros(3), {}, np.eye(3), 0.0, 0.0)}
     for link in links:
@@ -121,7 +121,7 @@ def _below(spot: Spot, joint: Joint, rows: Mapping[str, tuple[Array, float]]) ->
 
 
 def _turned(spot: Spot, axis: Array, terms: Terms) -> Spot:
-    """Return what lies along the axis, behind a rotation about it; turns about one axis at one place are added."""
+    """Return the part along the axis, behind a rotation about it; rotations about one axis at one point are added."""
     last = spot.step
     if last is not None and are_parallel(last.axis, axis) and _on_axis(spot):
         sign = float(np.sign(last.axis @ axis))
@@ -141,7 +141,7 @@ def _turned(spot: Spot, axis: Array, terms: Terms) -> Spot:
 
 
 def _on_axis(spot: Spot) -> bool:
-    """Return whether the last step's rotation does not move a point, nor what it slides by."""
+    """Return whether the rotation of the last step moves neither a point nor its slides."""
     assert spot.step is not None
     axis = spot.step.axis
     across = spot.place - axis * float(axis @ spot.place)
@@ -156,7 +156,7 @@ def _largest(vector: Array) -> float:
 
 
 def _carried(step: Step, place: Array, slides: Mapping[int, Array]) -> tuple[Array, dict[int, Array]]:
-    """Return a point on a step's axis, and its slides, in the frame above the step."""
+    """Return a point on the axis of a step, and its slides, in the frame above the step."""
     ways = dict(step.slides)
     for j, way in slides.items():
         ways[j] = ways.get(j, np.zeros(3)) + way

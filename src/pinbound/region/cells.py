@@ -238,9 +238,9 @@ def _refuse_more_than(searched: Searched, count: int) -> None:
     if count > _MOST_CELLS:
         x, y = searched.slice.coordinates
         raise UnsupportedError(
-            f"the contact curves in the plane of {x!r} and {y!r} need some {count:.1g} cells of the width asked for, "
-            f"and {_MOST_CELLS} are the most; give a larger width= (on the command line --width), or a smaller window "
-            "(window=, --window)"
+            f"the contact curves in the slice of {x!r} and {y!r} need about {count:.1g} cells of the requested width, "
+            f"and at most {_MOST_CELLS} are allowed; give a larger width= (on the command line --width), or a smaller "
+            "window (window=, --window)"
         )
 
 

@@ -90,7 +90,7 @@ def read_points(slice_: Slice, Q: ArrayLike, order: Order | None = None) -> Read
     try:
         array = np.asarray(Q, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise DimensionError(f"q is no array of numbers ({error}); give numbers") from error
+        raise DimensionError(f"q is not an array of numbers ({error}); give numbers") from error
     if order is None and array.shape[-1:] == (_PLANE,) == (len(coordinates),) and names != coordinates:
         raise DimensionError(
             f"two numbers can be read in two ways here: as a configuration ({', '.join(coordinates)}) of the robot, "

@@ -1,4 +1,4 @@
-"""What bounds a plane through loops that are no parallelograms, told apart from what stays linear in the plane.
+"""What bounds a plane through loops that are not parallelograms, told apart from what stays linear in the plane.
 
 The robot over z is an ordinary one (`docs/loops.md`). A limit, a rule or a boundary of it is through a loop in a plane
 if it uses a coordinate of z that the plane's two move; anything else is as it would be without loops.

@@ -277,7 +277,7 @@ class _SeparationBounds:
 
 
 class _ThroughLoops:
-    """Signed clearances of a boundary through loops that are no parallelograms, and lower bounds of them over boxes."""
+    """Signed clearances of a boundary through loops that are not parallelograms, and lower bounds over boxes."""
 
     def __init__(self, boundary: Boundary, slice_: Slice, indices: Sequence[int]) -> None:
         self.boundary, self.weights = boundary, np.ones(2)

@@ -99,7 +99,7 @@ def axis_membership(values: ArrayLike, lower: ArrayLike, upper: ArrayLike, print
     """
     x, low, high = (np.asarray(value, dtype=np.float64) for value in (values, lower, upper))
     if not np.all(low <= high):
-        raise DimensionError(f"the ends {low.tolist()} and {high.tolist()} are no interval; give lower <= upper")
+        raise DimensionError(f"the ends {low.tolist()} and {high.tolist()} are not an interval; give lower <= upper")
     mu = np.minimum(x - low, high - x)
     return np.where(x > high, x - high, mu) if printed else mu
 

@@ -110,8 +110,8 @@ def obstacle_sides(obstacle: Obstacle, wide: Array, scales: Array) -> list[tuple
         grown = [side.inset(-1e3 * VERTEX) for side in sides]
         if len(intersect([*box, *grown])[0]):
             raise UnsupportedError(
-                f"what the rule {obstacle.name!r} forbids in the slice has no width; give its conditions "
-                "a width, or take a window beside it"
+                f"the set that the rule {obstacle.name!r} forbids in the slice has no width; widen its "
+                "conditions, or give a window beside it"
             )
         return []
     ends = np.roll(vertices, -1, axis=0)

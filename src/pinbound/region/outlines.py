@@ -99,7 +99,7 @@ def is_searched(slice_: Slice, curve: Curve | LoopContact | LoopLimit) -> bool:
     """Return whether no smooth functions are known whose zeros hold the contact curves: bodies may meet edge to edge.
 
     So it is of boxes, prisms and skew segments that turn by several angles; they are left to `cells`. So is what goes
-    through loops that are no parallelograms, whose derivatives have no bound for the whole window.
+    through loops that are not parallelograms, whose derivatives have no bound for the whole window.
     """
     if not isinstance(curve, Curve):
         return True

@@ -447,4 +447,4 @@ def _of_loops(slice_: Slice, parts: Sequence[Loops], accuracy: float) -> TracedR
 
 
 def _left_behind() -> tuple[Region, ...]:
-    raise UnsupportedError("an unpickled region does not know its sister components; derive the region again")
+    raise UnsupportedError("an unpickled region has no other components; compute the region again")

@@ -103,11 +103,11 @@ class Slice(Value):
             a mimic joint, or the window, whichever is tightest.
         limits: All other limits of joints, mimic joints or not, that bind the two.
         strips: Boundaries of one effective angle in the plane.
-        curves: Boundaries of several; and boundaries, limits and rules through loops that are no parallelograms.
+        curves: Boundaries of several; and boundaries, limits and rules through loops that are not parallelograms.
         fixed: Held coordinates that some boundary or limit depends on.
         margin: [m] added to every threshold.
         obstacles: What rules forbid that bind where conditions hold.
-        lifted: What takes points of the plane through loops that are no parallelograms, if its coordinates move any.
+        lifted: What takes points of the plane through loops that are not parallelograms, if its coordinates move any.
     """
 
     robot: Robot

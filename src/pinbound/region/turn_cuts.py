@@ -140,8 +140,8 @@ def cuts_of(
             continue
         if max(moves) >= len(plane.at):
             raise UnsupportedError(
-                f"loop {one.name!r} is moved by another loop, and its arms may go round in this window, where the "
-                "angle that they are counted from is not traced; give a smaller window (window=, --window)"
+                f"another loop moves loop {one.name!r}, and its arms may make a full turn in this window, which is "
+                "not supported; give a smaller window (window=, --window)"
             )
         function = TurnFunction.over(one, plane, scales, window)
         contour = trace(function, window, accuracy, deadline)

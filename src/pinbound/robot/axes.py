@@ -101,7 +101,7 @@ def new_coordinates(
         if axis.instead_of not in coupling.coordinates or strange:
             name = strange[0] if strange else axis.instead_of
             hint = name_hint(name, coupling.coordinates)
-            problems.add(f"axis {axis.name!r} names {name!r}, which is no coordinate", hint, axis.line, source)
+            problems.add(f"axis {axis.name!r} names {name!r}, which is not a coordinate", hint, axis.line, source)
             continue
         if len({name in lengths for name, c in axis.coefficients.items() if c}) > 1:
             problems.add(

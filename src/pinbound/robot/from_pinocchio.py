@@ -109,7 +109,7 @@ def _hang(pin: Any, model: Any, index: int, root: etree._Element) -> None:
     if joint is not None and joint.shortname() == _FLYING and int(via.parentFrame) == 0:
         return
     if parent.type != kinds.BODY:
-        raise _undetermined(f"joint {via.name!r} hangs on {parent.name!r}, which is no body frame")
+        raise _undetermined(f"joint {via.name!r} hangs on {parent.name!r}, which is not a body frame")
     made = etree.SubElement(root, "joint", name=str(via.name), type="fixed")
     etree.SubElement(made, "parent", link=str(parent.name))
     etree.SubElement(made, "child", link=str(frame.name))
@@ -168,7 +168,7 @@ def _body(pin: Any, model: Any, one: Any, links: dict[int, etree._Element]) -> N
     frame = int(one.parentFrame)
     if frame not in links:
         name = model.frames[frame].name if frame < len(model.frames) else str(frame)
-        raise _undetermined(f"geometry object {one.name!r} stands on {name!r}, which is no body frame")
+        raise _undetermined(f"geometry object {one.name!r} stands on {name!r}, which is not a body frame")
     place = model.frames[frame].placement.actInv(one.placement)
     shape = one.geometry
     kind = type(shape).__name__

@@ -128,7 +128,7 @@ def _half_planes(robot: Robot, boundaries: Sequence[Boundary], pair: tuple[int, 
         if not set(used) & set(pair):
             continue
         if one.contacts is None:
-            said = f"boundary {one.name!r} has several effective angles, so that its contact is not a straight line"
+            said = f"boundary {one.name!r} has several effective angles, so its contact is not a straight line"
             raise UnsupportedError(
                 f"{said}: nothing can be proven between entries. Trace a region, or leave this boundary out"
             )

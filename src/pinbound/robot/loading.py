@@ -311,7 +311,7 @@ def _home(
                 if not marks.home:
                     message = f"no configuration keeps all joint limits: at zero {limit.joint!r} is {value:.6g}"
                     message += f", which is not in {ends}"
-                    remedy = "Mend the limits, or the multipliers and offsets of mimic joints"
+                    remedy = "Correct the limits, or the multipliers and offsets of mimic joints"
                 problems.add(message, remedy, where, source)
         for one in guarded:
             if not one.holds(home[None])[0]:
@@ -385,7 +385,7 @@ def _boundaries(
         refusal = None if is_apart(boundary) else boundary.rule.refusal_at_home()
         if refusal is not None:
             message = f"home is outside the feasible region: {mark.name!r} {refusal}"
-            remedy = "Choose a free home, or mend the points and distances of this boundary"
+            remedy = "Choose a free home, or correct the points and distances of this boundary"
             place = (marks.home_line, marks.sources.get("home")) if marks.home else (mark.line, source)
             problems.add(message, remedy, *place)
     return boundaries, notes

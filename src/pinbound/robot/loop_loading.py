@@ -28,12 +28,12 @@ def opened_loops(tree: Tree, settled: Settled, marks: Annotations, problems: Pro
     name = settled.linkages[0].name
     for one in closures:
         if not one.is_exact:
-            message = f"closure {one.name!r} has sides that differ, and loop {name!r} is no parallelogram"
+            message = f"closure {one.name!r} has sides that differ, and loop {name!r} is not a parallelogram"
             remedy = f"Give closure {one.name!r} equal sides, or couple loop {name!r} by <mimic>"
             problems.add(f"{message}: the effect of one loop's error on the other has no bound", remedy, one.mark.line)
     if marks.axes:
         message = (
-            f"the file defines axes, and loop {name!r} is no parallelogram: its closed form needs the "
+            f"the file defines axes, and loop {name!r} is not a parallelogram: its closed form needs the "
             "joints themselves as coordinates"
         )
         problems.add(message, "Remove the axes, or couple the loop by <mimic>", marks.closures[0].line)
@@ -71,7 +71,7 @@ def home_of_loops(
             continue
         if name not in own:
             hint = name_hint(name, [one for one in lift.names if one in own])
-            problems.add(f"home names {name!r}, which is no free joint", hint, line, source)
+            problems.add(f"home names {name!r}, which is not a free joint", hint, line, source)
             continue
         coefficients, offset = coupling.row(name)
         expected = float(coefficients @ home) + offset

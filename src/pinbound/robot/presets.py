@@ -118,7 +118,7 @@ class Model(Value):
             )
         if not set(_WIDTHS) <= set(given):
             missing = ", ".join(name for name in _WIDTHS if name not in given)
-            said.append(f"widths of bodies are not published, so that no boundary watches them; give {missing} [m]")
+            said.append(f"widths of bodies are not published, so no boundary watches them; give {missing} [m]")
         return said
 
 

@@ -244,7 +244,7 @@ class Robot(Value, Pictured):
             ('beta_10', 'above')
         """
         if self.again is None:
-            raise UnsupportedError("this robot was not made by load(), so that it cannot be made anew; load() its file")
+            raise UnsupportedError("this robot was not made by load(), so it cannot be made again; load() its file")
         return self.again(self, more)
 
     def export(self, kind: str, path: str | Path, boundaries: Sequence[str] | str | None = None) -> tuple[Path, ...]:
@@ -298,9 +298,7 @@ class Robot(Value, Pictured):
             raise UnknownNameError("kind of export", kind, ("c", "json", "ros2"))
         searched = [name for name, rule in zip(names, rules, strict=True) if not is_closed(rule)]
         if searched:
-            said = (
-                f"the nearest points of {', '.join(searched)} are searched for (boxes, prisms): no straight-line code"
-            )
+            said = f"the C export has no iteration for the nearest points of {', '.join(searched)} (boxes, prisms)"
             raise UnsupportedError(f"{said}; name the other boundaries, or cover these bodies by capsules")
         if file.suffix != ".c":
             raise DimensionError(f"{file.name} does not end in .c; the header takes the same name, ending in .h")

@@ -52,13 +52,13 @@ def rule_limits(
         limit = _said_of_q(rule.name, rule, coupling, errors, 1.0)
         if not np.any(limit.coefficients):
             said = f"rule {rule.name!r} does not depend on q: the coupling makes its sum {limit.offset:.6g} everywhere"
-            problems.add(said, "Mend its coefficients, or remove it", rule.line, source)
+            problems.add(said, "Correct its coefficients, or remove it", rule.line, source)
             continue
         where = [_said_of_q(rule.name, condition, coupling, errors, -1.0) for condition in rule.where]
         constant = [one for one in where if not np.any(one.coefficients)]
         if any(not one.lower <= one.offset <= one.upper for one in constant):
             said = f"a condition of rule {rule.name!r} never holds: the coupling makes its sum constant"
-            problems.add(said, "Mend the condition, or remove the rule", rule.line, source)
+            problems.add(said, "Correct the condition, or remove the rule", rule.line, source)
             continue
         where = [one for one in where if np.any(one.coefficients)]
         if not where:

@@ -101,7 +101,7 @@ class NpyTable:
         """Read the header.
 
         Raises:
-            InputError: If it is no array of numbers with one column a name, or the file is shorter than it says.
+            InputError: If it is not an array of numbers with one column a name, or the file is shorter than it says.
         """
         try:
             with path.open("rb") as stream:

@@ -101,7 +101,7 @@ class Scene {
     this.state.changed();
   }
 
-  // Pixels of the canvas for one of the page: few while something moves and frames come late, all when it stands still.
+  // Pixels of the canvas for one of the page: few while something moves and frames come late, all when it does not move.
   get ratio() {
     const { still, moving } = this.pen.ratios(window.devicePixelRatio || 1);
     return this.isMoving ? moving * COARSE[this.step] : still;
