@@ -3,8 +3,8 @@
 Kept is object code without a symbol of Python's or Numba's: pointers and strides go in, and sines of far angles come
 from the process's own libm. So llvmlite alone loads it, in a few milliseconds, where `import numba` takes tenths of
 a second; and code just compiled takes the same way into memory as code from the cache.
-The key is a hash of all that machine code depends on: the source, `lowering.py` and `functions.py`, the versions of
-pinbound, Numba and llvmlite, and the processor.
+The key is a hash of all that machine code depends on: the source, the modules that write instructions, the versions of
+pinbound, llvmlite and (where it compiles) Numba, and the processor.
 """
 
 from __future__ import annotations
