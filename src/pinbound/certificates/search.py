@@ -101,7 +101,8 @@ class Search:
         self.precision, self.elsewhere = np.inf if precision is None else precision, best
         m = len(family.names)
         self.lower, self.best, self.first = np.full((3, m), np.inf)
-        self.best_piece, self.first_piece = np.zeros((2, m), np.intp)
+        self.best_piece: Indices = np.zeros(m, np.intp)
+        self.first_piece: Indices = np.zeros(m, np.intp)
         self.best_u, self.first_u, self.first_value = np.zeros((3, m))
         self.has_contact = False
         self.open: list[tuple[_Parts, Array, Indices]] = []
@@ -168,8 +169,10 @@ class Search:
         clear, lower = found.clear, found.lower
         upper, other = family.at(every, first) + found.error, found.value + found.error
         better = other < upper
-        row = np.where(better, phi.argmax(axis=0), phi.argmin(axis=0))
-        self.best, self.best_piece, self.best_u = np.where(better, other, upper), row // 2, (row % 2).astype(np.float64)
+        row: Indices = np.array(phi.argmin(axis=0), dtype=np.intp)
+        row[better] = phi.argmax(axis=0)[better]
+        self.best, self.best_piece = np.where(better, other, upper), row // 2
+        self.best_u = np.array(row % 2, dtype=np.float64)
         target = self.best if each else min(float(self.best.min()), self.elsewhere)
         settled = clear & ((self.best - lower <= self.precision) | (lower >= target - self.precision))
         if settled.all():

@@ -16,7 +16,8 @@ from pinbound.typing import Array, Ints
 
 __all__ = ["Poses"]
 
-_K, _V = TypeVar("_K"), TypeVar("_V")
+_K = TypeVar("_K")
+_V = TypeVar("_V")
 
 _COUNT = 64
 

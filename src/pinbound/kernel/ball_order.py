@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -136,7 +137,8 @@ class Sample:
         """Return the coordinates that are between most pairs."""
         counts = np.zeros(self.tree.n)
         hosts: AnyArray = np.array([node for node, _ in self.tree.balls])
-        for (a, b), number in Counter(map(tuple, hosts[self.tree.ends].tolist())).items():
+        both = cast(list[tuple[int, int]], [(a, b) for a, b in hosts[self.tree.ends].tolist()])
+        for (a, b), number in Counter(both).items():
             above, below = self.tree.apart(a, b)
             for node in (self.tree.nodes[i] for i in (*above, *below)):
                 if node.angle >= 0:
