@@ -4,7 +4,8 @@
 
 Needs Chromium and Playwright (extra `test`). The window is 1280 x 900. Headless Chromium has no graphics processor, so
 the page draws the robot by its own `pen_soft.js`; `--webgl` makes it use WebGL all the same, which Chromium then
-computes on the processor. Milliseconds are those of the page's main thread on the processor, so that other programs on
+computes on the processor. `--full` keeps the page from drawing fewer pixels, so that runs compare on a busy machine.
+Milliseconds are those of the page's main thread on the processor, so that other programs on
 the machine do not count: script alone, and all of it (script, style, layout, painting). Frames a second are on the
 clock.
 """
@@ -52,6 +53,7 @@ def main() -> int:
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("pages", nargs="+", type=Path)
+    parser.add_argument("--full", action="store_true", help="keep the full resolution, however late frames come")
     parser.add_argument("--webgl", action="store_true", help="let the page believe that its WebGL is fast")
     options = parser.parse_args()
     program = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))))
@@ -63,6 +65,8 @@ def main() -> int:
                 page.add_init_script(UNNAMED)
             page.goto(path.resolve().as_uri())
             page.wait_for_timeout(1500)
+            if options.full:
+                page.evaluate("() => { pinbound.scene.pace = () => {}; }")
             metrics = page.context.new_cdp_session(page)
             metrics.send("Performance.enable", {"timeDomain": "threadTicks"})
             before = _spent(metrics)

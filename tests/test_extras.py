@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 import pinbound
+from pinbound.cli import app
 from pinbound.exceptions import UnsupportedError
 from pinbound.extras import EXTRAS, Needs, require
 
@@ -119,14 +121,63 @@ def test_extras_are_those_of_the_package() -> None:
     assert set(everything) == {*EXTRAS, "fast", "batch"}
 
 
+def bounds(requirements: list[str]) -> dict[str, str]:
+    """Return the lower bound of each requirement by its name, ">=1.2" or "" without one."""
+    found = (re.match(r"([\w.-]+)(?:\[.*?\])?\s*(>=[\d.]+)?", one) for one in requirements)
+    return {one[1]: one[2] or "" for one in found if one}
+
+
 def test_the_recipe_for_conda_needs_what_the_core_needs() -> None:
-    """The recipe is not built here: only its list is compared, with the names that conda has for the same."""
-    other = {"pin": "pinocchio", "coal": "coal"}
-    recipe = (HERE / "conda" / "recipe.yaml").read_text(encoding="utf-8")
-    for one in PROJECT["dependencies"]:
-        name, bound = re.split(r"(?=>=)", one)
-        assert f"    - {other.get(name, name)} {bound}\n" in recipe, one
-    assert f"    - python {PROJECT['requires-python']}\n" in recipe
+    """The recipe is not built here: what it says is compared, with the names that conda has for the same."""
+    other = {"pin": "pinocchio", "matplotlib": "matplotlib-base"}
+    recipe = yaml.safe_load((HERE / "conda" / "recipe.yaml").read_text(encoding="utf-8"))
+    needs = recipe["requirements"]
+    core = {other.get(name, name): bound for name, bound in bounds(PROJECT["dependencies"]).items()}
+    python = {"python": PROJECT["requires-python"]}
+    assert bounds(needs["run"]) == core | python
+    optional = {
+        other.get(name, name): bound
+        for extra in ("plots", "symbols", "report", "fast", "batch", "meshes")
+        for name, bound in bounds(PROJECT["optional-dependencies"][extra]).items()
+    }
+    constraints = bounds(needs["run_constraints"])
+    assert constraints.items() <= optional.items()
+    assert {"matplotlib-base", "sympy", "jinja2", "numba", "pyarrow", "trimesh"} <= set(constraints)
+    build: list[str] = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]
+    assert bounds(needs["host"]) == bounds(build) | python | {"pip": ""}
+    assert recipe["context"]["version"] == pinbound.__version__
+    assert recipe["build"]["noarch"] == "python"
+    assert recipe["about"]["license"] == PROJECT["license"]
+    assert (HERE / recipe["about"]["license_file"]).exists()
+    assert recipe["about"]["summary"] == PROJECT["description"]
+    commands = {command.name or command.callback.__name__ for command in app.registered_commands if command.callback}
+    scripts = [line.split() for one in recipe["tests"] for line in one.get("script", ())]
+    assert [words[1] for words in scripts if words[1] not in commands] == ["--version"]
+
+
+def test_the_file_for_hosted_machines_says_what_the_project_says() -> None:
+    """Its Pythons are those that are promised, one more is tried; its commands are those of `.ci/run`."""
+    jobs = yaml.safe_load((HERE / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8"))["jobs"]
+    promised = re.findall(r"Python :: (3\.\d+)", "\n".join(PROJECT["classifiers"]))
+    matrix = jobs["test"]["strategy"]["matrix"]["python"]
+    assert matrix[: len(promised)] == promised
+    for tried in matrix[len(promised) :]:
+        assert f"matrix.python == '{tried}'" in jobs["test"]["continue-on-error"]
+    lowest = PROJECT["requires-python"].removeprefix(">=")
+    assert promised[0] == lowest
+    said = (HERE / "docs" / "install.md").read_text(encoding="utf-8")
+    assert f"Python {promised[0]} to {promised[-1]}" in said
+    asked = {job: [step.get("run", "") for step in one["steps"]] for job, one in jobs.items()}
+    versions = "\n".join(asked["lowest"])
+    assert f".ci/versions python{lowest} lowest" in versions
+    assert any(one.get("with", {}).get("python-version") == lowest for one in jobs["lowest"]["steps"])
+    own = (HERE / ".ci" / "run").read_text(encoding="utf-8")
+    checks = [part.strip() for line in asked["checks"] for part in line.split("&&") if part.strip()]
+    for command in checks:
+        plain = command.replace("mkdocs build --strict", "mkdocs build --quiet --strict")
+        assert plain.replace("pip install", "pip install --quiet") in own or plain in own, command
+    for extra in re.findall(r"\[([\w,]+)\]", "\n".join(line for lines in asked.values() for line in lines)):
+        assert set(extra.split(",")) <= set(PROJECT["optional-dependencies"]), extra
 
 
 def test_one_place_has_the_version() -> None:

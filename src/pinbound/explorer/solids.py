@@ -15,6 +15,8 @@ from pinbound.units import several
 
 __all__ = ["bodies_record", "marks_record"]
 
+_FLAT = 1e-9  # thickness of a hull over its length, below which it is drawn as a face
+
 
 def bodies_record(robot: Robot, meshes: bool) -> tuple[list[dict[str, Any]], list[str]]:
     """Return the bodies that are drawn, and a sentence for each kind of body that is not.
@@ -81,17 +83,22 @@ def _mark(mark: Mark) -> dict[str, Any]:
 
 
 def _triangles(shape: Shape) -> Ints:
-    """Return the faces (k, 3) of a hull of vertices, outward; of a flat one both sides."""
+    """Return the faces (k, 3) of a hull of vertices, outward; of a flat one both sides.
+
+    Vertices of a sum of edge vectors may lie within it: only those on its border are corners of triangles.
+    """
     from scipy.spatial import ConvexHull
 
-    corners = shape.corners
-    if corners.shape[1] == 2:
-        ring = np.array(cast(Any, ConvexHull(corners)).vertices)
+    spread = shape.vertices - shape.vertices.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(spread, full_matrices=False)
+    if sizes[2] <= _FLAT * sizes[0]:
+        ring = np.array(cast(Any, ConvexHull(spread @ axes[:2].T)).vertices)
         fan = np.column_stack((np.repeat(ring[0], len(ring) - 2), ring[1:-1], ring[2:]))
         return np.vstack((fan, fan[:, ::-1]))
-    extent = np.ptp(corners, axis=0)
-    found = cast(Any, ConvexHull(corners / np.where(extent > 0.0, extent, 1.0), qhull_options="QJ"))
-    return _outward(shape.vertices, np.array(found.simplices))
+    scaled = spread @ axes.T / sizes
+    border = np.sort(np.array(cast(Any, ConvexHull(scaled)).vertices))
+    found = cast(Any, ConvexHull(scaled[border], qhull_options="QJ"))
+    return _outward(shape.vertices, border[np.array(found.simplices)])
 
 
 def _outward(vertices: Array, triangles: Ints) -> Ints:

@@ -38,7 +38,7 @@ class SoftPen {
     return { parts };
   }
 
-  begin([width, height], ratio, view, light) {
+  begin([width, height], ratio, view, light, paper) {
     const { canvas } = this;
     fitCanvas(canvas, width * ratio, height * ratio);
     if (this.image?.width !== canvas.width || this.image?.height !== canvas.height) {
@@ -50,7 +50,7 @@ class SoftPen {
     this.thick = Math.max(1, Math.round(ratio));
     this.view = view;
     this.light = light;
-    this.words.fill(packed(...parseColour(getComputedStyle(document.documentElement).getPropertyValue("--card"))));
+    this.words.fill(packed(...paper));
     this.far.fill(1);
   }
 

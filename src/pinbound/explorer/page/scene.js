@@ -158,7 +158,11 @@ class Scene {
     const places = state.robot.places(state.q);
     const view = this.matrix();
     const dark = state.isDark();
-    pen.begin([this.width, this.height], this.ratio, view, this.light);
+    if (this.paperIsDark !== dark) { // to ask for a style lets the browser work out all of them: not in every frame
+      this.paper = parseColour(getComputedStyle(document.documentElement).getPropertyValue("--card"));
+      this.paperIsDark = dark;
+    }
+    pen.begin([this.width, this.height], this.ratio, view, this.light, this.paper);
     const chosen = state.boundary;
     const touched = new Set(state.touching.flatMap((one) => one.record.links));
     pen.strokes(this.ground(), dark ? [0.24, 0.3, 0.36, 1] : [0.84, 0.87, 0.9, 1]);
