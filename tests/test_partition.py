@@ -135,3 +135,14 @@ def test_a_gap_that_rounding_left_asks_for_a_ball_and_no_more() -> None:
     assert mark.vertices == small.vertices
     assert 1e-11 < mark.radius < 1e-10
     assert cover.excess == pytest.approx(bound, abs=1e-9)
+
+
+def test_what_no_piece_mends_is_taken_in_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where pieces that are taken in do not help, whole triangles do."""
+    monkeypatch.setattr(mesh_covers, "unheld", lambda *_: [])
+    work = Partition("m", "l", star(5), "hulls", 0.005)
+    work.cut()
+    small = replace(work.parts[1].mark, vertices=tuple(map(tuple, (0.9 * work.parts[1].mark.shape.vertices).tolist())))
+    work.parts[1] = replace(work.parts[1], mark=small)
+    assert not prove(work.mesh, [part.mark for part in work.parts]).is_complete
+    assert mesh_covers._finished(work).proof.is_complete

@@ -22,7 +22,7 @@ from pinbound.values import Value
 
 __all__ = ["MeshCover", "cover_meshes"]
 
-_ATTEMPTS = 6
+_ATTEMPTS, _IN_PIECES = 8, 2  # to hold all triangles; by the pieces that are not held, before whole triangles
 _MORE = 32  # parts more than may stay, or as many again, that are cut before parts are joined
 
 
@@ -130,14 +130,16 @@ def _finished(work: Partition) -> MeshCover:
     several = len(work.parts) > 1
     names = [f"{work.name}.{place}" if several else work.name for place in range(len(work.parts))]
     left = 0
-    for _ in range(_ATTEMPTS):
+    for attempt in range(_ATTEMPTS):
         marks = [_named(one.mark, name) for one, name in zip(work.parts, names, strict=True)]
         proof = prove(work.mesh, marks)
         if proof.is_complete:
             work.measure()
             return MeshCover(tuple(marks), proof, work.bound)
         left = len(proof.part_of) - proof.held
-        work.take_in(unheld(work.mesh, marks, np.flatnonzero(proof.part_of == NONE)))
+        rows = np.flatnonzero(proof.part_of == NONE)
+        whole = work.mesh.vertices[work.mesh.triangles[rows]]
+        work.take_in(unheld(work.mesh, marks, rows) if attempt < _IN_PIECES else [*whole])
     raise UnsupportedError(
         f"{work.mesh.source}: {left} triangles are not proven to lie in a mark; "
         "their numbers are too large for float64: give the mesh in metres"

@@ -30,7 +30,8 @@ NONE, JOINTLY = -1, -2
 """A triangle that no marks are proven to hold; one that several hold together."""
 
 _BLOCK = 20_000  # points whose nearest points are searched for at once
-_MOST_CUTS = 60  # of one triangle
+_MOST_CUTS = 60  # of one piece of a triangle by the faces of one mark
+_MOST_PIECES = 600  # of one triangle
 _DOUBTFUL = 1e-9  # metres: what is further outside is not searched for a place that is nearer
 _SLIVER = 1e-9  # of a polygon's area: a mark that holds less of it is no help
 _MOST_JOINTLY = 20_000  # triangles that are cut into pieces; a mesh that needs more is not proven to be held
@@ -173,7 +174,7 @@ def _held_by(triangle: Array, holders: Sequence[_Holder]) -> tuple[int, ...]:
 def _in_pieces(triangle: Array, holders: Sequence[_Holder]) -> Iterator[tuple[int, Array]]:
     """Yield pieces of a triangle, each after the mark that holds it; `NONE` where that is not proven of any."""
     left = [triangle]
-    for _ in range(_MOST_CUTS):
+    for _ in range(_MOST_PIECES):
         if not left:
             return
         polygon = left.pop()
