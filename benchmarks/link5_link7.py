@@ -121,6 +121,7 @@ def main() -> int:
         )
         drawn.set_xlim(np.degrees(axes[0][0]) - 8.0)
         drawn.legend(loc=(0.3, 0.2), framealpha=1)
+        figure.set_size_inches(5.2, 7.2)  # as wide as what it shows, so that letters are large on a telephone
         save(figure, options.figure)
     return int((touch & inside).any())
 
