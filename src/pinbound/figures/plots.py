@@ -354,6 +354,8 @@ def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:
     What the image covers is filled where the link moves in a plane. There the contour need not be its border: where
     the map folds, the link reaches places beyond the image of the edges.
     """
+    from matplotlib.transforms import ScaledTranslation
+
     axes = new_axes(8.2, 6.6)
     contour = [_image(robot, region, edge, frame) for edge in region.edges]
     home = robot.positions(frame, region.at)
@@ -376,7 +378,8 @@ def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:
     axes.set_ylabel(f"{labels[plane[1]]} [mm]")
     axes.set_aspect("equal")
     axes.set_title(f"Reachable points of {frame}, and the image of the region's edges", loc="left")
-    axes.legend(**_BELOW)
+    below = ScaledTranslation(0.0, -0.5, axes.figure.dpi_scale_trans)  # inches, for the axes may be flat
+    axes.legend(**_BELOW | {"bbox_to_anchor": (0.5, 0.0), "bbox_transform": axes.transAxes + below})
     fit(axes)
     legend_of_short_edges(axes, name_edges(axes, edges, centre, True, True, (1e3 * home[keep],)), True)
     return without_math(axes.figure)

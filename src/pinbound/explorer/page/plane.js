@@ -156,7 +156,7 @@ class Plane {
   exact(region) {
     const fill = region.loops.map((loop) => `M${this.line(loop.flatMap((edge) => edge.points))}Z`).join("");
     const parts = [`<g clip-path="url(#inside)"><path class="free" fill-rule="evenodd" d="${fill}"/>`];
-    for (const { name, normal, bound } of region.implied) parts.push(this.implied(name, normal, bound));
+    for (const { name, normal, bound } of region.implied) parts.push(this.implied(name, normal, bound, region));
     const names = [];
     region.loops.flat().forEach((edge, k) => {
       const d = `M${this.line(edge.points)}`;
@@ -204,7 +204,8 @@ class Plane {
     return parts;
   }
 
-  implied(name, normal, bound) {
+  // A contact that others imply: its line, and its name on it or beside it, where no edge of the region is near.
+  implied(name, normal, bound, region) {
     const [[x0, x1], [y0, y1]] = this.shown;
     const ends = [];
     for (const x of [x0, x1]) {
@@ -218,9 +219,19 @@ class Plane {
     if (ends.length < 2) return "";
     const [a, b] = [this.toPixels(ends[0]), this.toPixels(ends[1])];
     const half = 3.4 * name.length;
-    const at = [a[0] + 0.12 * (b[0] - a[0]), a[1] + 0.12 * (b[1] - a[1])];
-    at[0] = Math.min(Math.max(at[0], PAD.left + half), this.width - PAD.right - half);
-    at[1] = Math.max(at[1] + 4, PAD.top + 28);
+    const edges = region.loops.flat().flatMap(({ points }) => points.slice(1).map((end, k) => [points[k], end].map((p) => this.toPixels(p))));
+    const room = (place) => Math.min(...edges.map((edge) => apart(place, half, edge)));
+    const [dx, dy] = [b[0] - a[0], b[1] - a[1]].map((one) => one / Math.hypot(b[0] - a[0], b[1] - a[1]));
+    const centre = this.toPixels([0, 1].map((k) => region.corners.reduce((sum, p) => sum + p[k], 0) / region.corners.length));
+    const outwards = Math.sign((a[0] - centre[0]) * dy - (a[1] - centre[1]) * dx) || 1;
+    const aside = outwards * (6 + Math.abs(dy) * half + Math.abs(dx) * 5);
+    const places = [0, aside].flatMap((shift) => [0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.88].map((share) => {
+      const x = a[0] + share * (b[0] - a[0]) + shift * dy;
+      const y = a[1] + share * (b[1] - a[1]) - shift * dx;
+      const low = this.height - PAD.bottom - 4;
+      return [Math.min(Math.max(x, PAD.left + half), this.width - PAD.right - half), Math.min(Math.max(y + 4, PAD.top + 28), low)];
+    }));
+    const at = places.find((place) => room(place) > 10) ?? places.reduce((best, place) => (room(place) > room(best) ? place : best));
     return `<line class="implied" x1="${a[0]}" y1="${a[1]}" x2="${b[0]}" y2="${b[1]}"/><text class="tick" x="${at[0]}" y="${at[1]}" text-anchor="middle">${escape(name)}</text>`;
   }
 
@@ -373,6 +384,19 @@ function amount(value, unit, digits = unit === "rad" ? 3 : 2) {
 function niceStep(rough) {
   const power = 10 ** Math.floor(Math.log10(rough));
   return [1, 2, 5, 10].map((k) => k * power).find((step) => step >= rough * 0.999);
+}
+
+// Distance of an edge from the middle line of a name, 2 half wide, by 17 points of it [pixels].
+function apart([x, y], half, [from, to]) {
+  const along = [to[0] - from[0], to[1] - from[1]];
+  const square = along[0] ** 2 + along[1] ** 2 || 1;
+  let least = Infinity;
+  for (let k = -8; k <= 8; k += 1) {
+    const p = [x + (k / 8) * half - from[0], y - 4 - from[1]];
+    const share = Math.min(Math.max((p[0] * along[0] + p[1] * along[1]) / square, 0), 1);
+    least = Math.min(least, Math.hypot(p[0] - share * along[0], p[1] - share * along[1]));
+  }
+  return least;
 }
 
 function parseColour(text) {
