@@ -122,8 +122,8 @@ def explorer_page(
     """
     if isinstance(robot, LoopRobot):
         raise UnsupportedError(
-            f"the page cannot go through the loops of {robot.name!r}, which are not parallelograms; "
-            "ask boundaries.limits(coordinate, q), which can"
+            f"the explorer does not follow loops that are not parallelograms, and {robot.name!r} has such loops; "
+            "use pinbound limits or region, in Python boundaries.limits(coordinate, q) or feasible_region(robot)"
         )
     if not robot.coordinates:
         raise UnsupportedError(f"{robot.name!r} has no coordinate; give a robot with a joint that moves")
