@@ -89,7 +89,7 @@ def read_disabled(path: Path, links: Iterable[str]) -> tuple[LeftOutMark, ...]:
     """
     root = parse_file(path)
     found = [
-        LeftOutMark(*(str(item.fields[key]) for key in ("a", "b", "reason")), item.source, item.line)
+        LeftOutMark(str(item.fields["a"]), str(item.fields["b"]), str(item.fields["reason"]), item.source, item.line)
         for item in _stated(root, path.name, {})
     ]
     known = {frozenset((one.a, one.b)) for one in found}

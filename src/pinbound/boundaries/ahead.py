@@ -17,7 +17,7 @@ import numpy as np
 from pinbound.boundaries.boundary import Boundary
 from pinbound.limits import outwards
 from pinbound.tolerances import NEVER_MEETS
-from pinbound.typing import Array, Flags
+from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["Ahead", "Ask", "ahead_of", "farness"]
 
@@ -81,7 +81,8 @@ class Ahead:
     def _samples(self, asked: Flags, ends: Array, ask: Ask) -> tuple[Array, Array]:
         """Return values (N,), increasing, the three of `ends` among them, and their clearances (N, m)."""
         low, value, high = ends.tolist()
-        x: Array = np.unique(np.concatenate((np.linspace(low, high, _FIRST), ends)))
+        first_values: Array = np.linspace(low, high, _FIRST)
+        x: Array = np.unique(np.concatenate((first_values, ends)))
         s = ask(x)
         for _ in range(_ROUNDS):
             met = np.any(s <= 0.0, axis=1)  # beyond the first contact on either side nothing counts
@@ -91,7 +92,7 @@ class Ahead:
             halves = 0.5 * (x[:-1] + x[1:])[open_too]
             if not len(halves) or len(x) + len(halves) > _MOST:
                 break
-            order = np.argsort(np.concatenate((x, halves)), kind="stable")
+            order: Indices = np.argsort(np.concatenate((x, halves)), kind="stable")
             x, s = np.concatenate((x, halves))[order], np.concatenate((s, ask(halves)))[order]
         return x, s
 

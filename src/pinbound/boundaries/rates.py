@@ -156,7 +156,7 @@ def tighten_all(
             ends[rows, side], stops[rows, side], rank[rows, side] = spans[first, side], boundaries[k].name, k
 
 
-def _is_beyond(reach: Array, end: Array) -> Flags:
+def _is_beyond(reach: Array, end: Array | float) -> Flags:
     """Return whether what is reached lies beyond an end of the interval; both may be infinite."""
     return (reach > end) | np.isinf(reach)
 

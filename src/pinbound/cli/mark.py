@@ -108,7 +108,7 @@ def mark(
 
 def _srdf(robot: Robot, given: Path | None) -> tuple[Path | None, str]:
     """Return the SRDF to examine, if any, and a sentence where none is read or it disables no pair."""
-    files = find_srdf(robot) if given is None else (given,)
+    files = list(find_srdf(robot)) if given is None else [given]
     if not files:
         return None, ""
     if len(files) > 1:
