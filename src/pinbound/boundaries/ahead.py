@@ -68,7 +68,7 @@ class Ahead:
         asked = self.sampled & (clearances > 0.0) & (far <= max(value - low, high - value))
         if not np.any(asked) or not low < high:
             return far, far
-        x, s = self._samples(asked, np.array([low, value, high]), ask)
+        x, s = self._samples(asked, (low, value, high), ask)
         free = self._free(x, s)
         here = int(np.searchsorted(x, value))
         down = self._run(value - x[here::-1], s[here::-1], free[:here][::-1], low <= within[0])
@@ -78,11 +78,10 @@ class Ahead:
             down[whole], up[whole] = math.inf, math.inf
         return np.where(asked, down, far), np.where(asked, up, far)
 
-    def _samples(self, asked: Flags, ends: Array, ask: Ask) -> tuple[Array, Array]:
+    def _samples(self, asked: Flags, ends: tuple[float, float, float], ask: Ask) -> tuple[Array, Array]:
         """Return values (N,), increasing, the three of `ends` among them, and their clearances (N, m)."""
-        low, value, high = ends.tolist()
-        first_values: Array = np.linspace(low, high, _FIRST)
-        x: Array = np.unique(np.concatenate((first_values, ends)))
+        low, value, high = ends
+        x: Array = np.unique([*np.linspace(low, high, _FIRST).tolist(), *ends])
         s = ask(x)
         for _ in range(_ROUNDS):
             met = np.any(s <= 0.0, axis=1)  # beyond the first contact on either side nothing counts

@@ -203,20 +203,23 @@ def write_covers(robot: Robot, out: Path) -> Iterator[tuple[str, str, str]]:
     by_link: dict[str, list[Body]] = {}
     for body in collision_bodies(robot):
         by_link.setdefault(body.link, []).append(body)
-    pictures: dict[int, CoverPicture] = {}
+    shown: dict[int, CoverPicture | str] = {}
     for index, (link, bodies) in enumerate(by_link.items()):
         marks = [one for one in robot.annotations.marks.values() if one.link == link and not one.shape.is_unbounded]
-        if not marks:
+        if all(one.shape.radius == 0.0 and len(one.shape.vertices) == 1 for one in marks):
+            if marks:
+                shown[index] = f"{_said_of(robot, link, bodies, marks)}; its marks are points without a surface"
             continue
         readable = [body.shape == "mesh" and not robot.meshes.fault(body) for body in bodies]
         meshes = [robot.meshes.of(body) if one else None for body, one in zip(bodies, readable, strict=True)]
-        pictures[index] = picture_of(link, bodies, meshes, marks)
-    scale = max((one.furthest for one in pictures.values()), default=0.0)
-    for index, picture in pictures.items():
-        said = _said_of(robot, picture.link, picture.bodies, picture.marks)
-        if all(one.shape.radius == 0.0 and len(one.shape.vertices) == 1 for one in picture.marks):
-            yield picture.link, "", f"{said}; its marks are points without a surface"
+        shown[index] = picture_of(link, bodies, meshes, marks)
+    scale = max((one.furthest for one in shown.values() if not isinstance(one, str)), default=0.0)
+    links = list(by_link)
+    for index, picture in shown.items():
+        if isinstance(picture, str):
+            yield links[index], "", picture
             continue
+        said = _said_of(robot, picture.link, picture.bodies, picture.marks)
         figure = draw_cover(picture, said, scale)
         name = f"cover_{index}.png"
         figure.savefig(out / name, dpi=130)
