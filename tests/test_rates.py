@@ -185,6 +185,22 @@ def test_bodies_that_a_joint_without_limits_may_meet_are_found(load_text: Load) 
     assert kinds == {True, False}
 
 
+@pytest.mark.parametrize(("kind", "more"), [("prismatic", ""), ("revolute", "q 0.02 0")])
+def test_what_slides_repeats_with_no_turn(load_text: Load, kind: str, more: str) -> None:
+    """Free over 2 pi of a slide, or of a screw, is not free for ever."""
+    joints = [joint("q", kind, "base", "a", axis="0 0 1", limit="-50 50")]
+    joints += [joint("s", "prismatic", "a", "b", axis="0 0 1", limit="-9 9", mimic=more)] if more else []
+    tip = "b" if more else "a"
+    height = 0.6 if more else 20.0
+    marks = f'<pinbound:box name="roof" link="base" xyz="0 0 {height}" rpy="0 0 0" size="1 1 0.1"/>'
+    marks += f'<pinbound:segment name="rod" link="{tip}" xyz_a="0.1 0 0" xyz_b="0.2 0 0.1" radius="0.01"/>'
+    B = load_text(robot_xml(joints, {}, [("roof", "rod")], marks)).boundaries
+    found = B.limits("q", [0.0])
+    rate = 0.02 if more else 1.0
+    assert (found.lower_stop, found.upper_stop) == ("q", "roof_rod")
+    assert found.upper == pytest.approx((height - 0.05 - 0.1 - 0.01) / rate, abs=1e-9)
+
+
 def test_few_bodies_are_looked_for_exactly(load_text: Load, monkeypatch: pytest.MonkeyPatch) -> None:
     B, asked = load_text(BODIES).boundaries, list[str]()
     spanned = type(B[0]).span

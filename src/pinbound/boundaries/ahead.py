@@ -101,7 +101,9 @@ class Ahead:
 
     def _run(self, way: Array, s: Array, free: Flags, is_whole: bool) -> Array:
         """Return how far each boundary stays clear (m,) over samples that go away from the first one."""
-        count = np.argmin(np.concatenate((free, np.zeros_like(free[:1]))), axis=0)  # neighbours that are proven
+        count = np.argmin(
+            np.concatenate((free, np.zeros((1, free.shape[1]), np.bool_))), axis=0
+        )  # neighbours that are proven
         reached = way[count] + np.maximum(farness(s[count, np.arange(s.shape[1])], self.rates), 0.0)
         return np.where((count == len(free)) & is_whole, math.inf, reached)
 
@@ -110,5 +112,6 @@ def ahead_of(boundaries: Sequence[Boundary], index: int, rates: Array) -> Ahead:
     """Return what is known of boundaries of one robot before coordinate `index` moves; `rates` as of `rates_of`."""
     plain = [one.is_stop or outwards.is_closed(one.path, index) for one in boundaries]
     sampled = ~np.array(plain, dtype=np.bool_) & (rates > 0.0) & np.isfinite(rates)
-    turns = [not np.any(one.path.minimal.coefficients[:, index] % 1.0) for one in boundaries]
+    chains = [one.path.minimal for one in boundaries]
+    turns = [not np.any(one.coefficients[:, index] % 1.0) and not np.any(one.slides[:, :, index]) for one in chains]
     return Ahead(rates, sampled, sampled & np.array(turns, dtype=np.bool_))

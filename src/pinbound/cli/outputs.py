@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pinbound.exceptions import InputError, Problem
 
-__all__ = ["ready_file", "ready_folder"]
+__all__ = ["ready_file", "ready_folder", "refuse_file"]
 
 
 def ready_file(file: Path | None) -> None:
@@ -22,16 +22,26 @@ def ready_file(file: Path | None) -> None:
     ready_folder(file.parent)
 
 
+def refuse_file(folder: Path) -> None:
+    """Raise an error if a file has the name of a folder that is to be made, or of one above it.
+
+    Raises:
+        InputError: If so.
+    """
+    there = next(one for one in (folder, *folder.absolute().parents) if one.exists())
+    if not there.is_dir():
+        raise InputError([Problem("is a file, not a folder", "Give another folder", str(there))])
+
+
 def ready_folder(folder: Path) -> None:
     """Make a folder that is to be written into, if it is not there.
 
     Raises:
         InputError: If a file has its name, or the system refuses.
     """
+    refuse_file(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError) as error:
-        raise InputError([Problem("is a file, not a folder", "Give another folder", str(folder))]) from error
     except OSError as error:
         why = error.strerror or type(error).__name__
         raise InputError([Problem(f"the folder cannot be made: {why}", "Give another folder", str(folder))]) from error

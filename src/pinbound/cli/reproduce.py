@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pinbound.cli.outputs import ready_folder
+from pinbound.cli.outputs import refuse_file
 from pinbound.cli.shared import Annotations, PackageDirs, XacroArgs, console, load_robot, print_table
 from pinbound.extras import require
 
@@ -27,7 +27,7 @@ def reproduce(
     from pinbound.reproduce import reproduce_paper
 
     loaded = load_robot(robot, annotations, package_dir, xacro_arg)
-    ready_folder(out)
+    refuse_file(out)
     with console(stderr=True).status("") as status:
         result = reproduce_paper(loaded, out, lambda step: status.update(f"{step} ..."))
     print_table(
