@@ -13,16 +13,7 @@ from pinbound.coverage.mesh_covers import cover_meshes
 from pinbound.coverage.mesh_proof import NONE, prove, unheld
 from pinbound.coverage.partition import Partition
 from pinbound.meshes import Mesh
-
-
-def prism(plan: Any, rows: Any, height: float = 0.05) -> Mesh:
-    """Return the prism over a polygon (n, 2), its ends cut into the triangles (m, 3)."""
-    plan, rows = np.array(plan, dtype=np.float64), np.array(rows)
-    n = len(plan)
-    vertices = np.vstack([np.column_stack((plan, np.full(n, z))) for z in (0.0, height)])
-    sides = [face for i in range(n) for face in ((i, (i + 1) % n, n + i), ((i + 1) % n, n + (i + 1) % n, n + i))]
-    faces = np.vstack((rows[:, ::-1], rows + n, sides))
-    return Mesh(vertices, faces, np.arange(len(faces)))
+from test_covers import prism
 
 
 def star(points: int) -> Mesh:
@@ -31,7 +22,7 @@ def star(points: int) -> Mesh:
     turns = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)
     plan = np.column_stack((np.cos(turns), np.sin(turns))) * np.where(np.arange(n) % 2, 0.05, 0.1)[:, None]
     inner = [(1, 2 * i + 1, 2 * i + 3) for i in range(1, points - 1)]
-    return prism(plan, inner + [(2 * i, 2 * i + 1, (2 * i - 1) % n) for i in range(points)])
+    return prism(plan, inner + [(2 * i, 2 * i + 1, (2 * i - 1) % n) for i in range(points)], 0.05)
 
 
 def without_joining(mesh: Mesh, accuracy: float, most: int, monkeypatch: pytest.MonkeyPatch) -> Any:
@@ -115,7 +106,7 @@ def test_what_was_said_of_a_part_is_said_again_when_what_is_beside_it_changes() 
 def test_a_gap_that_rounding_left_asks_for_a_ball_and_no_more() -> None:
     """The marks of two boxes that make an angle, one of them smaller by 1e-11 m: triangles over the cut have a gap."""
     plan = np.array([(0.0, 0.0), (0.3, 0.0), (0.3, 0.1), (0.1, 0.1), (0.1, 0.3), (0.0, 0.3)])
-    work = Partition("m", "l", prism(plan, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)]), "hulls", 0.005)
+    work = Partition("m", "l", prism(plan, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)], 0.05), "hulls", 0.005)
     work.cut()
     work.measure()
     bound = work.bound

@@ -22,6 +22,7 @@ from pinbound.model.tree import Tree
 from pinbound.model.urdf import read_kinematics
 from pinbound.tolerances import MJCF_FRAME
 from pinbound.typing import Array
+from pinbound.units import several
 
 __all__ = ["read_mjcf"]
 
@@ -87,9 +88,9 @@ class _Reader:
                 self._fault(what, f"pinbound reads <connect> and linear <joint>. {_AWAY}", element)
         loops = sum(item.kind == "closure" for item in items)
         if loops:
-            what = "loop is" if loops == 1 else "loops are"
+            what = several(loops, "loop is", "loops are")
             notes.append(
-                f"{self.source}: {loops} {what} taken as exact pins (in MuJoCo they are soft); bodies are where the "
+                f"{self.source}: {what} taken as exact pins (in MuJoCo they are soft); bodies are where the "
                 f"links of their names are, to {1e6 * self.apart:.3g} um"
             )
         return Found(tuple(items), tuple(notes))

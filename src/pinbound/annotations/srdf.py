@@ -13,6 +13,7 @@ from lxml import etree
 from pinbound.annotations.records import LeftOutMark, RawItem
 from pinbound.exceptions import Problems
 from pinbound.model.document import parse_file, parse_floats
+from pinbound.units import several
 from pinbound.values import Value
 
 __all__ = ["RIGID", "Srdf", "read_disabled", "read_srdf"]
@@ -160,10 +161,10 @@ def _notes(
     notes: list[str] = []
     for reason, count in Counter(left_out.values()).items():
         pairs = [f"{a} and {b}" for (a, b), why in left_out.items() if why == reason]
-        notes.append(f"{source} leaves out {count} {_plural('pair', count)} of links ({reason}): {_listed(pairs)}")
+        notes.append(f"{source} leaves out {several(count, 'pair')} of links ({reason}): {_listed(pairs)}")
     states = [str(state.get("name")) for state in root.iter("group_state")]
     if states:
-        notes.append(f"{source} has {len(states)} {_plural('group state', len(states))}, ignored: {_listed(states)}")
+        notes.append(f"{source} has {several(len(states), 'group state')}, ignored: {_listed(states)}")
     if links is not None:
         named = {
             link for tag in ("disable_collisions", "enable_collisions") for pair in _pairs(root, tag) for link in pair
@@ -175,10 +176,6 @@ def _notes(
                 f"{source} names links that the robot does not have: {_listed([repr(one) for one in unknown])}"
             )
     return notes
-
-
-def _plural(word: str, count: int) -> str:
-    return word if count == 1 else f"{word}s"
 
 
 def _listed(words: list[str]) -> str:

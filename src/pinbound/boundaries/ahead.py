@@ -101,9 +101,8 @@ class Ahead:
 
     def _run(self, way: Array, s: Array, free: Flags, is_whole: bool) -> Array:
         """Return how far each boundary stays clear (m,) over samples that go away from the first one."""
-        count = np.argmin(
-            np.concatenate((free, np.zeros((1, free.shape[1]), np.bool_))), axis=0
-        )  # neighbours that are proven
+        ended = np.concatenate((free, np.zeros((1, free.shape[1]), np.bool_)))
+        count = np.argmin(ended, axis=0)  # neighbours that are proven
         reached = way[count] + np.maximum(farness(s[count, np.arange(s.shape[1])], self.rates), 0.0)
         return np.where((count == len(free)) & is_whole, math.inf, reached)
 

@@ -24,8 +24,6 @@ __all__ = ["MeshCover", "cover_meshes"]
 
 _ATTEMPTS, _IN_PIECES = 8, 2  # to hold all triangles; by the pieces that are not held, before whole triangles
 _MORE = 32  # parts more than may stay, or as many again, that are cut before parts are joined
-
-
 _HARDLY, _PATIENCE = 0.98, 3  # cuts in a row that leave this much of what sticks out end such cuts
 
 
