@@ -202,6 +202,27 @@ def test_a_gap_between_two_marks_is_seen() -> None:
     assert proof.parts == ("a", "b")
 
 
+def test_what_only_the_hull_itself_holds_is_held_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The triangles of the second mark leave its apex out by 1e-6 m, as may happen to a corner beside slivers."""
+    from pinbound.coverage import polytopes
+
+    box = np.array([(x, y, z) for x in (0.0, 0.1) for y in (0.0, 0.1) for z in (0.0, 0.1)])
+    facets = polytopes._proposed(box)
+    apex = np.array([0.15, 0.05, 0.1 + 1e-6])
+    corners = np.array([[0.05, 0.04, 0.05], [0.05, 0.06, 0.05], apex])
+    mesh = Mesh(corners, np.array([[0, 1, 2]]), np.zeros(1, np.int64))
+    marks = [
+        pb.Hull(name, "l", tuple(map(tuple, np.vstack((box + at, apex if name == "b" else at)).tolist())))
+        for name, at in (("a", np.zeros(3)), ("b", np.array([0.1, 0.0, 0.0])))
+    ]
+    monkeypatch.setattr(polytopes, "_proposed", lambda _: facets)
+    polytope = Polytope.of(marks[1].shape.vertices)
+    assert polytope is not None
+    assert 1e-7 < polytope.slack < 1e-5
+    assert prove(mesh, marks).jointly == {0: (0, 1)}
+    assert not prove(mesh, [marks[0], pb.Hull("b", "l", marks[1].vertices[:8])]).is_complete
+
+
 def test_a_polytope_around_a_ball_holds_it() -> None:
     for mark in (
         pb.Point("p", "l", (0.1, 0.2, 0.3), 0.05),
@@ -244,6 +265,17 @@ def test_a_corner_that_is_shut_in_by_parts_is_no_outer_surface() -> None:
     quarters = [(box - (0.0, 0.0, 0.05)) @ turn, (box - (0.05, 0.0, 0.05)) @ turn]
     parts = [surface_of(one, 0.0) for one in (*halves, *quarters)]
     assert max(one.bound for one in excess_of(parts, near, 1e-3, 0.01, range(4))) <= 1e-3 + 1e-9
+
+
+def test_a_long_edge_inside_the_body_is_halved_until_other_parts_hold_its_pieces() -> None:
+    """A bar of 1 m in four: an inner edge of two parts leads past where the two others meet, and the ball is 0.1 mm."""
+    box = np.array([(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
+    whole = ConvexHull((box - (0.5, 0.0, 0.5)) * (0.2, 1.0, 0.2))
+    near = Near(Mesh(whole.points, whole.simplices.astype(np.int64), np.arange(len(whole.simplices))))
+    low = np.array([[-0.1, 0.0, -0.1], [-0.1, 0.317, -0.1], [0.0, 0.0, -0.1], [0.0, 0.0, 0.0]])
+    size = np.array([[0.1, 0.317, 0.2], [0.1, 0.683, 0.2], [0.1, 1.0, 0.1], [0.1, 1.0, 0.1]])
+    parts = [surface_of(at + box * by, 0.0) for at, by in zip(low, size, strict=True)]
+    assert max(one.bound for one in excess_of(parts, near, 1e-4, 0.002, range(4))) <= 1e-4 + 1e-9
 
 
 def test_what_is_buried_has_nothing_of_the_outer_surface() -> None:

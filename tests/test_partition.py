@@ -130,10 +130,29 @@ def test_a_gap_that_rounding_left_asks_for_a_ball_and_no_more() -> None:
 
 def test_what_no_piece_mends_is_taken_in_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where pieces that are taken in do not help, whole triangles do."""
-    monkeypatch.setattr(mesh_covers, "unheld", lambda *_: [])
+    monkeypatch.setattr(mesh_covers, "unheld", lambda *asked: {row: [] for row in unheld(*asked)})
     work = Partition("m", "l", star(5), "hulls", 0.005)
     work.cut()
     small = replace(work.parts[1].mark, vertices=tuple(map(tuple, (0.9 * work.parts[1].mark.shape.vertices).tolist())))
     work.parts[1] = replace(work.parts[1], mark=small)
     assert not prove(work.mesh, [part.mark for part in work.parts]).is_complete
     assert mesh_covers._finished(work).proof.is_complete
+
+
+def test_whole_triangles_are_taken_in_only_where_a_piece_is_not_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Triangles over the cut of an angle are held by both parts together, though the proof as a whole fails."""
+    plan = np.array([(0.0, 0.0), (0.3, 0.0), (0.3, 0.1), (0.1, 0.1), (0.1, 0.3), (0.0, 0.3)])
+    work = Partition("m", "l", prism(plan, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)], 0.05), "hulls", 0.005)
+    work.cut()
+    marks = [part.mark for part in work.parts]
+    assert len(prove(work.mesh, marks).jointly) > 1
+    corner = np.array([0.3, 0.1, 0.05])
+    place = int(np.argmin([np.linalg.norm(one.shape.vertices - corner, axis=1).min() for one in marks]))
+    small = np.array(marks[place].shape.vertices)
+    small[np.linalg.norm(small - corner, axis=1) < 1e-9] -= 0.01
+    marks[place] = Hull(marks[place].name, "l", tuple(map(tuple, small.tolist())))
+    open_rows = np.flatnonzero(prove(work.mesh, marks).part_of == NONE)
+    missing = unheld(work.mesh, marks, open_rows)
+    touching = np.any(np.all(work.mesh.vertices[work.mesh.triangles] == corner, axis=2), axis=1)
+    assert set(missing) <= set(np.flatnonzero(touching).tolist())
+    assert 0 < len(missing) < len(open_rows)

@@ -55,7 +55,7 @@ def mark(
     most: Annotated[
         int | None,
         typer.Option(
-            help="Largest number of marks for the meshes of one link. Default: 8; 64 if the accuracy is below 10 mm."
+            help="Largest number of marks for the meshes of one link. Default: 8; 32 if the accuracy is below 10 mm."
         ),
     ] = None,
     skip_missing: Annotated[

@@ -32,7 +32,7 @@ BY: tuple[By, ...] = ("hulls", "capsules", "spheres", "boxes", "bodies")
 Progress = Callable[[int, int, str], None]
 """Called with how many links are done, how many there are, and the name of the next."""
 
-MOST_PARTS, MOST_FINE_PARTS = 8, 64
+MOST_PARTS, MOST_FINE_PARTS = 8, 32
 """Marks that hold the meshes of one link, at most, unless it is said; and if the accuracy is finer than `FINE`."""
 FINE = 0.01
 """Metres. An accuracy below this asks for parts as many as it takes, up to `MOST_FINE_PARTS`."""
@@ -114,11 +114,11 @@ def covers(
 
 
 def parts_allowed(accuracy: float, most: int | None) -> int:
-    """Return how many marks may hold the meshes of a link: what was said, else 8, and 64 below 10 mm of accuracy.
+    """Return how many marks may hold the meshes of a link: what was said, else 8, and 32 below 10 mm of accuracy.
 
     Example:
         >>> parts_allowed(0.02, None), parts_allowed(0.002, None), parts_allowed(0.002, 5)
-        (8, 64, 5)
+        (8, 32, 5)
     """
     if most is not None:
         return most

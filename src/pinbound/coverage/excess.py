@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-_ROUNDS = 18  # halvings of a piece
+_ROUNDS = 36  # halvings of a piece
 _MOST_PIECES = 20_000  # of one part; if more are needed the bound is as large as it is then
 _TRIED = 20  # middles of pieces, of which one may be a place of the outer surface that is far from the mesh
 _MOST_CUTS = 60  # of a triangle by the planes of another part

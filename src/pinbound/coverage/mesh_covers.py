@@ -22,7 +22,7 @@ from pinbound.values import Value
 
 __all__ = ["MeshCover", "cover_meshes"]
 
-_ATTEMPTS, _IN_PIECES = 8, 2  # to hold all triangles; by the pieces that are not held, before whole triangles
+_ATTEMPTS, _IN_PIECES = 8, 5  # to hold all triangles; by the pieces that are not held, before whole triangles
 _MORE = 32  # parts more than may stay, or as many again, that are cut before parts are joined
 _HARDLY, _PATIENCE = 0.98, 3  # cuts in a row that leave this much of what sticks out end such cuts
 
@@ -135,9 +135,11 @@ def _finished(work: Partition) -> MeshCover:
             work.measure()
             return MeshCover(tuple(marks), proof, work.bound)
         left = len(proof.part_of) - proof.held
-        rows = np.flatnonzero(proof.part_of == NONE)
-        whole = work.mesh.vertices[work.mesh.triangles[rows]]
-        work.take_in(unheld(work.mesh, marks, rows) if attempt < _IN_PIECES else [*whole])
+        missing = unheld(work.mesh, marks, np.flatnonzero(proof.part_of == NONE))
+        if attempt < _IN_PIECES:
+            work.take_in([piece for pieces in missing.values() for piece in pieces])
+        else:
+            work.take_in([*work.mesh.vertices[work.mesh.triangles[[*missing]]]])
     raise UnsupportedError(
         f"{work.mesh.source}: {left} triangles are not proven to lie in a mark; "
         "their numbers are too large for float64: give the mesh in metres"

@@ -138,10 +138,11 @@ class _Holder:
         if self.polytope is None:  # nothing says where to cut
             return (polygon, []) if np.all(self.holds(polygon)) else None
         rest: list[Array] = []
+        doubtful = self.limit + self.polytope.slack + _DOUBTFUL  # its triangles may be inside the hull by the slack
         for _ in range(_MOST_CUTS):
             height = self.polytope.heights(polygon)
             worst = int(np.argmax(height.max(axis=0)))
-            if height[:, worst].max() <= self.limit + _DOUBTFUL and np.all(self.holds(polygon)):
+            if height[:, worst].max() <= doubtful and np.all(self.holds(polygon)):
                 return polygon, rest
             kept, gone = split_polygon(polygon, height[:, worst])
             if len(kept) < 3 or len(gone) < 3:
@@ -151,14 +152,18 @@ class _Holder:
         return None
 
 
-def unheld(mesh: Mesh, marks: Sequence[Mark], rows: Ints) -> list[Array]:
-    """Return what of some triangles no mark is proven to hold, as convex polygons: corners (k, 3)."""
-    corners = mesh.vertices[mesh.triangles[rows]]
-    if len(marks) < 2:
-        return [*corners]
+def unheld(mesh: Mesh, marks: Sequence[Mark], rows: Ints) -> dict[int, list[Array]]:
+    """Return what of some triangles no mark is proven to hold: by triangle, convex polygons of corners (k, 3)."""
     holders = [_Holder(mark.shape) for mark in marks]
-    cut = [piece for one in corners[:_MOST_JOINTLY] for place, piece in _in_pieces(one, holders) if place == NONE]
-    return [*cut, *corners[_MOST_JOINTLY:]]
+    found = dict[int, list[Array]]()
+    for count, row in enumerate(rows.tolist()):
+        triangle = mesh.vertices[mesh.triangles[row]]
+        pieces = [triangle]
+        if len(holders) > 1 and count < _MOST_JOINTLY:
+            pieces = [piece for place, piece in _in_pieces(triangle, holders) if place == NONE]
+        if pieces:
+            found[row] = pieces
+    return found
 
 
 def _held_by(triangle: Array, holders: Sequence[_Holder]) -> tuple[int, ...]:

@@ -115,7 +115,7 @@ def propose_marks(
             capsules, boxes and prisms, which fit closely. With ``"spheres"`` all bodies get spheres: there are many of
             them, they are compiled together, and their regions have curved edges.
         neighbours: Whether to watch neighbours, too, if their marks do not touch at home.
-        most: The largest number of marks for the meshes of one link; None: 8, or 64 if the accuracy is below 10 mm.
+        most: The largest number of marks for the meshes of one link; None: 8, or 32 if the accuracy is below 10 mm.
         skip_missing: Whether a mesh that cannot be read is only listed as not covered, with the reason in `notes`.
             Otherwise it is an error.
         progress: Called with the number of finished links with meshes, their total number, and the name of the next
