@@ -356,3 +356,31 @@ def test_a_floating_base_is_held_at_its_origin(load_text: Load, tmp_path: Path) 
     result = CliRunner().invoke(app, ["report", str(path), "--out", str(tmp_path / "out")])
     assert result.exit_code == 0, result.output
     assert (tmp_path / "out" / "index.html").is_file()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "ends"),
+    [
+        ('lower="-1"', 'lower=" -1\n"', (-1.0, 1.0)),
+        ('effort="1"', 'effort="-1"', (-1.0, 1.0)),
+        ('effort="1"', 'effort=" inf "', (-1.0, 1.0)),
+        ("</joint>", "<dynamics/></joint>", (-1.0, 1.0)),
+        ("</joint>", '<safety_controller k_position="x"/></joint>', (-1.0, 1.0)),
+        ("</joint>", '<calibration rising="?"/></joint>', (-1.0, 1.0)),
+        ('type="revolute"', 'type="continuous"', (-np.inf, np.inf)),
+        ('type="revolute"', 'type="fixed"', None),
+    ],
+)
+def test_what_pinocchio_refuses_and_moves_no_link_is_read(
+    load_text: Load, old: str, new: str, ends: tuple[float, float] | None
+) -> None:
+    text = """<robot name="r"><link name="a"/><link name="b"/><joint name="q" type="revolute"><parent link="a"/>
+<child link="b"/><origin xyz="0 0 1"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+</robot>"""
+    text = text.replace(old, new)
+    if "revolute" in old:
+        text = text.replace('lower="-1"', 'lower=" "')
+    robot = load_text(text)
+    assert (robot.lower[0], robot.upper[0]) == ends if ends else robot.coordinates == ()
+    if ends:
+        assert (robot.model.lowerPositionLimit[0], robot.model.upperPositionLimit[0]) == ends

@@ -113,3 +113,21 @@ def test_a_world_that_no_link_declares_is_the_root(load_text: Load) -> None:
     assert any("'world'" in note for note in robot.notes)
     with pytest.raises(pb.InputError, match="'earth', which is not a link"):
         load_text(text.replace("world", "earth"))
+
+
+@pytest.mark.parametrize(
+    ("limits", "rpy", "note"),
+    [
+        ('lower="-90" upper="90"', "0 0 0", "limits -90 .. 90 of 'q'"),
+        ('lower="0" upper="270"', "0 0 180", "limits 0 .. 270 of 'q', rpy 0 0 180 of 'q'"),
+        ('lower="-1e16" upper="1e16"', "0 0 3.5", None),
+        ('lower="-6.28" upper="12.5"', "0 0 -6.2832", None),
+    ],
+)
+def test_angles_that_look_like_degrees_are_noted(load_text: Load, limits: str, rpy: str, note: str | None) -> None:
+    robot = load_text(
+        f'''<robot name="r"><link name="a"/><link name="b"/><joint name="q" type="revolute"><parent link="a"/>
+<child link="b"/><origin rpy="{rpy}"/><axis xyz="0 1 0"/><limit {limits} effort="1" velocity="1"/></joint></robot>'''
+    )
+    said = [one for one in robot.notes if "degrees" in one]
+    assert said == ([f"angles are read as radians, and these look like degrees: {note}"] if note else [])

@@ -398,6 +398,8 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield urdf(MEANT, "upper=", "uper=")
     yield urdf("Did you mean <{}>?", "<axis", "<axes")
     yield urdf("Write it as an attribute: {}", '<axis xyz="0 1 0"/>', "<axis>0 1 0</axis>")
+    yield urdf('Write it as an attribute: {}="..."', '<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"><xyz>0 1 0</xyz></axis>')
+    yield urdf("Write it as an element: <{} .../>", "<joint name", '<joint axis="0 1 0" name')
     yield urdf("Keep one: some readers take the first, some the last", "<axis", '<axis xyz="0 1 0"/><axis')
     shapes = '<box size="0.1 0.1 0.1"/>'
     each = f'{shapes}</geometry></collision><collision><geometry><sphere radius="1"/>'

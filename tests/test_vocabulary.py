@@ -52,6 +52,21 @@ FAULTS = {
     "quaternions": ('rpy="0 0 0.3"', 'quat_xyzw="0 0 0 1"', 7, "'quat_xyzw'.*'rpy'"),
     "no xyz": (AXIS, "<axis/>", 8, "no xyz"),
     "text for an attribute": (AXIS, "<axis>0 1 0</axis>", 8, "holds the text '0 1 0'"),
+    "offset as an element": (
+        '<origin xyz="0 0 0.2"/>',
+        "<origin><xyz>0 0 0.2</xyz></origin>",
+        13,
+        "'xyz' as an element",
+    ),
+    "multiplier as an element": (
+        'multiplier="-1" offset="0.1"/>',
+        "><multiplier>-1</multiplier></mimic>",
+        16,
+        "'multiplier' as an element",
+    ),
+    "axis as an attribute": ('"revolute">', '"revolute" axis="0 0 1">', 5, "'axis' as an attribute"),
+    "origin of a body as an attribute": ("<collision>", '<collision origin="0 0 1">', 3, "'origin' as an attribute"),
+    "a mass as text": (HEAD, '<link name="head"><inertial><mass>1</mass></inertial></link>', 4, "holds the text '1'"),
     "two axes": (AXIS, '<axis xyz="0 1 0"/><axis xyz="1 0 0"/>', 8, "has two <axis>"),
     "two limits": (
         "<limit lower",
@@ -142,6 +157,18 @@ def test_words_of_other_programs_are_one_note_each(load_text: Load) -> None:
     assert len(notes) == 3
     for word in ("<spring> in <joint>", "<tag> of the namespace 'urn:m'", "the attribute 'frame' of <axis>"):
         assert any(note.startswith(word) and "2 times, first on line" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "note"),
+    [
+        ('<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" href="arm.urdf"/>', "<include> of the namespace"),
+        ('<loop_joint name="l" type="revolute"><link1 link="foot"/></loop_joint>', "loops are open: 'l' (line 18)"),
+        ('<gazebo><joint name="g"><parent>foot</parent><child>head</child></joint></gazebo>', "'g' (line 18)"),
+    ],
+)
+def test_links_and_loops_that_other_programs_would_add_are_said(load_text: Load, text: str, note: str) -> None:
+    assert any(note in said for said in load_text(ARM.replace("</robot>", text + "</robot>")).notes)
 
 
 def test_words_of_urdf_that_pinbound_does_not_need_are_no_note() -> None:

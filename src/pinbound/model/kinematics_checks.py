@@ -9,7 +9,7 @@ from pinbound.exceptions import Problems, name_hint
 from pinbound.model.kinematics import Joint, Link
 from pinbound.tolerances import PARALLEL, REDUCTION
 
-__all__ = ["check_mimics", "check_tree", "listed", "note_nearly_parallel"]
+__all__ = ["check_mimics", "check_tree", "listed", "note_degrees", "note_nearly_parallel"]
 
 _NAMED = 4
 
@@ -126,3 +126,31 @@ def note_nearly_parallel(joints: Mapping[str, Joint]) -> list[str]:
     if found:
         return [f"axes that are nearly parallel are taken as written: {listed(found)}"]
     return []
+
+
+_FEWEST_DEGREES, _MOST_DEGREES = 10.0, 720.0
+
+
+def note_degrees(joints: Mapping[str, Joint], turned: Mapping[str, tuple[float, ...]]) -> list[str]:
+    """Name angles that look like degrees: whole numbers from 10 to 720 as limits of revolute joints, or as rpy.
+
+    `turned` holds the rpy of the origins by joint.
+
+    Example:
+        >>> note_degrees({}, {"q1": (0.0, 90.0, 0.0), "q2": (0.0, 1.5, 0.0), "q3": (0.0, 0.0, 31.4)})
+        ["angles are read as radians, and these look like degrees: rpy 0 90 0 of 'q1'"]
+    """
+    found = [
+        f"limits {joint.lower:g} .. {joint.upper:g} of {name!r}"
+        for name, joint in joints.items()
+        if joint.type == "revolute" and _like_degrees((joint.lower, joint.upper))
+    ]
+    found += [
+        f"rpy {' '.join(f'{a:g}' for a in rpy)} of {name!r}" for name, rpy in turned.items() if _like_degrees(rpy)
+    ]
+    return [f"angles are read as radians, and these look like degrees: {listed(found)}"] if found else []
+
+
+def _like_degrees(angles: Iterable[float]) -> bool:
+    sizes = [abs(angle) for angle in angles]
+    return all(size.is_integer() for size in sizes) and _FEWEST_DEGREES <= max(sizes) <= _MOST_DEGREES

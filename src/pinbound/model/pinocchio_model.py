@@ -62,7 +62,8 @@ def build_model(document: Document, kinematics: Kinematics) -> Any:
 
 def _normalise_joint(element: etree._Element, joint: Joint) -> None:
     limit = element.find("limit")
-    given = {} if limit is None else {key: str(limit.get(key, "0")) for key in ("effort", "velocity")}
+    said = {} if limit is None else {key: str(limit.get(key, "0")).strip() for key in ("effort", "velocity")}
+    given = {key: value for key, value in said.items() if _usable(value)}
     for child in list(element):
         if local_name(child) not in ("parent", "child", "origin", "axis"):
             element.remove(child)
@@ -125,7 +126,7 @@ def _stock_text(document: Document, kinematics: Kinematics) -> str:
     """Return what Pinocchio reads of the kinematics: links without bodies, joints as they stand.
 
     Only what it refuses is changed: a robot without a name, limits without `effort`, `velocity` or any, numbers that
-    are not finite.
+    are not finite, negative, or have spaces around them; and what moves no link is left out (`<dynamics>`, say).
     """
     joints = {joint.name: joint for joint in kinematics.joints}
     parts = [f"<robot name={_quoted(kinematics.name)}>"]
@@ -143,14 +144,25 @@ def _quoted(name: str) -> str:
     return quoteattr(name)
 
 
+_MOVES_LINKS = ("parent", "child", "origin", "axis", "limit", "mimic")
+
+
 def _stock_joint(element: etree._Element, joint: Joint | None) -> str:
+    element = deepcopy(element)
+    for child in list(element):
+        if child.tag not in _MOVES_LINKS:
+            element.remove(child)
+    for child in (*element.findall("limit"), *element.findall("mimic")):
+        for key in child.keys():
+            if key != "joint":
+                child.set(key, child.get(key, "").strip())
     limit = element.find("limit")
+    if joint is not None and joint.type == "continuous" and limit is not None:
+        for key in ("lower", "upper"):  # they do nothing
+            limit.attrib.pop(key, None)
     if joint is not None and joint.moves:
-        wanted = {"effort": "0", "velocity": "0"}
-        missing = [key for key in wanted if limit is None or not _finite(limit.get(key))]
+        missing = [key for key in ("effort", "velocity") if limit is None or not _usable(limit.get(key))]
         if missing and (limit is not None or joint.type != "continuous"):
-            element = deepcopy(element)
-            limit = element.find("limit")
             if limit is None:
                 limit = etree.SubElement(element, "limit", {"lower": "0", "upper": "0"})
             for key in missing:
@@ -158,9 +170,9 @@ def _stock_joint(element: etree._Element, joint: Joint | None) -> str:
     return etree.tostring(element, encoding="unicode", with_tail=False)
 
 
-def _finite(text: str | None) -> bool:
+def _usable(text: str | None) -> bool:
     try:
-        return text is not None and math.isfinite(float(text))
+        return text is not None and 0.0 <= float(text) < math.inf
     except ValueError:
         return False
 

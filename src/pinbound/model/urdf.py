@@ -17,7 +17,7 @@ from pinbound.exceptions import Problems, name_hint, printable
 from pinbound.geometry.rotations import rpy_matrix
 from pinbound.model.document import Document, local_name, parse_floats
 from pinbound.model.kinematics import JOINT_TYPES, MOVING_TYPES, Joint, JointType, Kinematics, Link, Mimic
-from pinbound.model.kinematics_checks import check_mimics, check_tree, listed, note_nearly_parallel
+from pinbound.model.kinematics_checks import check_mimics, check_tree, listed, note_degrees, note_nearly_parallel
 from pinbound.model.normalise import unit_vector
 from pinbound.model.vocabulary import check_vocabulary, near_miss
 from pinbound.typing import Array
@@ -73,6 +73,7 @@ class _Reader:
         self.joints: dict[str, Joint] = {}
         self.soft: list[str] = []
         self.unmoved: list[str] = []
+        self.turned: dict[str, tuple[float, ...]] = {}
 
     def read(self) -> Kinematics:
         if self.root.tag != "robot":
@@ -104,7 +105,7 @@ class _Reader:
             self.problems.add("the robot has no links", "Check that the file is the robot's URDF, and complete", 1)
         self.notes += check_mimics(self.joints, self.problems, self.places)
         check_tree(self.links, self.joints, self.problems)
-        self.notes += note_nearly_parallel(self.joints)
+        self.notes += [*note_nearly_parallel(self.joints), *note_degrees(self.joints, self.turned)]
         name = printable(self.root.get("name", ""))
         if not name:
             name = "robot"
@@ -155,6 +156,7 @@ class _Reader:
         rpy = self._vector(origin, "rpy", f"the origin of {what}", (0.0, 0.0, 0.0))
         lower, upper = self._limits(element, kind, what) if name not in self.given_limits else self.given_limits[name]
         mimic = self._mimic(element, what) if name not in self.given_followers else self.given_followers[name]
+        self.turned[name] = rpy
         if ends[0] is None or ends[1] is None:
             return
         self.joints[name] = Joint(
@@ -231,8 +233,8 @@ class _Reader:
             self.problems.add(message, _limit_remedy(kind), element.sourceline)
             return -math.inf, math.inf
         for key in ("effort", "velocity"):
-            if not self._is_endless(limit.get(key)):
-                self._number(limit, key, f"the limit of {what}", 0.0)
+            if not self._is_endless(limit.get(key)) and self._number(limit, key, f"the limit of {what}", 0.0) < 0.0:
+                self.notes.append(f"the limit of {what} has a negative {key}; boundaries do not need it")
         missing = [key for key in ("effort", "velocity") if limit.get(key) is None]
         if missing:
             self.notes.append(f"the limit of {what} has no {' and no '.join(missing)}; boundaries do not need it")
@@ -259,11 +261,7 @@ class _Reader:
         if given and kind == "continuous":
             remedy = "make it revolute if they are meant"
             self.notes.append(f"continuous {what} has limits ({', '.join(given)}), which do nothing; {remedy}")
-        elif (
-            given
-            and kind in JOINT_TYPES
-            and any(parse_floats(word.split(maxsplit=1)[1], 1) != (0.0,) for word in given)
-        ):
+        elif given and kind in JOINT_TYPES and any(parse_floats(word.partition(" ")[2], 1) != (0.0,) for word in given):
             self.unmoved.append(what.removeprefix("joint "))
 
     @staticmethod

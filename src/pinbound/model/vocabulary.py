@@ -142,7 +142,7 @@ WORDS: Mapping[str, _Word] = {
 
 _ALL = {key: frozenset((*word.read, *word.ignored)) for key, word in WORDS.items()}
 _OPAQUE = ("transmission", "gazebo", "ros2_control", "sensor", "mujoco", "material")
-_LEAVES = ("end", "origin", "axis", "limit", "mimic")
+_LEAVES = ("end", "origin", "axis", "limit", "mimic", "mass")
 
 
 def check_vocabulary(root: etree._Element, problems: Problems) -> list[str]:
@@ -158,7 +158,22 @@ def check_vocabulary(root: etree._Element, problems: Problems) -> list[str]:
     """
     checker = _Checker(problems)
     checker.walk(root, "robot", "")
-    return checker.notes()
+    return [*checker.notes(), *_open_loops(root)]
+
+
+def _open_loops(root: etree._Element) -> list[str]:
+    """Name joints that close a loop for some program only: the robot is read as the tree without them."""
+    found = [
+        *root.findall("loop_joint"),
+        *(one for one in root.findall("gazebo/joint") if one.find("child") is not None),
+    ]
+    if not found:
+        return []
+    named = ", ".join(f"{one.get('name')!r} (line {one.sourceline})" for one in found)
+    return [
+        f"joints that close loops in a simulator are not read, so these loops are open: {named}; "
+        "write <pinbound:closure>"
+    ]
 
 
 class _Checker:
@@ -186,20 +201,26 @@ class _Checker:
     def walk(self, element: etree._Element, key: str, owner: str) -> None:
         """Check one element's attributes and children; `owner` is the link or joint that it belongs to."""
         word, known = WORDS[key], _ALL[key]
+        children, seen = word.children or {}, set[str]()
         for attribute in element.keys():
             if attribute not in known:
                 self._attribute(element, attribute, word, owner)
+            elif attribute in children and attribute in word.read:
+                message = f"{_said(element, owner)} has {attribute!r} as an attribute, where no reader finds it"
+                self._fault(message, f"Write it as an element: <{attribute} .../>", element)
         if key in _LEAVES and element.text and element.text.strip():
             message = f"{_said(element, owner)} holds the text {element.text.strip()!r}"
             self._fault(message, f"Write it as an attribute: {', '.join(word.read)}", element)
         if not len(element):
             return
-        children, seen = word.children or {}, set[str]()
         for child in element:
             tag = str(child.tag)
             if tag not in known or (tag in ("link", "joint") and key != "robot"):
                 self._child(element, child, word, owner)
                 continue
+            if tag in word.read and tag not in children:
+                message = f"{_said(element, owner)} has {tag!r} as an element, where no reader finds it"
+                self._fault(message, f'Write it as an attribute: {tag}="..."', child)
             if tag in word.once:
                 if tag in seen:
                     message = f"{_said(element, owner)} has two <{tag}>"
@@ -249,7 +270,7 @@ class _Checker:
     def _foreign(self, child: etree._Element, word: _Word, said: str) -> None:
         name = etree.QName(child)
         tag, namespace = name.localname, str(name.namespace)
-        if looks_like_ours(child) or namespace.startswith(_QUIET):
+        if looks_like_ours(child):
             return  # `annotations` reads the first, and says what is wrong with them
         if namespace.rstrip("/") in XACRO or child.prefix == "xacro":
             if not self.xacro_seen:
