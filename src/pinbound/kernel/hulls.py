@@ -53,7 +53,7 @@ class HullTables:
     """What the machine code reads of a set of pairs.
 
     Attributes:
-        numbers: Head and tables; room to work in folmiddles them.
+        numbers: Head and tables; room to work in follows them.
         room: How many numbers of room there are.
         columns: Coordinates that occur.
     """
