@@ -14,8 +14,8 @@ from pinbound.values import read_only
 __all__ = ["BALL", "ball_corners"]
 
 BALL: Final = 1.02
-"""The hull of the corners, this much larger, holds the unit ball; so from each direction to the next corner's the
-cosine of the angle is 1 / 1.02 or more: at most 11.4 degrees."""
+"""The hull of the corners, enlarged by this factor, holds the unit ball. So the angle between any direction and the
+nearest corner has a cosine of 1 / 1.02 or more: it is at most 11.4 degrees."""
 
 
 @cache

@@ -1,7 +1,7 @@
 """Bodies of a URDF's links: collision bodies, and visual bodies of links that have no collision body.
 
-All faults of the geometry are reported at once, each with its line. A shape that is known but that no mark can hold (a
-mesh, an ellipsoid) is returned under its name, so that whoever covers bodies can say that it is not covered.
+All faults of the geometry are reported at once, each with its line. A known shape that no mark can hold (a mesh, an
+ellipsoid) is returned under its name, so that the caller can report that it is not covered.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _ALIKE = 0.75  # difflib's ratio, from 0 to 1: above this one word is a misspell
 
 
 class HasDocument(Protocol):
-    """What was read from an XML document, as a `Robot` was."""
+    """An object that was read from an XML document, as a `Robot` is."""
 
     @property
     def document(self) -> Document:
@@ -102,11 +102,11 @@ class Body:
 
 @dataclass(frozen=True)
 class LinkBodies:
-    """The bodies of all links, and what of their elements was not used.
+    """The bodies of all links, and notes about elements that were not used.
 
     Attributes:
         bodies: The bodies, in file order.
-        notes: What was ignored, a sentence each.
+        notes: What was ignored, one sentence for each case.
     """
 
     bodies: tuple[Body, ...]
@@ -116,9 +116,9 @@ class LinkBodies:
 def collision_bodies(robot: HasDocument) -> tuple[Body, ...]:
     """Return the bodies of all links, in file order: collision bodies, else visual bodies.
 
-    A link without any ``<collision>`` is taken to have the bodies that its ``<visual>`` elements draw, for it has a
-    body all the same. As Pinocchio does, a cylinder that ``<collision_checking><capsule name="..."/>`` of its link
-    names is read as a capsule of the same radius and length.
+    A link without any ``<collision>`` gets the bodies that its ``<visual>`` elements draw, because it has a body, too.
+    As in Pinocchio, a cylinder that ``<collision_checking><capsule name="..."/>`` of its link names is read as a
+    capsule of the same radius and length.
 
     Raises:
         InputError: If the geometry of a body has a fault: all faults at once, each with its line and remedy.
@@ -136,11 +136,11 @@ def collision_bodies(robot: HasDocument) -> tuple[Body, ...]:
 
 
 def read_bodies(document: Document, problems: Problems) -> LinkBodies:
-    """Read the bodies of all links; every fault goes to `problems`, and the body that has it is left out.
+    """Read the bodies of all links. Every fault goes to `problems`, and its body is left out.
 
     Args:
         document: The robot's XML.
-        problems: Where faults go; what comes back is complete only if none was added.
+        problems: Receives the faults; the result is complete only if none was added.
     """
     reader = _Reader(problems)
     for element in document.root.findall("link"):
@@ -149,7 +149,7 @@ def read_bodies(document: Document, problems: Problems) -> LinkBodies:
 
 
 class _Reader:
-    """One pass over the links, collecting bodies, faults and notes."""
+    """One pass over the links, which collects bodies, faults and notes."""
 
     def __init__(self, problems: Problems) -> None:
         self.problems = problems
@@ -324,7 +324,7 @@ class _Reader:
         return numbers[0], numbers[1], numbers[2]
 
     def _strays(self, link: etree._Element, what: str) -> None:
-        """Refuse shapes that stand where no reader looks for them."""
+        """Refuse shapes at places where no URDF reader looks for them."""
         for shape in link.iter(*_READ):
             above = shape.getparent()
             where = "" if above is None else _raw_name(above)
@@ -333,7 +333,7 @@ class _Reader:
                 self.problems.add(message, "Move it directly into a <geometry>, or remove it", shape.sourceline)
 
     def _strangers(self, element: etree._Element, what: str, valid: Sequence[str]) -> None:
-        """Refuse elements that are nearly called like valid ones, and note those of another namespace."""
+        """Refuse elements whose names are nearly valid ones, and note those of another namespace."""
         for child in element.iterchildren(etree.Element):
             name = _raw_name(child)
             local = name.rpartition(":")[2]
@@ -347,7 +347,7 @@ class _Reader:
 
 
 def _raw_name(element: etree._Element) -> str:
-    """Return a name as URDF readers see it, who know prefixes as text and no default namespace."""
+    """Return a name as URDF readers see it: a prefix is part of the text, and there is no default namespace."""
     local = etree.QName(element).localname
     return f"{element.prefix}:{local}" if element.prefix else local
 

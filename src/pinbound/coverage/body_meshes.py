@@ -65,7 +65,7 @@ class MeshSource:
         return str(found) if isinstance(found, InputError) else ""
 
     def notes(self, body: Body) -> tuple[str, ...]:
-        """Return what of the file was not used, a sentence each; nothing of a file that cannot be read."""
+        """Return one sentence for each part of the file that was not used; none for a file that cannot be read."""
         found = self._found(body)
         return () if isinstance(found, InputError) else tuple(f"{body.filename}: {note}" for note in found.notes)
 

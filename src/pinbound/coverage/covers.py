@@ -1,8 +1,9 @@
-"""Marks that hold collision bodies: the bodies themselves where marks can be such bodies, or spheres.
+"""Marks that hold collision bodies: marks of the same shape if there are such marks, or spheres.
 
-A sphere is a point, a capsule a segment, a box a sweep along its three sides: nothing sticks out. A cylinder with
-spheres over both its ends is a capsule. Another cylinder lies in the prism of a regular polygon around it, which is a
-sweep along half of the polygon's sides and the axis; its flat ends are the cylinder's.
+The mark of a sphere is a point, of a capsule a segment, and of a box a sweep along its three sides. These have no
+excess. A cylinder with spheres over both its ends is a capsule. Any other cylinder lies in the prism of a regular
+polygon around it. This prism is a sweep along half of the polygon's sides and the axis. Its flat ends are those of the
+cylinder.
 """
 
 from __future__ import annotations
@@ -27,15 +28,16 @@ from pinbound.typing import Array
 __all__ = ["BY", "MOST_PARTS", "By", "Cover", "Progress", "cover", "covers", "parts_allowed"]
 
 By = Literal["hulls", "capsules", "spheres", "boxes", "bodies"]
-"""By what bodies are covered; ``"bodies"`` is the old name of ``"hulls"``."""
+"""The shapes of the marks that hold the bodies; ``"bodies"`` is the old name of ``"hulls"``."""
 BY: tuple[By, ...] = ("hulls", "capsules", "spheres", "boxes", "bodies")
 Progress = Callable[[int, int, str], None]
 """Called with how many links are done, how many there are, and the name of the next."""
 
 MOST_PARTS, MOST_FINE_PARTS = 8, 32
-"""Marks that hold the meshes of one link, at most, unless it is said; and if the accuracy is finer than `FINE`."""
+"""The largest number of marks that hold the meshes of one link, by default; the second if the accuracy is below
+`FINE`."""
 FINE = 0.01
-"""Metres. An accuracy below this asks for parts as many as it takes, up to `MOST_FINE_PARTS`."""
+"""[m]. If the accuracy is below this, as many parts as necessary are used, up to `MOST_FINE_PARTS`."""
 _MOST_SPHERES = 64
 _SIDES = range(2, 9)  # half the number of sides of a polygon around a cylinder
 
@@ -47,9 +49,9 @@ class Cover:
     Attributes:
         bodies: The bodies.
         marks: The marks.
-        excess: [m], no point of a mark is further than this outside the bodies; of a mesh, no place of the marks' outer
-            surface is further than this from it.
-        proof: Of a mesh: which mark holds which triangle.
+        excess: [m], no point of a mark is further outside the bodies. For a mesh, no point of the marks' outer surface
+            is further from it.
+        proof: For a mesh: which mark holds which triangle.
     """
 
     bodies: tuple[Body, ...]
@@ -76,11 +78,12 @@ def covers(
     Args:
         bodies: The bodies, their shapes among `bodies.SHAPES`; meshes, if they can be read.
         accuracy: [m], the excess to aim at.
-        by: What holds meshes. Other bodies are held by themselves: by points, capsules, boxes and prisms; a cylinder
-            between two spheres is one capsule. ``"spheres"``: all bodies by spheres.
+        by: The marks that hold meshes. Other bodies are held by marks of their own shape: points, capsules, boxes and
+            prisms; a cylinder between two spheres is one capsule. With ``"spheres"``, spheres hold all bodies.
         meshes: Reads meshes.
-        most: Marks of one link that hold meshes, at most; each mesh has one at least. None: `parts_allowed`.
-        progress: Told of the links that have meshes.
+        most: The largest number of marks that hold the meshes of one link; each mesh has at least one. None:
+            `parts_allowed`.
+        progress: Called for each link that has meshes.
 
     Raises:
         DimensionError: If the accuracy is not positive.
@@ -114,7 +117,7 @@ def covers(
 
 
 def parts_allowed(accuracy: float, most: int | None) -> int:
-    """Return how many marks may hold the meshes of a link: what was said, else 8, and 32 below 10 mm of accuracy.
+    """Return how many marks may hold the meshes of a link: `most`, or 8, or 32 for an accuracy below 10 mm.
 
     Example:
         >>> parts_allowed(0.02, None), parts_allowed(0.002, None), parts_allowed(0.002, 5)
@@ -148,7 +151,8 @@ def _of_meshes(
 def cover(body: Body, accuracy: float, by: By = "hulls") -> Cover:
     """Return marks whose union holds one body.
 
-    Spheres are as few as keep the excess within `accuracy`, at most 64, a polygon has as few sides, at most 16.
+    The number of spheres is the smallest that keeps the excess within `accuracy`, at most 64; that of sides, at most
+    16.
 
     Args:
         body: The body, its shape among `bodies.SHAPES`. Measures may be zero: a flat box is a rectangle.
@@ -193,7 +197,7 @@ def _point(body: Body, name: str, centre: Array, radius: float) -> Point:
 
 
 def _capsule(body: Body, name: str, excess: float = 0.0) -> Mark:
-    """Return a capsule, or a cylinder and a sphere over each of its ends, a little thicker if those are."""
+    """Return a capsule; for a cylinder with a sphere over each end, it is slightly thicker if the spheres are."""
     radius, length = body.size[0] + excess, body.size[1]
     half = body.rotation[:, 2] * (length / 2)
     (a, b, c), (x, y, z) = (body.translation - half).tolist(), (body.translation + half).tolist()
@@ -203,7 +207,7 @@ def _capsule(body: Body, name: str, excess: float = 0.0) -> Mark:
 def _sum_of(body: Body, name: str, ways: Array) -> Mark:
     """Return the sum of the segments along the rows of `ways` (k, 3), in the body's frame and about its centre.
 
-    Rows of length zero are left out: what is left is a sweep, a segment, or a point.
+    Rows of length zero are left out. The result is a sweep, a segment, or a point.
     """
     ways = ways[np.any(ways, axis=1)]
     corner = (body.translation - body.rotation @ ways.sum(axis=0) / 2).tolist()
@@ -228,12 +232,12 @@ def _prism(body: Body, name: str, accuracy: float) -> Cover:
 
 
 def _sticks_out(radius: float, m: int) -> float:
-    """Return how far the corners of a regular polygon of 2 m sides are outside the circle in it."""
+    """Return how far the corners of a regular polygon of 2 m sides are outside its inscribed circle."""
     return radius * (1.0 / math.cos(math.pi / (2 * m)) - 1.0)
 
 
 def _end_spheres(body: Body, bodies: Iterable[Body]) -> tuple[Body, Body] | None:
-    """Return the two spheres of a cylinder's link and radius over its ends, if they are there."""
+    """Return the two spheres over a cylinder's ends, with its link and radius, if they exist."""
     if body.shape != "cylinder":
         return None
     radius, length = body.size
@@ -246,7 +250,7 @@ def _end_spheres(body: Body, bodies: Iterable[Body]) -> tuple[Body, Body] | None
 
 
 def _beyond(body: Body, ends: tuple[Body, Body]) -> float:
-    """Return how far the spheres stick out of a capsule of the cylinder's radius: `SAME_BODY` at most, twice [m]."""
+    """Return how far the spheres stick out of a capsule with the cylinder's radius [m]: at most `SAME_BODY`, twice."""
     radius, length = body.size
     half = body.rotation[:, 2] * (length / 2)
     out = [
@@ -275,7 +279,7 @@ def _spheres_over(shape: str, size: tuple[float, ...], accuracy: float) -> tuple
 
 
 def _along(radius: float, length: float, accuracy: float) -> tuple[Array, float, float]:
-    """Cover a capsule: spheres from one end of its segment to the other, both ends included for the caps."""
+    """Cover a capsule: spheres from one end of its segment to the other; those at both ends hold the caps."""
     best: tuple[float, int] = (length / 2, 1)
     for count in range(2, _MOST_SPHERES + 1):
         if best[0] <= accuracy:
@@ -288,7 +292,7 @@ def _along(radius: float, length: float, accuracy: float) -> tuple[Array, float,
 
 
 def _slices(radius: float, length: float, accuracy: float) -> tuple[Array, float, float]:
-    """Cover a cylinder: a sphere about the middle of each slice, through the slice's rims."""
+    """Cover a cylinder: a sphere about the middle of each slice, through the edge circles of the slice."""
     options: list[tuple[float, int]] = []
     for count in range(1, _MOST_SPHERES + 1):
         half = length / (2 * count)
@@ -306,7 +310,7 @@ def _on_axis(heights: list[float]) -> Array:
 
 
 def _cells(size: Array, accuracy: float) -> tuple[Array, float, float]:
-    """Cut a box into cells of nearly equal sides, finer until the spheres about them stick out little enough."""
+    """Cover a box by spheres about cells of nearly equal sides, halved until the excess is small enough."""
     found: tuple[Array, float, float] | None = None
     longest = float(np.max(size))
     if longest == 0.0:

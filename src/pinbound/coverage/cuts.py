@@ -1,7 +1,8 @@
-"""A surface cut in two by a plane, with the cut closed where it is the section of a body.
+"""Cut a surface in two by a plane, and close the cut where it is the section of a body.
 
-A part of a solid is the hull of its share of the surface and of the section, for what is inside belongs to the body.
-All this only proposes: parts that are larger or smaller than they might be fit less well, but what they hold is proven.
+A part of a solid is the hull of its share of the surface and of the section, because the inside belongs to the body.
+All of this only proposes parts. A part that is larger or smaller than necessary fits less well, but its marks are still
+proven.
 """
 
 from __future__ import annotations
@@ -19,20 +20,20 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
-_FLUSH = 1e-7  # of a surface's extent: corners this near to a plane are on it, for files have seven digits
-_MOST_PAIRS = 4_000_000  # of a place and a side of a section that are looked at; of larger sections the hull is taken
+_FLUSH = 1e-7  # of a surface's extent: corners this near to a plane are on it, because files have seven digits
+_MOST_PAIRS = 4_000_000  # pairs of a point and a side of a section that are examined; larger sections use the hull
 
 
 def on_plane(height: Array) -> Array:
-    """Return heights above a plane, those that are zero but for the digits of a file being zero."""
+    """Return heights above a plane; heights that are only the rounding of a file become zero."""
     least = max(SAME_BODY, _FLUSH * float(np.ptp(height))) if height.size else SAME_BODY
     return np.where(np.abs(height) <= least, 0.0, height)
 
 
 def cut_by_plane(group: Array, axis: Array, at: float) -> tuple[Array, Array]:
-    """Return the triangles (n, 3, 3) below and above the plane `axis . x = at`, those across it cut, the cut closed.
+    """Cut triangles (n, 3, 3) by the plane `axis . x = at`; return those below and above it, with the cut closed.
 
-    Triangles in the plane are the surface of what is behind them.
+    Triangles in the plane belong to the side of which they are the surface.
 
     Example:
         >>> corner = np.array([[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]])
@@ -45,7 +46,7 @@ def cut_by_plane(group: Array, axis: Array, at: float) -> tuple[Array, Array]:
     across, lying = ~below & ~above, below & above
     corners, heights = group[across], height[across]
     signs = np.sign(heights)
-    # The corner that is alone on its side comes first; if one is on the plane, the one below it does.
+    # The corner that is alone on its side comes first; if a corner is on the plane, the one below it comes first.
     alone = np.where(np.sum(signs, axis=1) > 0.0, -1.0, np.where(np.sum(signs, axis=1) < 0.0, 1.0, -1.0))
     first = np.argmax(signs == alone[:, None], axis=1)
     rows = np.arange(len(corners))
@@ -73,7 +74,7 @@ def cut_by_plane(group: Array, axis: Array, at: float) -> tuple[Array, Array]:
 
 
 def _crossing(a: Array, b: Array, p: Array, q: Array) -> Array:
-    """Return where edges cross the plane: the same place whichever end comes first."""
+    """Return where edges cross the plane: the same point for either order of the ends."""
     swap = (p > q)[:, None]
     start, end = np.where(swap, b, a), np.where(swap, a, b)
     low, high = np.minimum(p, q), np.maximum(p, q)
@@ -82,7 +83,7 @@ def _crossing(a: Array, b: Array, p: Array, q: Array) -> Array:
 
 
 def _edges(group: Array, height: Array, flags: Flags, axis: Array) -> Array:
-    """Return the sides (n, 2, 3) that lie in the plane of triangles on one side of it, the body on their right."""
+    """Return the sides (n, 2, 3), in the plane, of triangles on one side of it; the body is on their right."""
     rows = np.flatnonzero(flags & (np.sum(height == 0.0, axis=1) == 2))
     apex = np.argmax(height[rows] != 0.0, axis=1)
     start, end = group[rows, (apex + 1) % 3], group[rows, (apex + 2) % 3]
@@ -91,10 +92,10 @@ def _edges(group: Array, height: Array, flags: Flags, axis: Array) -> Array:
 
 
 def _lids(sides: Array, axis: Array) -> Array:
-    """Return triangles over a section with these sides (n, 2, 3): over what its sides go round.
+    """Return triangles that fill the outline of a section, given by its sides (n, 2, 3).
 
-    Those of Delaunay are taken whose middles are inside, by the number of sides to the one direction, or by the turns
-    that the sides make about it: bodies may overlap, and triangles be turned over.
+    The Delaunay triangles whose middles are inside are taken. A middle is inside by the number of sides in one
+    direction, or by the turns of the sides about it, because bodies may overlap and triangles may be inverted.
     """
     from scipy.spatial import Delaunay, QhullError
 

@@ -1,9 +1,9 @@
-"""How far the outer surface of a cover is from its mesh: an upper bound, by subdivision.
+"""An upper bound of the distance of a cover's outer surface from its mesh, by subdivision.
 
-The surface of the parts is cut into pieces. The distance from one triangle T of the mesh is a convex function, so that
-over a piece it is nowhere larger than at one of the piece's corners; each piece takes the T that is nearest to its
-middle, and is halved if that bound is too large. Pieces that are inside another part are no outer surface.
-`docs/covers.md` has the derivation.
+The surface of the parts is cut into pieces. The distance from one triangle T of the mesh is a convex function. So over
+a piece its largest value is at one of the piece's corners. For each piece, T is the triangle nearest to its middle. If
+the bound is too large, the piece is halved. Pieces inside another part are not outer surface. `docs/covers.md` has the
+derivation.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 _ROUNDS = 36  # halvings of a piece
-_MOST_PIECES = 20_000  # of one part; if more are needed the bound is as large as it is then
-_TRIED = 20  # middles of pieces, of which one may be a place of the outer surface that is far from the mesh
+_MOST_PIECES = 20_000  # for one part; if more are needed, the bound stays as large as it is then
+_TRIED = 20  # middles of pieces that are tried as points of the outer surface far from the mesh
 _MOST_CUTS = 60  # of a triangle by the planes of another part
-_DENSE = 32.0  # of a part's extent: how far places are apart that are guessed by
-_LOOSE = 0.02  # of the ball about all parts: if a hull may be further outside its triangles, none of these is left out
-_NEARER = 0.75  # of that ball: how near to another part a piece has to lead along all of these
-_SINE = math.sqrt(1.0 - BALL**-2)  # of the angle from any direction to the next of those that are looked along
-_STRICT = 1e-9  # of the way from the centre: this far inside a part, a place is inside, whatever rounding did
+_DENSE = 32.0  # of a part's extent: the distance between the points at which the excess is estimated
+_LOOSE = 0.02  # of the ball about all parts: if the slack of a hull is larger, none of its pieces is left out
+_NEARER = 0.75  # of that ball: how near to another part a piece must come when moved along each of the directions
+_SINE = math.sqrt(1.0 - BALL**-2)  # of the angle from any direction to the nearest one of the fixed set
+_STRICT = 1e-9  # of the way from the centre: a point this far inside a part is inside, in spite of rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Excess(Value):
-    """An upper bound of how far a part's outer surface is from the mesh [m], and where it is about that far."""
+    """An upper bound of the distance of a part's outer surface from the mesh [m], and a point about that far."""
 
     bound: float
     place: Array
@@ -53,7 +53,7 @@ UNKNOWN = Excess(np.inf, np.zeros(3))
 
 
 def guess_of(parts: Sequence[Surface], index: int, near: Near, around: float) -> Excess:
-    """Return about how far a part's outer surface is from the mesh, as far as places on its faces tell: no bound."""
+    """Return an estimate of how far a part's outer surface is from the mesh, from points on its faces: not a bound."""
     own = parts[index]
     others = [one for place, one in enumerate(parts) if place != index and one.polytope is not None]
     others = [one for one in others if _near(own, one, 2.0 * around)]
@@ -70,17 +70,17 @@ def guess_of(parts: Sequence[Surface], index: int, near: Near, around: float) ->
 def excess_of(
     parts: Sequence[Surface], near: Near, around: float, fine: float, asked: Sequence[int], within: float = 0.05
 ) -> list[Excess]:
-    """Return, for each part that is asked for, a bound of how far its outer surface is from the mesh.
+    """Return, for each part in `asked`, a bound of how far its outer surface is from the mesh.
 
-    The surface is that of all parts with balls of `around` about them, which is at least every part's own radius.
+    The surface is that of all parts with balls of radius `around` about them; `around` is at least every part's radius.
 
     Args:
         parts: All parts of the body.
         near: Its mesh.
-        around: [m], at least radius and slack of every part.
-        fine: [m]: what bounds need not tell apart.
+        around: [m], at least the sum of radius and slack of every part.
+        fine: [m]: bounds need not be more accurate than this.
         asked: Numbers of parts.
-        within: Of `fine`, and of the bound: finer is not looked.
+        within: Share of `fine`, and of the bound, to which the bound is refined.
     """
     return [_of_part(parts, index, near, around, fine, within) for index in asked]
 
@@ -89,7 +89,7 @@ def _of_part(parts: Sequence[Surface], index: int, near: Near, around: float, fi
     own = parts[index]
     others = [one for place, one in enumerate(parts) if place != index and one.polytope is not None]
     others = [one for one in others if _near(own, one, 2.0 * around)]
-    if own.slack > _LOOSE * around:  # its normals do not say enough
+    if own.slack > _LOOSE * around:  # its normals are not accurate enough
         others = []
     found = _Found(0.0, 0.0, own.pieces[0].corners.reshape(-1, 3).mean(axis=0), within, within * fine)
     if own.polytope is None:
@@ -97,7 +97,7 @@ def _of_part(parts: Sequence[Surface], index: int, near: Near, around: float, fi
     else:
         faces, rest = own.pieces
         whole = _look_at_faces(faces, others, near, around, found)
-        # Edges and vertices of a face that was looked at as a whole are on it.
+        # The edges and vertices of a face that was bounded as a whole belong to it.
         open_ones = ~np.any(whole[rest.beside] & (rest.beside >= 0), axis=1)
         _look_at_the_bare(rest.corners[open_ones], own, others, near, around, found)
     return Excess((around + own.slack + found.bound) * (1.0 + HELD) + HELD, found.place)
@@ -105,7 +105,7 @@ def _of_part(parts: Sequence[Surface], index: int, near: Near, around: float, fi
 
 @dataclass(eq=False)
 class _Found:
-    """How far a surface is from the mesh, as far as it was looked at: bounds, a place, how fine to look."""
+    """The present bounds of the distance of a surface from the mesh, a point, and the accuracy to reach."""
 
     bound: float
     lower: float
@@ -115,12 +115,12 @@ class _Found:
 
     @property
     def target(self) -> float:
-        """What is within this of the mesh need not be looked at more closely [m]."""
+        """Pieces within this distance of the mesh need not be refined [m]."""
         return max(self.bound, self.lower * (1.0 + self.within) + self.fine)
 
 
 def _look_at_faces(faces: Pieces, others: Sequence[Surface], near: Near, around: float, found: _Found) -> Flags:
-    """Bound the distance of faces from the mesh, and return those of which nothing was left out."""
+    """Bound the distance of faces from the mesh, and return which faces were bounded with no piece left out."""
     whole = np.ones(len(faces.corners), dtype=np.bool_)
     left: tuple[Array, Array, Ints] = faces.corners, faces.normals, np.arange(len(whole))
     if around > 0.0:
@@ -134,7 +134,7 @@ def _look_at_faces(faces: Pieces, others: Sequence[Surface], near: Near, around:
         above, middle, whose = near.bounds(corners, found.target)
         rows = np.argsort(-middle)[:_TRIED]
         rows = rows[middle[rows] > found.lower]
-        if len(rows):  # a place that is on the outer surface itself, and far from the mesh
+        if len(rows):  # a point on the outer surface that is far from the mesh
             here = np.repeat(corners[rows].mean(axis=1)[:, None], 3, axis=1)
             out = np.flatnonzero(~_hidden(here, normals[rows], others, around))
             if len(out):
@@ -166,7 +166,7 @@ def _look_at_the_bare(
         far = far[~_buried(corners[far], whole[owner[far]], own, others, around)]
         rows = far[np.argsort(-middle[far])][:_TRIED]
         rows = rows[middle[rows] > found.lower]
-        if len(rows):  # a place that is not known to be inside, so that no smaller bound will be found
+        if len(rows):  # a point that is not proven to be inside, so that no smaller bound can be found
             here = np.repeat(corners[rows].mean(axis=1)[:, None], 3, axis=1)
             out = np.flatnonzero(~_buried(here, whole[owner[rows]], own, others, around))
             if len(out):
@@ -184,10 +184,11 @@ def _look_at_the_bare(
 def _smaller(
     corners: Array, asked: Flags, flush: Flags, found: Ints, near: Near, target: float
 ) -> tuple[Array, Ints, float]:
-    """Return smaller pieces in place of some, what each is cut from, and a bound for what is within `target` already.
+    """Return smaller pieces in place of some, which piece each is from, and a bound of those already within `target`.
 
-    A piece whose middle lies on a triangle is cut along the sides of this: what is over it is near it as a whole,
-    however the two surfaces are cut into triangles. Others are halved.
+    A piece whose middle lies on a triangle is cut along the sides of this triangle, because every point over the
+    triangle is near it. So the result does not depend on how the two surfaces are cut into triangles. Other pieces are
+    halved.
     """
     halves, rows = np.flatnonzero(asked & ~flush), np.flatnonzero(asked & flush)
     pieces, owner, least = list[Array](), list[Ints](), 0.0
@@ -214,7 +215,7 @@ def _near(one: Surface, two: Surface, margin: float) -> bool:
 def _uncovered(
     corners: Array, normals: Array, owner: Ints, others: Sequence[Surface], around: float, whole: Flags
 ) -> tuple[Array, Array, Ints]:
-    """Return what is left of faces when what leads into other parts is cut away, in triangles; those are not whole."""
+    """Return the triangles of faces without what leads into other parts; such faces are marked as not whole."""
     for other in others:
         polytope = other.polytope
         assert polytope is not None
@@ -245,9 +246,10 @@ def _uncovered(
 
 
 def _cut_away(polygon: Array, shift: Array, polytope: Polytope, around: float) -> list[Array] | None:
-    """Return what of a triangle does not lead into a part, as polygons; None if nothing is proven to.
+    """Return the polygons of a triangle that do not lead into a part; None if no piece is proven to lead into it.
 
-    Over a sharp corner of the part a place that is a little above its planes is far from it: there the planes decide.
+    At a sharp corner of the part, a point slightly above its planes can be far from it. There the planes themselves
+    cut.
     """
     for above in (0.25 * around, 0.0):
         rest = list[Array]()
@@ -268,7 +270,7 @@ def _cut_away(polygon: Array, shift: Array, polytope: Polytope, around: float) -
 
 
 def _hidden(corners: Array, normals: Array, others: Sequence[Surface], around: float) -> Flags:
-    """Return which pieces are inside another part, or lead into it along their normal: no outer surface is there."""
+    """Return which pieces are not outer surface: they are inside another part, or lead into it along their normal."""
     hidden = np.zeros(len(corners), dtype=np.bool_)
     low, high = corners.min(axis=1), corners.max(axis=1)
     for other in others:
@@ -288,13 +290,13 @@ def _hidden(corners: Array, normals: Array, others: Sequence[Surface], around: f
 
 
 def _buried(corners: Array, whole: Array, own: Surface, others: Sequence[Surface], around: float) -> Flags:
-    """Return which pieces are inside another part, or lead into others along all that may be a normal of them.
+    """Return which pieces are inside another part, or lead into others along all directions that may be their normals.
 
-    Looked at are those directions of a fixed set that are near to a normal; each normal is near to one of them.
+    It tests the directions of a fixed set that are near a normal; each normal is near one of them.
 
     Args:
         corners: (n, 3, 3).
-        whole: (n, 3, 3), the edge, vertex, or face that each is a piece of.
+        whole: (n, 3, 3), the edge, vertex, or face to which each piece belongs.
         own: The part.
         others: Other parts.
         around: [m].
@@ -313,7 +315,7 @@ def _buried(corners: Array, whole: Array, own: Surface, others: Sequence[Surface
         return buried
     units = ball_corners()
     outward = _outward(whole[rows], own.polytope)
-    first = np.argmax(outward, axis=1)  # most have nothing beside them: one direction tells
+    first = np.argmax(outward, axis=1)  # most pieces have no other part near them: one direction decides
     leads = _lead(corners[rows], units[first], close[:, rows], others, around)
     rows, outward = rows[leads], outward[leads]
     which, along = np.nonzero(outward)

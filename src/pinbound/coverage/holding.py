@@ -1,4 +1,4 @@
-"""Proofs that marks hold a body: that no point of it is outside them.
+"""Proofs that marks hold a body: no point of the body is outside them.
 
 A mark is a convex body Z (a point, a segment, a box, a hull) with a ball of radius R around: `Z + R`. A body is a core
 C (a point, a segment, eight corners, a cylinder) with a ball of radius r around. If `r <= R`, the mark holds the body
@@ -33,12 +33,12 @@ _ROUND = 32  # corners of the polygon around a cylinder's rim
 
 
 def holders(body: Body, marks: Sequence[Mark], mesh: Mesh | None = None) -> tuple[tuple[str, ...], ...]:
-    """Return the marks that hold a body: each one that holds it alone, else one set of spheres that does together.
+    """Return the marks that hold a body: each mark that holds it alone, or else one set of spheres that do so.
 
     Args:
-        body: The body; a mesh is held by nothing unless it is given.
+        body: The body; marks hold a mesh only if `mesh` is given.
         marks: Marks on the body's link.
-        mesh: If the body is a mesh: what was read of it, in the frame of its link.
+        mesh: For a mesh: its content, in the frame of its link.
 
     Example:
         >>> body = Body("arm", 0, "capsule", (0.05, 0.4), np.eye(3), np.zeros(3))
@@ -88,7 +88,7 @@ def holds(mark: Mark, body: Body) -> bool:
 
 
 def is_known(body: Body) -> bool:
-    """Return whether the body is one of the shapes that are read, with finite sizes."""
+    """Return whether the body is one of the supported shapes, with finite sizes."""
     return body.shape in ("sphere", "box", "cylinder", "capsule") and bool(
         np.all(np.isfinite([*body.size, *body.translation, *body.rotation.ravel()]))
     )
@@ -97,7 +97,7 @@ def is_known(body: Body) -> bool:
 def _core(body: Body) -> tuple[Array, float]:
     """Return the extreme points of the core, in the link's frame (k, 3), and the radius around it.
 
-    Of a cylinder they are the ends of its axis: it lies in the capsule of its radius.
+    For a cylinder, these are the ends of its axis: it lies in the capsule of its radius.
     """
     if body.shape == "sphere":
         points, around = np.zeros((1, 3)), body.size[0]
@@ -119,10 +119,10 @@ def _rims(body: Body) -> Array:
 
 
 def holds_points(shape: Shape, points: Array, distance: float) -> bool:
-    """Return whether all points (k, 3) of the link are within `distance` [m] of a shape, its own radius left out.
+    """Return whether all points (k, 3) of the link are within `distance` [m] of a shape without its radius.
 
-    With them it holds their convex hull: of a mesh its vertices are enough. The nearest points found are points of the
-    shape, so it is proven.
+    The shape then holds their convex hull, too, so the vertices of a mesh are enough. The nearest points found are
+    points of the shape. So this is proven.
 
     Example:
         >>> from pinbound.annotations import Hull
@@ -144,7 +144,7 @@ def _ball_holds_cylinder(centre: Array, radius: float, body: Body) -> bool:
 
 
 def _between_facets(body: Body, shape: Shape) -> bool:
-    """Return whether a body, less a ball of the mark's radius where it has one, lies in a shape that is a solid."""
+    """Return whether a body, minus a ball of the mark's radius if it has a radius, lies in a solid shape."""
     around = 0.0 if body.shape in ("box", "cylinder") else max(body.size[0] - shape.radius, 0.0)
     units = _facet_normals(shape)
     if not len(units) or np.linalg.matrix_rank(shape.directions) < _SOLID:
@@ -154,7 +154,7 @@ def _between_facets(body: Body, shape: Shape) -> bool:
 
 
 def _facet_normals(shape: Shape) -> Array:
-    """Return unit normals (m, 3) outwards of all facets of a solid; Qhull gives those of a hull, in triangles."""
+    """Return outward unit normals (m, 3) of all facets of a solid; for a hull, Qhull gives those of triangles."""
     if shape.is_zonotope:
         normals: Any = [np.cross(a, b) for a, b in combinations(shape.directions, 2)]
         normals = np.array(normals).reshape(-1, 3)
@@ -174,7 +174,7 @@ def _facet_normals(shape: Shape) -> Array:
 
 
 def _support(body: Body, normals: Array) -> Array:
-    """Return the support of the core along unit normals (m,), from the link's origin [m]; a cylinder's is its own."""
+    """Return the support of the core (a cylinder: its own) along unit normals (m,), from the link's origin [m]."""
     middle = normals @ body.translation
     if body.shape == "sphere":
         return middle

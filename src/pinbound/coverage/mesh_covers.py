@@ -1,7 +1,7 @@
 """Covers of meshes: a mark around each of several pieces of the surface.
 
-The part that sticks out furthest is cut in two by a plane, until none sticks out too far. That is a proposal. What is
-proven is that each triangle lies in marks (`mesh_proof`), and how far their outer surface is from it (`excess`).
+The part that sticks out furthest is cut in two by a plane, until no part sticks out too far. This proposes the marks.
+`mesh_proof` proves that each triangle lies in marks, and `excess` bounds how far their outer surface is from the mesh.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from pinbound.values import Value
 
 __all__ = ["MeshCover", "cover_meshes"]
 
-_ATTEMPTS, _IN_PIECES = 8, 5  # to hold all triangles; by the pieces that are not held, before whole triangles
-_MORE = 32  # parts more than may stay, or as many again, that are cut before parts are joined
-_HARDLY, _PATIENCE = 0.98, 3  # cuts in a row that leave this much of what sticks out end such cuts
+_ATTEMPTS, _IN_PIECES = 8, 5  # attempts to hold all triangles; of them with pieces, before whole triangles
+_MORE = 32  # additional parts (or as many again as allowed, if fewer) that are cut before parts are joined
+_HARDLY, _PATIENCE = 0.98, 3  # cutting ends after this many cuts in a row that leave more than this share of the excess
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class MeshCover(Value):
     Attributes:
         marks: The marks.
         proof: For each triangle the mark that holds it.
-        excess: [m]: no place of the outer surface of the marks is further than this from the mesh.
+        excess: [m]: no point of the outer surface of the marks is further from the mesh.
     """
 
     marks: tuple[Mark, ...]
@@ -50,11 +50,11 @@ def cover_meshes(
     Args:
         named: For each mesh a name for its marks, the link, and the mesh.
         accuracy: [m], the excess to aim at.
-        fit: What marks are made.
-        most: Marks that they may have together; each mesh has one at least.
+        fit: The kind of the marks.
+        most: The largest number of their marks together; each mesh has at least one.
 
     Raises:
-        UnsupportedError: If rounding hides whether a triangle is held, which takes vertices many kilometres away.
+        UnsupportedError: If rounding hides whether a triangle is held. This needs vertices many kilometres away.
     """
     works = [Partition(name, link, mesh, fit, accuracy) for name, link, mesh in named]
     _cut(works, most)
@@ -67,10 +67,10 @@ def _count(works: Sequence[Partition]) -> int:
 
 
 def _cut(works: Sequence[Partition], most: int) -> None:
-    """Cut the part that sticks out furthest, until none sticks out too far, or there are as many as may be."""
+    """Cut the part that sticks out furthest, until no part sticks out too far, or `most` parts exist."""
     while _count(works) < most:
         if not any(one.can_be_cut for one in works):
-            for one in works:  # what was a guess may be more
+            for one in works:  # a bound may be larger than the estimate
                 one.measure()
         open_ones = [one for one in works if one.can_be_cut]
         if not open_ones:
@@ -79,7 +79,7 @@ def _cut(works: Sequence[Partition], most: int) -> None:
 
 
 def _improve(works: Sequence[Partition], accuracy: float, most: int) -> None:
-    """Join parts again; where too many stick out, after more cuts than may stay. What is no better is not kept."""
+    """Join parts again; if they stick out too far, cut beyond `most` first. Keep the result only if it is better."""
     if _count(works) == len(works):
         return
     for one in works:
@@ -91,7 +91,7 @@ def _improve(works: Sequence[Partition], accuracy: float, most: int) -> None:
             pass
     while _join_best(works, accuracy):
         pass
-    _cut(works, sum(map(len, old)) if worth[0] <= accuracy else most)  # a bound may be more than was asked for
+    _cut(works, sum(map(len, old)) if worth[0] <= accuracy else most)  # a bound may exceed the accuracy
     for one in works:
         one.measure()
     if _worth(works, accuracy) >= worth:
@@ -100,7 +100,7 @@ def _improve(works: Sequence[Partition], accuracy: float, most: int) -> None:
 
 
 def _cut_on(works: Sequence[Partition], most: int) -> None:
-    """Cut further while it helps: not if the two parts of each of the last cuts stick out nearly as far as one did."""
+    """Cut further while it helps: stop when the last cuts hardly reduced the excess of the parts that they cut."""
     vain = 0
     while _count(works) < most and vain < _PATIENCE and any(one.can_be_cut for one in works):
         work = max((one for one in works if one.can_be_cut), key=lambda one: one.bound)
@@ -110,12 +110,12 @@ def _cut_on(works: Sequence[Partition], most: int) -> None:
 
 
 def _worth(works: Sequence[Partition], accuracy: float) -> tuple[float, int]:
-    """Return what covers are compared by: how far they stick out, if further than asked for, and of how many parts."""
+    """Return the measure of a cover: its excess, if it is above the accuracy, and then its number of parts."""
     return max(accuracy, *(one.bound for one in works)), _count(works)
 
 
 def _join_best(works: Sequence[Partition], limit: float) -> bool:
-    """Join the two parts of one mesh that stick out least as one; return False if none is within a limit [m]."""
+    """Join the pair of parts of one mesh with the smallest joined excess; return False if all exceed a limit [m]."""
     found = [(joint.excess, place, joint) for place, one in enumerate(works) for joint in one.joints(limit)]
     for _, place, joint in sorted(found, key=lambda one: one[:2]):
         if works[place].join(joint, limit):
@@ -124,7 +124,7 @@ def _join_best(works: Sequence[Partition], limit: float) -> bool:
 
 
 def _finished(work: Partition) -> MeshCover:
-    """Return the marks under their names, proven; parts take in the pieces that they were not proven to hold."""
+    """Return the named marks with their proof; parts take in the pieces that they were not proven to hold."""
     several = len(work.parts) > 1
     names = [f"{work.name}.{place}" if several else work.name for place in range(len(work.parts))]
     left = 0

@@ -1,8 +1,8 @@
-"""Proofs that marks hold a mesh: for every triangle a mark in which it lies.
+"""Proofs that marks hold a mesh: for every triangle, a mark in which it lies.
 
 A mark is the set of all points within a radius of a hull, which is convex. So it holds a triangle if it holds its three
-corners. A corner is held if a point of the hull is known that is near enough. A triangle that no mark holds alone is
-cut into pieces, each held by one: a piece is convex, too, so that its corners decide. `docs/covers.md`.
+corners. It holds a corner if a point of the hull is known that is near enough. A triangle that no single mark holds is
+cut into pieces, each held by one mark: a piece is convex, too, so its corners decide. `docs/covers.md`.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ NONE, JOINTLY = -1, -2
 """A triangle that no marks are proven to hold; one that several hold together."""
 
 _BLOCK = 20_000  # points whose nearest points are searched for at once
-_MOST_CUTS = 60  # of one piece of a triangle by the faces of one mark
-_MOST_PIECES = 600  # of one triangle
-_DOUBTFUL = 1e-9  # metres: what is further outside is not searched for a place that is nearer
-_SLIVER = 1e-9  # of a polygon's area: a mark that holds less of it is no help
-_MOST_JOINTLY = 20_000  # triangles that are cut into pieces; a mesh that needs more is not proven to be held
+_MOST_CUTS = 60  # cuts of one piece of a triangle by the faces of one mark
+_MOST_PIECES = 600  # pieces of one triangle
+_DOUBTFUL = 1e-9  # metres: for points further outside, no nearer point of the hull is searched for
+_SLIVER = 1e-9  # of a polygon's area: a mark that holds less of it is not used
+_MOST_JOINTLY = 20_000  # triangles that are cut into pieces; a mesh with more of them is not proven to be held
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +43,9 @@ class MeshProof(Value):
 
     Attributes:
         parts: Names of the marks.
-        part_of: (m,), for each triangle the mark, by its place in `parts`, in which it lies; `JOINTLY` if it lies in
-            several together; `NONE` if that is not proven either.
-        jointly: For each triangle that lies in several marks, by its number: their places in `parts`.
+        part_of: (m,), for each triangle the index in `parts` of the mark in which it lies; `JOINTLY` if it lies in
+            several marks together; `NONE` if neither is proven.
+        jointly: For each triangle that lies in several marks, by its number: the indices of these marks in `parts`.
     """
 
     parts: tuple[str, ...]
@@ -72,8 +72,8 @@ class MeshProof(Value):
 def prove(mesh: Mesh, marks: Sequence[Mark]) -> MeshProof:
     """Return which of the marks holds each triangle of a mesh, both in the frame of one link.
 
-    The corners of a polygon are held by one mark, whatever triangles it is cut into; else each of its triangles is, or
-    is cut into pieces that are. Lines and planes hold nothing.
+    If one mark holds all corners of a polygon, it holds the polygon, whatever its triangles. Otherwise each triangle is
+    tested, and is cut into pieces if necessary. Lines and planes hold nothing.
 
     Example:
         >>> from pinbound.annotations import Point
@@ -105,13 +105,13 @@ def prove(mesh: Mesh, marks: Sequence[Mark]) -> MeshProof:
             break
         used = _held_by(mesh.vertices[mesh.triangles[row]], holders)
         if not used:
-            break  # one is enough for the mesh not to be held
+            break  # one such triangle is enough: the mesh is not held
         jointly[row], part_of[row] = used, JOINTLY
     return MeshProof(tuple(mark.name for mark in marks), part_of, jointly)
 
 
 class _Holder:
-    """A mark that may hold points: its shape, and the polytope that answers most questions."""
+    """A mark that may hold points: its shape, and the polytope that decides most of them."""
 
     def __init__(self, shape: Shape) -> None:
         self.shape = shape
@@ -128,17 +128,17 @@ class _Holder:
         return found
 
     def cut(self, polygon: Array) -> tuple[Array, list[Array]] | None:
-        """Return what of a polygon it holds, and the rest in pieces; None if it is proven to hold nothing of it.
+        """Return the piece of a polygon that it holds, and the other pieces; None if no piece is proven to be held.
 
-        The polygon is cut by one face after the other, first by those that it passes furthest. That proposes; the
-        corners of what is left inside are then proven to be held.
+        The polygon is cut by one face after another, first by those that it exceeds most. These cuts only propose; then
+        the corners of the piece inside are proven to be held.
         """
         if np.any(polygon.max(axis=0) < self.low) or np.any(polygon.min(axis=0) > self.high):
             return None
-        if self.polytope is None:  # nothing says where to cut
+        if self.polytope is None:  # without a polytope, there are no planes to cut by
             return (polygon, []) if np.all(self.holds(polygon)) else None
         rest: list[Array] = []
-        doubtful = self.limit + self.polytope.slack + _DOUBTFUL  # its triangles may be inside the hull by the slack
+        doubtful = self.limit + self.polytope.slack + _DOUBTFUL  # the hull may be outside its triangles by the slack
         for _ in range(_MOST_CUTS):
             height = self.polytope.heights(polygon)
             worst = int(np.argmax(height.max(axis=0)))
@@ -153,7 +153,7 @@ class _Holder:
 
 
 def unheld(mesh: Mesh, marks: Sequence[Mark], rows: Ints) -> dict[int, list[Array]]:
-    """Return what of some triangles no mark is proven to hold: by triangle, convex polygons of corners (k, 3)."""
+    """Return the pieces of some triangles that no mark is proven to hold: convex polygons (k, 3), by triangle."""
     holders = [_Holder(mark.shape) for mark in marks]
     found = dict[int, list[Array]]()
     for count, row in enumerate(rows.tolist()):
@@ -167,7 +167,7 @@ def unheld(mesh: Mesh, marks: Sequence[Mark], rows: Ints) -> dict[int, list[Arra
 
 
 def _held_by(triangle: Array, holders: Sequence[_Holder]) -> tuple[int, ...]:
-    """Return marks in which a triangle lies piece by piece; none if that is not proven."""
+    """Return marks that together hold a triangle, piece by piece; none if this is not proven."""
     used = set[int]()
     for place, _ in _in_pieces(triangle, holders):
         if place == NONE:
@@ -177,7 +177,7 @@ def _held_by(triangle: Array, holders: Sequence[_Holder]) -> tuple[int, ...]:
 
 
 def _in_pieces(triangle: Array, holders: Sequence[_Holder]) -> Iterator[tuple[int, Array]]:
-    """Yield pieces of a triangle, each after the mark that holds it; `NONE` where that is not proven of any."""
+    """Yield pieces of a triangle, each after the mark that holds it; `NONE` if no mark is proven to hold it."""
     left = [triangle]
     for _ in range(_MOST_PIECES):
         if not left:
@@ -204,9 +204,9 @@ def _area(polygon: Array) -> float:
 
 
 def away_from(shape: Shape, points: Array, limit: float = 0.0, polytope: Polytope | None = None) -> Array:
-    """Return upper bounds (N,) of how far points (N, 3) are from a shape, its radius left out [m].
+    """Return upper bounds (N,) of the distances of points (N, 3) from a shape without its radius [m].
 
-    If its polytope is given, those that are within `limit` of it, or clearly not, are not searched for a nearer place.
+    With its polytope given, no nearer point is searched for if a point is within `limit` of it, or clearly not.
     """
     away = np.full(len(points), np.inf) if polytope is None else polytope.away(points)
     rows = np.flatnonzero(away > limit)

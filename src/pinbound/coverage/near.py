@@ -1,4 +1,4 @@
-"""The triangles of a mesh near a place, and bounds of how far pieces of another surface are from them."""
+"""The triangles of a mesh near a point, and bounds of the distance of pieces of another surface from them."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _MOST_LAID = 40  # points along a side of a triangle
-_SOME = 8  # triangles that are looked at where the next few are too far
-_LOOKED = 20  # places of which all triangles are looked at, so that no nearer one is missed
-_MOST_PAIRS = 1_000_000  # of a place and a triangle that are looked at so at once
+_SOME = 8  # triangles that are examined if the nearest three are too far
+_LOOKED = 20  # points for which all triangles are examined, so that no nearer one is missed
+_MOST_PAIRS = 1_000_000  # pairs of a point and a triangle that are examined at once
 
 
 class Near:
-    """The triangles of a mesh, to be found near a place."""
+    """The triangles of a mesh, with a search for those near a point."""
 
     def __init__(self, mesh: Mesh) -> None:
-        """Lay points over the triangles: dense enough that the next point is on a triangle that is nearly the next."""
+        """Lay points over the triangles, so dense that the nearest point is on one of the nearest triangles."""
         from scipy import spatial
 
         corners = mesh.vertices[mesh.triangles]
@@ -38,21 +38,21 @@ class Near:
         self._tree: Any = library.cKDTree(laid, balanced_tree=False)
 
     def near(self, points: Array, count: int = 3) -> Ints:
-        """Return triangles (N, count) that are near places (N, 3), by number."""
+        """Return the numbers of triangles (N, count) that are near points (N, 3)."""
         rows: Any = self._tree.query(points, k=min(count, len(self._owner)))[1]
         return self._owner[np.asarray(rows).reshape(len(points), -1)]
 
     def away(self, points: Array) -> Array:
-        """Return about the distance of places (N, 3) from the mesh, never less than it [m]."""
+        """Return upper bounds of the distances of points (N, 3) from the mesh; they are nearly the distances [m]."""
         near = self.near(points)
         return np.min([self.triangles.away(points, column) for column in near.T], axis=0)
 
     def exactly(self, points: Array, away: Array, rows: Ints) -> tuple[Array, Ints]:
-        """Return the distances (N,) of places from the mesh, and the triangles that are nearest.
+        """Return the distances (N,) of points from the mesh, and the nearest triangles.
 
         Args:
             points: (N, 3).
-            away: (N,) [m], the distance of each from the triangle of its row: no other is looked at beyond that.
+            away: (N,) [m], the distance of each point from the triangle of its row: triangles further away are skipped.
             rows: (N,).
         """
         away, rows = away.copy(), rows.copy()
@@ -70,7 +70,7 @@ class Near:
         return away, rows
 
     def furthest(self, points: Array) -> tuple[int, float]:
-        """Return which of some places is about the furthest from the mesh, and its distance [m]."""
+        """Return which of some points is about the furthest from the mesh, and its distance [m]."""
         near = self.near(points)
         all_of = np.array([self.triangles.away(points, column) for column in near.T])
         rough, which = all_of.min(axis=0), near[np.arange(len(points)), np.argmin(all_of, axis=0)]
@@ -80,13 +80,13 @@ class Near:
         return int(chosen[best]), float(away[best])
 
     def nearest(self, points: Array) -> Array:
-        """Return places (N, 3) of the mesh that are about the nearest to others (N, 3)."""
+        """Return points (N, 3) of the mesh that are about the nearest to other points (N, 3)."""
         return np.asarray(self._tree.data)[self._tree.query(points)[1]]
 
     def bounds(self, pieces: Array, enough: float = -np.inf) -> tuple[Array, Array, Ints]:
-        """Return bounds of the distance of all of each piece (n, 3, 3), about that of its middle, and from what (n,).
+        """Return bounds of the largest distance of pieces (n, 3, 3), their middles' distances, and the triangles (n,).
 
-        Where a bound is found to be at most `enough`, no smaller one is looked for, and the middle's is not: it is 0.
+        If a bound is at most `enough`, no smaller bound is searched for, and the distance of the middle is given as 0.
         """
         middles = pieces.mean(axis=1)
         near = self.near(middles)
@@ -111,12 +111,12 @@ class Near:
         return best, middle, found
 
     def over(self, pieces: Array, rows: Ints) -> Array:
-        """Return the largest distance of each piece (n, 3, 3) from one triangle, that of its row: a corner has it."""
+        """Return the largest distance of each piece (n, 3, 3) from the triangle of its row; it occurs at a corner."""
         return self.triangles.away(pieces.reshape(-1, 3), np.repeat(rows, 3)).reshape(-1, 3).max(axis=1)
 
 
 def lay_points(corners: Array, spread: float) -> tuple[Array, Ints]:
-    """Return points on triangles, about `spread` apart, and the triangle of each: in rows along its longest side."""
+    """Return points on triangles, about `spread` apart in rows along the longest side, and each point's triangle."""
     ends: Any = np.roll(corners, -1, axis=1) - corners
     lengths = np.linalg.norm(ends, axis=2)
     rows, first = np.arange(len(corners)), np.argmax(lengths, axis=1)
@@ -124,7 +124,7 @@ def lay_points(corners: Array, spread: float) -> tuple[Array, Ints]:
     base = lengths[rows, first]
     normals: Any = np.cross(turned[:, 1] - turned[:, 0], turned[:, 2] - turned[:, 0])
     height = np.divide(np.linalg.norm(normals, axis=1), base, out=np.zeros_like(base), where=base > 0.0)
-    # As dense along a thin triangle as it is wide: else the next points are those of triangles beside.
+    # Along a thin triangle the points are as dense as it is wide: otherwise points of neighbours would be nearer.
     steps = np.column_stack((np.clip(height, spread / _MOST_LAID, spread), np.full(len(base), spread)))
     counts = np.clip(np.ceil(np.column_stack((base, height)) / steps), 1, _MOST_LAID).astype(np.int64)
     laid, owners = list[Array](), list[Ints]()
@@ -133,7 +133,7 @@ def lay_points(corners: Array, spread: float) -> tuple[Array, Ints]:
         mine = np.flatnonzero(kind.ravel() == number)
         weights: list[tuple[float, float, float]] = []
         for row in range(across):
-            t = (row + 0.5) / across if row else 0.5 / max(along, across)  # the first row reaches into thin tips
+            t = (row + 0.5) / across if row else 0.5 / max(along, across)  # the first row reaches into thin corners
             many = max(1, round(along * (1.0 - t)))
             weights += [((1.0 - t) * (1.0 - s), (1.0 - t) * s, t) for s in ((i + 0.5) / many for i in range(many))]
         laid.append(np.einsum("wk,nki->nwi", np.array(weights), turned[mine]).reshape(-1, 3))

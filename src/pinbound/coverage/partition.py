@@ -1,7 +1,7 @@
-"""One mesh in parts: shares of its surface, each with a mark, that are cut in two, and joined again.
+"""One mesh in parts. Each part is a share of the surface with a mark; parts are cut in two, and joined again.
 
-All this proposes: what is proven of the marks is in `mesh_proof` and `excess`. How far a part sticks out is a guess
-while parts are looked for, and a bound when `measure` was asked for.
+All of this only proposes. `mesh_proof` and `excess` prove properties of the marks. During the search, the excess of a
+part is an estimate; after `measure` it is a bound.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ __all__ = ["Joint", "Part", "Partition"]
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_SIMPLER = 0.1  # of the accuracy: what vertices that are left out may cost, and pockets that count as filled
-_FINER = 0.01  # of the accuracy: what vertices that are left out may cost where parts lie beside each other
+_SIMPLER = 0.1  # of the accuracy: the error that fewer vertices may make, and the width of pockets that count as filled
+_FINER = 0.01  # of the accuracy: the error that fewer vertices may make, if there are several parts
 
 
 @dataclass(frozen=True, eq=False)
 class Part(Value):
-    """A share of a mesh's surface, its mark, the surface of the part, which holds the mark, and how far it sticks out.
+    """A share of a mesh's surface, its mark, a surface around the mark, and its excess.
 
     Attributes:
         group: The share.
         mark: The mark.
-        surface: What is looked at.
+        surface: The surface whose excess is bounded; it holds the mark.
         excess: How far it sticks out.
-        is_guess: Whether that is a guess, and no bound.
+        is_guess: Whether `excess` is an estimate, not a bound.
     """
 
     group: Group
@@ -55,11 +55,11 @@ class Part(Value):
 
 @dataclass(frozen=True, eq=False)
 class Joint(Value):
-    """Two parts of a partition that may be one.
+    """Two parts of a partition that may be joined.
 
     Attributes:
         pair: Their shares of the surface.
-        excess: [m], about how far they stick out as one.
+        excess: [m], an estimate of how far the joined part sticks out.
     """
 
     pair: tuple[Group, Group]
@@ -71,11 +71,11 @@ class Partition:
 
     Attributes:
         parts: Its parts.
-        around: [m], how wide the ball is about all parts.
+        around: [m], the radius of the ball about all parts.
     """
 
     def __init__(self, name: str, link: str, mesh: Mesh, fit: Fit, accuracy: float) -> None:
-        """Take all of the mesh as one part."""
+        """Make the whole mesh one part."""
         self.name, self.link, self.mesh, self.accuracy = name, link, mesh, accuracy
         self.fit: Fit = fit
         self.near = Near(mesh)
@@ -91,8 +91,8 @@ class Partition:
     def _surface(self, mark: Mark, group: Group, alone: bool) -> Surface:
         """Return the surface of a part, which holds its mark.
 
-        Beside other parts it has more vertices than the mark: what is between two parts is known to be inside them only
-        if the gap between their hulls is narrower than the ball about all parts.
+        If there are other parts, it has more vertices than the mark. The reason: surface between two parts is proven to
+        be inside them only if the gap between their hulls is narrower than the ball about all parts.
         """
         vertices, radius = outline(mark)
         if not alone and self.fit == "hulls" and radius > 0.0:
@@ -101,12 +101,12 @@ class Partition:
         return surface_of(vertices, radius)
 
     def _wide(self, surfaces: Sequence[Surface]) -> float:
-        """Return how wide the ball is about parts with these surfaces [m]."""
+        """Return the radius of the ball about parts with these surfaces [m]."""
         around = max(one.radius + one.slack for one in surfaces)
         return around if len(surfaces) == 1 else max(around + FEELER, _SIMPLER * self.accuracy)
 
     def _place(self) -> None:
-        """Set how wide the ball is about all parts; if it changes, nothing is known of any part."""
+        """Set the radius of the ball about all parts; if it changes, the excess of every part is unknown again."""
         around = self._wide(self.surfaces)
         if around != self.around:
             self.around, self.parts = around, [replace(one, is_guess=True) for one in self.parts]
@@ -117,7 +117,7 @@ class Partition:
         return [one.surface for one in self.parts]
 
     def _guess(self, asked: Sequence[int]) -> None:
-        """Look how far some parts stick out, which proves nothing: it says where to cut."""
+        """Estimate the excess of some parts. This proves nothing: it only says where to cut."""
         self._place()
         surfaces = self.surfaces
         for part in asked:
@@ -125,7 +125,7 @@ class Partition:
             self.parts[part] = replace(self.parts[part], excess=excess, is_guess=True)
 
     def measure(self) -> None:
-        """Bound the excess of all parts of which there is a guess only."""
+        """Bound the excess of all parts for which there is only an estimate."""
         self._place()
         asked = [place for place, one in enumerate(self.parts) if one.is_guess]
         found = excess_of(self.surfaces, self.near, self.around, self.accuracy, asked)
@@ -134,12 +134,12 @@ class Partition:
 
     @property
     def bound(self) -> float:
-        """How far its parts stick out at most [m]."""
+        """The largest excess of its parts [m]."""
         return max(one.excess.bound for one in self.parts)
 
     @property
     def can_be_cut(self) -> bool:
-        """Whether a part sticks out further than asked for, and a way to cut it was found last time."""
+        """Whether a part sticks out further than the accuracy, and the last search for a cut found one."""
         return self.bound > self.accuracy and not self.stuck
 
     def cut(self) -> None:
@@ -152,14 +152,14 @@ class Partition:
         self._change([worst], [self._part(side) for side in sides])
 
     def _change(self, old: Sequence[Part], new: Sequence[Part]) -> None:
-        """Put parts in place of others, and look again how far those beside them stick out."""
+        """Replace parts by others, and estimate the excess of the new parts and their neighbours."""
         self._replace(old, new)
         count = len(self.parts) - len(new)
         touched = [i for i in range(count) if any(_meet(self.parts[i].surface, gone.surface) for gone in old)]
         self._guess([*touched, *range(count, len(self.parts))])
 
     def _replace(self, old: Sequence[Part], new: Sequence[Part]) -> None:
-        """Put parts in place of others. Of those beside them nothing is known: it was said beside what is gone."""
+        """Replace parts by others. The excess of their neighbours becomes an estimate: it may have changed."""
         kept = [one for one in self.parts if all(one is not gone for gone in old)]
         near = [any(_meet(one.surface, gone.surface, 2.0 * self.around) for gone in old) for one in kept]
         self.parts = [replace(one, is_guess=True) if flag else one for one, flag in zip(kept, near, strict=True)]
@@ -167,7 +167,7 @@ class Partition:
         self.stuck = False
 
     def joints(self, most: float) -> list[Joint]:
-        """Return pairs of parts beside each other that stick out by at most `most` [m] as one, the best first."""
+        """Return pairs of adjacent parts whose joined part sticks out by at most `most` [m], the best first."""
         known, self._known = self._known, {}
         for place, one in enumerate(self.parts):
             for two in self.parts[place + 1 :]:
@@ -178,7 +178,7 @@ class Partition:
         return sorted(found, key=lambda joint: joint.excess)
 
     def _are_beside(self, one: Part, two: Part) -> bool:
-        """Return whether a vertex of one part is about on another: a guess."""
+        """Return whether a vertex of one part is near the other part: an estimate."""
         margin = 2.0 * self.around
         if not _meet(one.surface, two.surface, margin):
             return False
@@ -190,7 +190,7 @@ class Partition:
         return False
 
     def _together(self, one: Part, two: Part) -> float:
-        """Return about how far two parts as one stick out [m]."""
+        """Return an estimate of how far two parts stick out when joined [m]."""
         alone = len(self.parts) == 2
         if self.fit == "hulls":
             radius = max(one.surface.radius, two.surface.radius)
@@ -201,11 +201,11 @@ class Partition:
         return guess_of(surfaces, 0, self.near, self._wide(surfaces)).bound
 
     def join(self, joint: Joint, limit: float) -> bool:
-        """Put what two parts are as one in their place; return False, and leave them, if it may stick out further.
+        """Replace two parts by the joined part; if it may stick out further than `limit`, keep them and return False.
 
         Args:
             joint: The two.
-            limit: [m]; a bound is asked for, no guess, if it is finite.
+            limit: [m]; if it is finite, a bound must confirm it, not an estimate.
         """
         before = self.parts
         old = [one for one in before if one.group in joint.pair]
@@ -224,14 +224,14 @@ class Partition:
         return False
 
     def restore(self, parts: list[Part]) -> None:
-        """Take parts that it had before, as they were."""
+        """Restore parts that it had before."""
         self.parts, self.around = parts, self._wide([one.surface for one in parts])
 
     def take_in(self, pieces: Sequence[Array]) -> None:
-        """Let parts hold more convex polygons, corners (k, 3), each the part that it is nearest to as a whole.
+        """Let parts hold more convex polygons, corners (k, 3); each goes to the part that is nearest to all of it.
 
-        What is outside a hull by rounding asks for a ball about it. Corners so near to others would be no help: the
-        triangles between them have no normals.
+        If a polygon is outside a hull only by rounding, the mark gets a larger radius. New corners so near to others
+        would not help, because the triangles between them have no normals.
         """
         more: list[list[Array]] = [[] for _ in self.parts]
         wider = np.zeros(len(self.parts))

@@ -1,6 +1,6 @@
-"""One mark around some points: a hull of few of them, a capsule, a sphere, or a box, each grown until it holds all.
+"""One mark around some points: a hull of few of them, a capsule, a sphere, or a box, enlarged until it holds all.
 
-What is fitted is a proposal. The radius, or the size, is then made as large as the furthest point asks for, rounded up.
+The fit is a proposal. Then the radius, or the size, is enlarged to hold the furthest point, rounded up.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ Array = NDArray[np.float64]
 Fit = Literal["hulls", "capsules", "spheres", "boxes"]
 
 _COUNTS = (12, 16, 24, 32, 48, 64, 96)
-"""How many directions are looked along for the vertices of a hull, until those that are left out are near enough."""
+"""Numbers of directions for the vertices of a hull, tried until the other points are near enough."""
 _STEPS = 200  # of the search for a small ball
 _LARGER = 1.0 + 1e-12  # so that rounding leaves no point outside
 
 
 def outline(mark: Mark) -> tuple[Array, float]:
-    """Return vertices (k, 3) and a radius, of which the hull with the ball around it holds the mark.
+    """Return vertices (k, 3) and a radius such that their hull with a ball of that radius holds the mark.
 
-    Of capsules and spheres it is a polytope around them, which is 2 % of their radius too large.
+    For capsules and spheres this is a polytope around them, which is larger by 2 % of their radius.
     """
     shape = mark.shape
     if len(shape.vertices) > 2 or not shape.radius > 0.0:
@@ -44,7 +44,7 @@ def outline(mark: Mark) -> tuple[Array, float]:
 
 
 def _hull(name: str, link: str, points: Array, budget: float) -> Mark:
-    """Return a hull of few of the points, with the radius that the others ask for; up to about `budget`."""
+    """Return a hull of few of the points, with a radius that holds the others; the radius is at most about `budget`."""
     extreme = extreme_vertices(points)
     if len(extreme) <= _COUNTS[0] or not budget > 0.0:
         return Hull(name, link, _rows(extreme))
@@ -68,7 +68,7 @@ def _hull(name: str, link: str, points: Array, budget: float) -> Mark:
 
 
 def _capsule(name: str, link: str, points: Array, budget: float) -> Mark:
-    """Return the thinnest of three capsules, along the axes in which the points spread."""
+    """Return the capsule of least volume of three, along the axes in which the points spread."""
     extreme = extreme_vertices(points)
     found: list[tuple[float, Segment]] = []
     for axis in _principal(extreme):
@@ -96,7 +96,7 @@ def _sphere(name: str, link: str, points: Array, budget: float) -> Mark:
 
 
 def _box(name: str, link: str, points: Array, budget: float) -> Mark:
-    """Return the smaller of two boxes: along the link's axes, along those in which the points spread."""
+    """Return the smaller of two boxes: along the link's axes, or along the axes in which the points spread."""
     extreme = extreme_vertices(points)
     found: list[tuple[float, Box]] = []
     ways: tuple[Array, Array] = (np.eye(3), _principal(extreme))
@@ -120,7 +120,8 @@ FITS: dict[Fit, Callable[[str, str, Array, float], Mark]] = {
     "spheres": _sphere,
     "boxes": _box,
 }
-"""How a mark is made around points (N, 3): from name, link, points, and a length that it may be simpler by."""
+"""Functions that make a mark around points (N, 3), from name, link, points, and the error [m] that fewer vertices may
+make."""
 
 
 def _row(values: Array) -> tuple[float, float, float]:

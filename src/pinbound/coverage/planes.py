@@ -1,9 +1,10 @@
-"""Which plane a part is cut by: the one that leaves the hulls nearest to the surface.
+"""The choice of the plane that cuts a part: the one that leaves the hulls nearest to the surface.
 
-Tried are planes across the axes in which the surface spreads and those of the link; planes of its own large faces,
-which are where solids are set upon each other; planes along hollow edges, where convex bodies meet; and planes through
-the bottom of the pocket that sticks out most. If the surface has several closed ones, they may be parted as they are.
-All are compared by the volume of the two hulls; the best by how far the surfaces of these are from the mesh.
+These planes are tried: planes perpendicular to the axes in which the surface spreads and to those of the link; planes
+of its own large faces, at which solids meet; planes along concave edges, where convex bodies meet; and planes through
+the bottom of the pocket that sticks out furthest. If the surface consists of several closed ones, they may also be
+divided without a cut. All are compared by the volume of the two hulls, and the best ones by the distance of the hulls'
+surfaces from the mesh.
 """
 
 from __future__ import annotations
@@ -26,28 +27,28 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 Plane = tuple[Array, float]
 
-_LEVELS = 7  # planes across an axis, beside the one through the place that sticks out most
-_FACES = 12  # planes of own faces, those of the largest area
-_TURNS = 4  # planes through the bottom of a pocket, about the way out of it
-_LOOKED = 60  # directions in which a part's extent is looked at for its hull
-_HOLLOW = 5  # planes along hollow edges that are compared by distances, whatever their volumes
-_WHOLE = 1.5  # how much better a plane has to be that is tried beside whole closed surfaces, for it cuts more of them
+_LEVELS = 7  # planes perpendicular to an axis, and one more through the point that sticks out furthest
+_FACES = 12  # planes of its own faces, those of the largest area
+_TURNS = 4  # planes through the bottom of a pocket, parallel to the way out of it
+_LOOKED = 60  # directions of the vertices that are used for a part's hull
+_HOLLOW = 5  # planes along concave edges that are compared by distances, whatever their volumes
+_WHOLE = 1.5  # how much better a plane must be than a division of whole closed surfaces, because it cuts more of them
 _COMPARED = 8  # planes that are compared by distances
-_ALIKE = 0.999  # cosine between axes that need not both be tried
-_APART = 1e-3  # of the extent: planes that are nearer to each other are one, and none is nearer to the rim
-_CELLS = 40.0  # of the extent: corners in one cell of this size are one while planes are compared
-_DENSE = 16.0  # of a hull's extent: how far points are apart at which distances are looked at
+_ALIKE = 0.999  # cosine between axes of which only one is tried
+_APART = 1e-3  # of the extent: planes nearer to each other count as one, and planes nearer to the border are not tried
+_CELLS = 40.0  # of the extent: while planes are compared, the corners in one cell of this size are one
+_DENSE = 16.0  # of a hull's extent: the distance between the points at which distances are measured
 
 
 def best_cut(group: Group, place: Array, thick: float, near: Near) -> tuple[Group, Group] | None:
-    """Return a surface in two, by the plane or the closed surfaces that leave the best hulls; None if nothing parts it.
+    """Return a surface in two, by the plane or division that leaves the best hulls; None if there is none.
 
-    Both sides have triangles: heights that are but the digits of a file are none.
+    Both sides have triangles. Heights that are only the rounding of a file count as zero.
 
     Args:
         group: The surface.
-        place: (3,) [m], where the part sticks out.
-        thick: [m], what the area of a hull counts for: hulls that are flat have no volume.
+        place: (3,) [m], the point at which the part sticks out furthest.
+        thick: [m], the weight of a hull's area, because flat hulls have no volume.
         near: The mesh.
     """
     sketch = _Sketch(group.triangles)
@@ -65,13 +66,13 @@ def best_cut(group: Group, place: Array, thick: float, near: Near) -> tuple[Grou
         found.append((air / _WHOLE, -1 - len(found), chosen))
     for _, _, way in sorted(found, key=lambda one: one[:2]):
         below, above = group.cut(*way) if isinstance(way, tuple) else group.of_solids(way)
-        if len(below) and len(above):  # a plane along a flat part has all of it, but for rounding, on one side
+        if len(below) and len(above):  # a plane along a flat part has all of it on one side, up to rounding
             return below, above
     return None
 
 
 def _apart(group: Group, thick: float) -> list[Flags]:
-    """Return the best ways to share the closed surfaces of a group between two: which triangles go with the first."""
+    """Return the best divisions of a group's closed surfaces between two: which triangles go with the first."""
     numbers, which = np.unique(group.solids, return_inverse=True)
     if len(numbers) < 2:
         return []
@@ -143,7 +144,7 @@ def _of_faces(group: Array) -> list[Plane]:
 
 
 class _Sketch:
-    """The corners and sides of a surface, those in one small cell as one: what planes are compared by."""
+    """The corners and sides of a surface, with the corners in one small cell merged, to compare planes."""
 
     def __init__(self, group: Array) -> None:
         flat = group.reshape(-1, 3)
@@ -156,7 +157,7 @@ class _Sketch:
             _, index = np.unique(flat, axis=0, return_inverse=True)
         index = index.ravel()
         count = int(index.max()) + 1
-        # of the corners of a cell the one that is furthest from the middle: it makes the hull
+        # of the corners of a cell, take the one furthest from the middle, because it makes the hull
         order = np.argsort(np.linalg.norm(flat - flat.mean(axis=0), axis=1))
         chosen = np.zeros(count, dtype=np.int64)
         chosen[index[order]] = order
@@ -177,7 +178,7 @@ class _Sketch:
         found: list[Array] = []
         for sign in (-1.0, 1.0):
             own = sign * height > 0.0
-            # What is on the plane belongs to the sides that it is joined to.
+            # A point on the plane belongs to the sides of the points that it is connected to.
             beside = np.concatenate((self.end[own[self.start]], self.start[own[self.end]]))
             own[beside[height[beside] == 0.0]] = True
             found.append(np.concatenate((self.points[own], section)))
@@ -195,7 +196,7 @@ def _hull(points: Array) -> Any:
 
 
 def _volume(points: Array, thick: float) -> float:
-    """Return about the volume of a hull [m^3], and its area times `thick`, so that flat ones count, too."""
+    """Return about the volume of a hull [m^3], plus its area times `thick`, so that flat ones count, too."""
     if not len(points):
         return 0.0
     hull = _hull(points)
@@ -205,7 +206,7 @@ def _volume(points: Array, thick: float) -> float:
 
 
 def _air(points: Array, plane: Plane | None, near: Near) -> float:
-    """Return about the integral of the square of the distance from the mesh over a hull [m^4], the section left out."""
+    """Return about the integral of the squared distance from the mesh over a hull [m^4], without the section."""
     hull = _hull(points) if len(points) else None
     if hull is None:
         return 0.0

@@ -1,11 +1,11 @@
-"""A surface of triangles around the hull of some points, checked, and who is inside it.
+"""A closed surface of triangles around the hull of some points, with its proof, and a test of points inside it.
 
-Qhull proposes the triangles. That they enclose what they should is proven here: each edge is in two triangles, once in
-each direction, and a point c sees all of them from inside. Then every ray from c meets one of them, at `gauge = 1`:
+Qhull proposes the triangles. The proof has two conditions: each edge is in two triangles, once in each direction, and a
+point c sees all of them from inside. Then every ray from c meets one of them, at `gauge = 1`:
 
     gauge(x) = max over facets f of n_f . (x - c) / n_f . (a_f - c).
 
-All triangles have their corners among the points, so that what they enclose is in the hull. `docs/covers.md`.
+The corners of all triangles are among the points, so the enclosed volume is in the hull. `docs/covers.md`.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ __all__ = ["Polytope", "split_polygon"]
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_ROUNDED = 32.0 * UNIT_ROUNDOFF  # of a product of three lengths: a determinant of rounded differences
-_MOST_MENDED = 12  # times that slivers are replaced
-_MOST_SLIVERS = 100  # replaced at once
-_NEEDLE = 1e-9  # of a sliver's longest side: corners nearer to each other are one
+_ROUNDED = 32.0 * UNIT_ROUNDOFF  # of a product of three lengths: the error of a determinant of rounded differences
+_MOST_MENDED = 12  # rounds in which slivers are replaced
+_MOST_SLIVERS = 100  # slivers replaced at once
+_NEEDLE = 1e-9  # of a sliver's longest side: corners nearer to each other count as one
 _BLOCK = 2_000_000  # entries of a table of points and facets that is made at once
 
 
@@ -40,12 +40,12 @@ class Polytope(Value):
 
     Attributes:
         vertices: (k, 3) [m].
-        facets: (F, 3), rows of `vertices`, seen from outside against the clock.
-        centre: (3,) [m], what sees all facets from inside.
-        slopes: (F, 3) [1/m], `n_f / n_f . (a_f - c)`: gauge is the largest of `slopes @ (x - centre)`.
-        rounded: (F,), by how much rounding may change each of these within `reach` of the centre.
-        reach: [m], how far vertices are from the centre.
-        slack: [m], how far a point of the hull may be outside what the triangles enclose.
+        facets: (F, 3), rows of `vertices`, counter-clockwise seen from outside.
+        centre: (3,) [m], the point that sees all facets from inside.
+        slopes: (F, 3) [1/m], `n_f / n_f . (a_f - c)`: gauge is the largest entry of `slopes @ (x - centre)`.
+        rounded: (F,), bounds of the rounding of each of these entries within `reach` of the centre.
+        reach: [m], the largest distance of a vertex from the centre.
+        slack: [m], how far a point of the hull may be outside the enclosed volume.
     """
 
     vertices: Array
@@ -80,7 +80,7 @@ class Polytope(Value):
             size = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
             error = _ROUNDED * size * 2.0 * reach
             unsure = heights <= error
-            # Seen from behind, or so flat that nothing can be divided by its height.
+            # The centre sees it from behind, or it is so flat that its height cannot be a divisor.
             wrong = [row for row in np.flatnonzero(unsure).tolist() if not _is_edge_on(vertices[facets[row]], centre)]
             if not wrong:
                 break
@@ -89,7 +89,7 @@ class Polytope(Value):
             facets = _without(facets, wrong, vertices)
         else:
             return None
-        sure = ~unsure  # triangles without area as seen from c: no ray but those of a plane meets them
+        sure = ~unsure  # triangles without area as seen from c: only the rays of one plane meet them
         if not np.any(sure):
             return None
         slopes = normals[sure] / heights[sure, None]
@@ -98,7 +98,7 @@ class Polytope(Value):
         return cls(vertices, facets, centre, slopes, rounded, reach, max(out, 0.0) * reach)
 
     def away(self, points: Array) -> Array:
-        """Return upper bounds (N,) of how far points are from what the triangles enclose [m]; 0 of those inside."""
+        """Return upper bounds (N,) of the distances of points from the enclosed volume [m]; 0 for points inside."""
         found = np.zeros(len(points))
         step = max(1, _BLOCK // len(self.slopes))
         for start in range(0, len(points), step):
@@ -109,10 +109,10 @@ class Polytope(Value):
         return found
 
     def beyond(self, points: Array) -> Array:
-        """Return how far points are from the nearest triangle that sees them (N,) [m]; infinite where none does.
+        """Return the distances of points from the nearest triangle that sees them (N,) [m]; infinite if there is none.
 
-        A triangle is in the hull, so that it is an upper bound of the distance from that. It is the distance, but for
-        rounding and `slack`, as the place of a hull that is nearest to a point outside is on such a triangle.
+        A triangle is in the hull. So this is an upper bound of the distance from the hull. It equals the distance, up
+        to rounding and `slack`, because the point of a hull that is nearest to a point outside is on such a triangle.
         """
         found = np.full(len(points), np.inf)
         step = max(1, _BLOCK // len(self.facets))
@@ -127,7 +127,7 @@ class Polytope(Value):
         return Triangles(self.vertices[self.facets])
 
     def inside(self, points: Array, depth: float) -> NDArray[np.bool_]:
-        """Return which points (N,) are inside, `depth` (of the way from the centre) before the surface."""
+        """Return which points (N,) are inside, by at least `depth` (share of the way from the centre)."""
         return self._gauge(points - self.centre) <= 1.0 - depth
 
     def _gauge(self, offsets: Array) -> Array:
@@ -135,14 +135,14 @@ class Polytope(Value):
         return np.max(offsets @ self.slopes.T + self.rounded * stretch[:, None], axis=1)
 
     def heights(self, points: Array) -> Array:
-        """Return how far points (N, 3) are above the plane of each facet (N, F) [m]."""
+        """Return the heights of points (N, 3) above the plane of each facet (N, F) [m]."""
         normals = self.normals
         level = np.einsum("fi,fi->f", normals, self.vertices[self.facets[:, 0]])
         return points @ normals.T - level
 
     @cached_property
     def normals(self) -> Array:
-        """Unit normals outwards (F, 3); of triangles without area zero."""
+        """Outward unit normals (F, 3); zero for triangles without area."""
         a, b, c = (self.vertices[self.facets[:, corner]] for corner in range(3))
         normals: Any = np.cross(b - a, c - a)
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -150,7 +150,7 @@ class Polytope(Value):
 
 
 def _proposed(vertices: Array) -> Ints | None:
-    """Return the triangles that Qhull makes of the points, stretched to equal extents, turned outwards."""
+    """Return the triangles that Qhull makes of the points, scaled to equal extents, oriented outwards."""
     from scipy.spatial import ConvexHull, QhullError
 
     if len(vertices) < 4:
@@ -183,10 +183,10 @@ def _is_closed(facets: Ints) -> bool:
 
 
 def _without(facets: Ints, rows: list[int], vertices: Array) -> Ints:
-    """Return other triangles in place of slivers, with the same edges around; what is left is still to be proven.
+    """Return other triangles in place of slivers, with the same border; the result must still be proven.
 
-    The sliver and the triangle beyond its longest side are four corners: the side is replaced by the other diagonal.
-    Where two corners are much nearer to each other than the third, one is taken for both.
+    A sliver and the triangle at its longest side have four corners: the side is replaced by the other diagonal. If two
+    corners are much nearer to each other than to the third, one replaces the other.
     """
     found: list[list[int]] = facets.tolist()
     gone: set[int] = set()
@@ -222,7 +222,7 @@ def _is_edge_on(corners: Array, centre: Array) -> bool:
 
 
 def split_polygon(polygon: Array, height: Array) -> tuple[Array, Array]:
-    """Return the parts of a convex polygon where a height is negative, and where it is positive; both have the cut.
+    """Return the parts of a convex polygon with a negative height, and with a positive height; both include the cut.
 
     Example:
         >>> square = np.array([[0.0, 0, 0], [2.0, 0, 0], [2.0, 2.0, 0], [0, 2.0, 0]])
