@@ -256,3 +256,37 @@ def flooded(region: Any, grid: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     near = labels[max(place[0] - 1, 0) : place[0] + 2, max(place[1] - 1, 0) : place[1] + 2]
     home = labels[tuple(place)] or int(near.max())
     return X, free, (labels.ravel() == home) & (home > 0)
+
+
+def lifter() -> Mechanism:
+    """Return a four-bar that toggles, whose coupler carries a tool with a hand on it."""
+    parts = [
+        Part("crank_joint", "base", "crank", 0j, None, 1, -1.0, 3.0),
+        Part("knee", "crank", "coupler", 0.22 + 0j, None, 1, -3.0, 3.0),
+        Part("rocker_joint", "base", "rocker", 0.3 + 0j, None, 1, -1.0, 2.8),
+        Part("tool_joint", "coupler", "tool", 0.34 + 0j, None, 1, -2.6, 2.6),
+    ]
+    home = {"crank_joint": 1.2, "knee": -0.8, "rocker_joint": 1.6, "tool_joint": 0.6}
+    pin = ("four_bar", "coupler", 0.25 + 0j, "rocker", 0.2 + 0j)
+    return Mechanism(parts, [pin], {"four_bar": ("knee", "rocker_joint")}, home)
+
+
+def lifter_urdf(mechanism: Mechanism) -> str:
+    """Return its URDF: bodies, marks, and boundaries of which some see the loop, and one does not."""
+    marks = (
+        '<pinbound:segment name="tool_core" link="tool" xyz_a="0.01 0 0" xyz_b="0.32 0 0" radius="0.02"/>'
+        '<pinbound:point name="tip" link="tool" xyz="0.32 0 0" radius="0.02"/>'
+        '<pinbound:segment name="rocker_core" link="rocker" xyz_a="0.02 0 0" xyz_b="0.18 0 0" radius="0.02"/>'
+        '<pinbound:point name="crank_pin" link="crank" xyz="0.22 0 0" radius="0.03"/>'
+        '<pinbound:segment name="floor_edge" link="base" xyz_a="-0.1 -0.08 0" xyz_b="0.4 -0.08 0" radius="0.03"/>'
+        '<pinbound:point name="post" link="base" xyz="0.62 0.3 0" radius="0.04"/>'
+        '<pinbound:box name="crate" link="base" xyz="-0.3 0.1 0" rpy="0 0 0.3" size="0.1 0.1 0.1" radius="0"/>'
+        '<pinbound:box name="grip" link="hand" xyz="0.03 0 0" rpy="0 0 0" size="0.04 0.06 0.02" radius="0"/>'
+        '<pinbound:boundary name="tool_crank" a="tool_core" b="crank_pin" min_distance="0.002"/>'
+        '<pinbound:boundary name="tool_post" a="tip" b="post" min_distance="0.005"/>'
+        '<pinbound:boundary name="crank_rocker" a="crank_pin" b="rocker_core" min_distance="0.002"/>'
+        '<pinbound:boundary name="tip_floor" a="tip" b="floor_edge" min_distance="0.002"/>'
+        '<pinbound:boundary name="grip_crate" a="grip" b="crate" min_distance="0.002"/>'
+    )
+    hand = '<link name="hand"/><joint name="flange" type="fixed"><parent link="tool"/><child link="hand"/>'
+    return mechanism.urdf(marks, hand + '<origin xyz="0.32 0 0"/></joint>')

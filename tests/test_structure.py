@@ -192,7 +192,7 @@ ASKED = {
     "boundaries/boundary.py": 1,
     "bounds/bodies.py": 10,
     "certificates/kept.py": 2,
-    "cli/inspect.py": 1,
+    "cli/derive.py": 1,
     "contact/rule.py": 2,
     "coverage/reach.py": 1,
     "crosscheck/contacts.py": 1,

@@ -23,7 +23,7 @@ from pinbound.model.coupling import LinearLimit, as_configurations, coordinate_i
 from pinbound.path.kind import Kind
 from pinbound.typing import Array
 
-__all__ = ["LoopBoundary", "LoopBoundarySet", "over_z"]
+__all__ = ["LoopBoundary", "LoopBoundarySet", "formula_joints", "over_z"]
 
 
 def _chained(gradients: Array, J: Array) -> Array:
@@ -354,3 +354,10 @@ class LoopBoundarySet(BoundarySet):
 def over_z(boundary: Boundary) -> Boundary:
     """Return a boundary that has a path: itself, or through loops that are not parallelograms the one over z."""
     return boundary.opened if isinstance(boundary, LoopBoundary) else boundary
+
+
+def formula_joints(boundary: Boundary) -> tuple[str, ...]:
+    """Return the names of the joints in both forms of a boundary's expression, passive ones of loops included."""
+    one = over_z(boundary)
+    used = {*one.path.branch_a.chain.coordinates, *one.path.branch_b.chain.coordinates}
+    return tuple(one.robot_coordinates[index] for index in sorted(used))

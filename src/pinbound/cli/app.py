@@ -8,7 +8,21 @@ from typing import Annotated, TextIO, cast
 
 import typer
 
-from pinbound.cli import batch, check, crosscheck, explore, export, inspect, mark, plan, report, reproduce, robots, view
+from pinbound.cli import (
+    batch,
+    check,
+    crosscheck,
+    derive,
+    explore,
+    export,
+    inspect,
+    mark,
+    plan,
+    report,
+    reproduce,
+    robots,
+    view,
+)
 from pinbound.cli.pipes import Unread
 from pinbound.cli.shared import guarded
 
@@ -44,7 +58,7 @@ def _register(command: Callable[..., None]) -> None:
 
 
 _register(inspect.info)
-_register(inspect.derive)
+_register(derive.derive)
 _register(inspect.limits)
 _register(inspect.region)
 _register(batch.batch)

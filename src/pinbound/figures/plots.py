@@ -15,13 +15,12 @@ import shapely
 from pinbound import units
 from pinbound.annotations import Mark
 from pinbound.boundaries.boundary import Boundary
-from pinbound.exceptions import UnsupportedError
 from pinbound.figures.canvas import fit, lay_out, new_axes, without_math
 from pinbound.figures.colours import PALETTE, order_of, style_of
-from pinbound.figures.names import Names, draw_edge, legend_of_short_edges, name_edges, resampled
+from pinbound.figures.names import Names, draw_edge, legend_of_short_edges, name_edges
+from pinbound.figures.workspace_image import WorkspaceImage, section_axes, workspace_image
 from pinbound.marking.candidates import configuration_text
-from pinbound.region import Edge, Region
-from pinbound.region.workspace import workspace_section
+from pinbound.region import Region
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array
 
@@ -41,9 +40,7 @@ gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
 _GREY = "#8A8A8A"
 _FILL = "#DCEBF5"
-_EDGE_SAMPLES = 200
 _BELOW: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.1), "ncols": 3, "frameon": False}
-_CHORD = 5e-4  # metres that the filled image of a region may be off: less than a line is wide
 _MOST_LINES = 20  # boundaries that a robot's figure shows; of more, those that are nearest to contact
 _NEAREST = 12  # of so many
 _STRETCH = 0.1  # metres of a line, or of a plane's normal, that are drawn
@@ -223,18 +220,6 @@ def side_axes(robot: Robot, q: Array) -> tuple[int, int]:
     return (0, 1) if max(turned[:2]) < 1e-6 * max(turned[2], 1e-9) else (0, 2) if turned[1] >= turned[0] else (1, 2)
 
 
-def section_axes(points: Array) -> tuple[int, int]:
-    """Return the two world axes in which points (N, 3) spread most, in x, y, z order: the plane to draw.
-
-    Example:
-        >>> section_axes(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 2.0]]))
-        (0, 2)
-    """
-    flattest = int(np.argmin(np.ptp(points, axis=0)))
-    kept = [axis for axis in range(3) if axis != flattest]
-    return kept[0], kept[1]
-
-
 def _skeleton(robot: Robot, q: Array) -> list[tuple[str, Array]]:
     """Return one polyline (k, 3) a link: from its origin to each joint, and to each pin of a closure, on it."""
     ends: dict[str, list[Array]] = {name: [] for name in robot.tree.links}
@@ -348,21 +333,28 @@ def _in_root(robot: Robot, link: str, q: Array, points: Array) -> Array:
     return found
 
 
-def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:
+def draw_workspace(robot: Robot, region: Region, frame: str, image: WorkspaceImage | None = None) -> Any:
     """Draw the image of a region's contour under forward kinematics of a link's origin, edges named.
 
     What the image covers is filled where the link moves in a plane. There the contour need not be its border: where
     the map folds, the link reaches places beyond the image of the edges.
+
+    Args:
+        robot: The robot.
+        region: The region.
+        frame: The link.
+        image: The image, if it is computed already.
     """
     from matplotlib.transforms import ScaledTranslation
 
     axes = new_axes(8.2, 6.6)
-    contour = [_image(robot, region, edge, frame) for edge in region.edges]
+    image = image or workspace_image(robot, region, frame)
+    contour, plane = image.edges, image.plane
     home = robot.positions(frame, region.at)
     outline = np.concatenate(contour)
-    plane = section_axes(outline)
     keep = list(plane)
-    _fill_image(axes, robot, region, frame, keep)
+    for rings in image.rings:
+        _fill(axes, [[ring] for ring in rings])
     _draw_skeleton(axes, robot, region.at, plane, "#9AA5B1")
     order = order_of(region, robot.boundaries.names)
     centre = 1e3 * np.mean(outline[:, keep], axis=0)
@@ -377,33 +369,9 @@ def draw_workspace(robot: Robot, region: Region, frame: str) -> Any:
     axes.set_xlabel(f"{labels[plane[0]]} [mm]")
     axes.set_ylabel(f"{labels[plane[1]]} [mm]")
     axes.set_aspect("equal")
-    axes.set_title(f"Reachable points of {frame}, and the image of the region's edges", loc="left")
+    axes.set_title(f"Reachable points of {frame},\nand the image of the region's edges", loc="left")
     below = ScaledTranslation(0.0, -0.5, axes.figure.dpi_scale_trans)  # inches, for the axes may be flat
     axes.legend(**_BELOW | {"bbox_to_anchor": (0.5, 0.0), "bbox_transform": axes.transAxes + below})
     fit(axes)
     legend_of_short_edges(axes, name_edges(axes, edges, centre, True, True, (1e3 * home[keep],)), True)
     return without_math(axes.figure)
-
-
-def _fill_image(axes: Any, robot: Robot, region: Region, frame: str, keep: list[int]) -> None:
-    """Fill what the link reaches, if it moves in a plane; else nothing, for the edges do not tell."""
-    try:
-        section = workspace_section(robot, region, frame)
-    except UnsupportedError:
-        return
-    shape = section.polygon(_CHORD)
-    samples = np.concatenate([edge.points for edge in region.edges])
-    flat = np.column_stack((section.image(samples), np.ones(len(samples))))
-    to_axes, *_ = np.linalg.lstsq(flat, 1e3 * section.points(samples)[:, keep], rcond=None)
-    for one in getattr(shape, "geoms", [shape]):
-        rings = [np.array(ring.coords) for ring in (one.exterior, *one.interiors)] if not one.is_empty else []
-        if rings:
-            _fill(axes, [[np.column_stack((ring, np.ones(len(ring)))) @ to_axes] for ring in rings])
-
-
-def _image(robot: Robot, region: Region, edge: Edge, frame: str) -> Array:
-    """Return where a link's origin is along one edge, (k, 3) [m]."""
-    Q = np.repeat(region.at[None], _EDGE_SAMPLES, axis=0)
-    columns = [region.robot_coordinates.index(name) for name in region.coordinates]
-    Q[:, columns] = resampled(edge.points, np.linspace(0.0, 1.0, _EDGE_SAMPLES))
-    return robot.positions(frame, Q)

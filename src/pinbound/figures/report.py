@@ -14,6 +14,7 @@ import numpy as np
 from pinbound import units
 from pinbound.annotations import Mark
 from pinbound.boundaries.boundary import Boundary
+from pinbound.boundaries.looped import over_z
 from pinbound.certificates import Budget
 from pinbound.coverage.bodies import Body, collision_bodies
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
@@ -23,8 +24,11 @@ from pinbound.figures.canvas import save
 from pinbound.figures.colours import PALETTE, order_of, style_of
 from pinbound.figures.cover_figure import CoverPicture, draw_cover, picture_of
 from pinbound.figures.free_figure import draw_free
+from pinbound.figures.report_joints import closure_rows, limit_rows, loop_rows, solved_joints, tree_rows
+from pinbound.figures.workspace_image import workspace_image
 from pinbound.freespace import FreeVolume, free_volume
 from pinbound.region import Region, feasible_region
+from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
 from pinbound.units import several
 
@@ -76,10 +80,11 @@ def boundary_rows(robot: Robot, region: Region | None) -> list[BoundaryRow]:
     edges = {edge.source for edge in region.edges} if region is not None else set[str]()
     rows: list[BoundaryRow] = []
     for boundary in robot.boundaries:
-        contact = boundary.contact
-        if contact is None and boundary.contacts:
-            strips = [f"{np.degrees(c.angle):.6f} ± {np.degrees(c.half_width or 0.0):.6f}" for c in boundary.contacts]
-            text, status = f"{boundary.contacts[0].text} = {' and '.join(strips)}°", "no region"
+        one = over_z(boundary)  # a passive joint may be its one angle
+        contact = one.contact
+        if contact is None and one.contacts:
+            strips = [f"{np.degrees(c.angle):.6f} ± {np.degrees(c.half_width or 0.0):.6f}" for c in one.contacts]
+            text, status = f"{one.contacts[0].text} = {' and '.join(strips)}°", "no region"
         elif contact is None:
             text, status = "a curve", "no region"
         elif contact.half_width is None:
@@ -153,9 +158,10 @@ def write_report(
     out.mkdir(parents=True, exist_ok=True)
     figures = {"robot": plots.draw_robot(robot, robot.home, region)}
     implied = _implied_lines(robot, region) if region is not None else []
+    image = None if region is None else workspace_image(robot, region, tool)
     if region is not None:
         figures["region"] = plots.draw_region(region, _in_plane(region, robot.home), implied)
-        figures["workspace"] = plots.draw_workspace(robot, region, tool)
+        figures["workspace"] = plots.draw_workspace(robot, region, tool, image)
     volume, no_volume = _volume(robot, free)
     for name, figure in figures.items():
         save(figure, out / name)
@@ -166,7 +172,8 @@ def write_report(
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("pinbound"), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    samples = np.random.default_rng(0).uniform(*_sampling_box(robot), (10_000, len(robot.coordinates)))
+    closures, samples = closure_rows(robot)
+    formulas = _formulas(robot, {row.boundary.name for row in rows if row.status == "active"})
     page = environment.get_template("report.html.j2").render(
         robot=robot,
         region=region,
@@ -176,16 +183,20 @@ def write_report(
         volume_unit="" if volume is None else _volume_unit(robot, volume),
         rows=rows,
         tool=tool,
+        image=image,
         covers=covers,
-        tree=list(_tree_rows(robot)),
-        formulas=_formulas(robot, {row.boundary.name for row in rows if row.status == "active"}),
+        tree=list(tree_rows(robot)),
+        limits=limit_rows(robot),
+        loops=loop_rows(robot),
+        formulas=formulas,
+        solved={name: solved_joints(robot, robot.boundaries[name]) for name in formulas},
         implied=implied,
         exactness="" if region is None else _exactness(region),
         swatches=_swatches(robot, region),
-        residuals=dict(
-            zip((c.name for c in robot.closures), robot.closure_residuals(samples).max(axis=0), strict=True)
-        ),
+        closures=closures,
+        samples=samples,
         amount=units.amount,
+        several=units.several,
         units=units.names(region.units) if region else (),
         area_unit=units.area_name(region.area_unit) if region else "",
         shown=partial(units.shown, units=region.units if region else ()),
@@ -236,7 +247,7 @@ def _said_of(robot: Robot, link: str, bodies: Sequence[Body], marks: Sequence[Ma
 
 def _formulas(robot: Robot, edges: set[str]) -> dict[str, dict[str, tuple[str, ...]]]:
     """Return the formulas that are printed, by boundary: short ones of points and segments, those of edges first."""
-    plain = [one for one in robot.boundaries if one.path.is_short]
+    plain = [one for one in robot.boundaries if over_z(one).path.is_short]
     found: dict[str, dict[str, tuple[str, ...]]] = {}
     left = _MOST_BYTES
     for boundary in sorted(plain, key=lambda one: one.name not in edges)[:_MOST_FORMULAS]:
@@ -254,7 +265,7 @@ def _exactness(region: Region) -> str:
     if region.width:
         low, high = region.area_interval
         return (
-            f"Contact curves without a formula are enclosed in cells of the width {region.width:g}. The true area is "
+            f"Edges without a formula are enclosed in cells of the width {region.width:g}. The true area is "
             f"proven to be between {low:.6g} and {high:.6g} {units.area_name(region.area_unit)}."
         )
     if region.accuracy:
@@ -294,6 +305,8 @@ def _volume(robot: Robot, names: Sequence[str] | None) -> tuple[FreeVolume | Non
     asked = names if names is not None else _most_used(robot, 3)
     if not asked:
         return None, ""
+    if names is None and isinstance(robot, LoopRobot):
+        return None, "free volumes through loops that are not parallelograms are not computed"
     try:
         return free_volume(robot, asked, budget=Budget(seconds=_FREE_SECONDS), decided=_FREE_SHARE), ""
     except (DimensionError, UnsupportedError) as error:
@@ -331,24 +344,14 @@ def _implied_lines(robot: Robot, region: Region) -> list[tuple[str, Any, float]]
     return [(name, normal, bound) for name, (_, normal, bound) in nearest.items()]
 
 
-def _sampling_box(robot: Robot) -> tuple[Any, Any]:
-    return np.clip(robot.lower, -2 * np.pi, 2 * np.pi), np.clip(robot.upper, -2 * np.pi, 2 * np.pi)
-
-
-def _tree_rows(robot: Robot) -> Iterator[tuple[int, str, str, str]]:
-    """Yield depth, link, joint and what moves it, depth first."""
-    for link, joint, depth in robot.tree.walk():
-        moves = ""
-        if joint is not None:
-            moves = robot.coupling.text(joint.name) if joint.moves else joint.type
-        helper = " (helper)" if link.name in robot.tree.helpers else ""
-        yield depth, link.name + helper, "" if joint is None else joint.name, moves
-
-
 def _forms(boundary: Boundary) -> dict[str, tuple[str, ...]]:
-    """Return MathML components of the paper's form, and of the minimal form where it differs."""
+    """Return MathML components of the paper's form, and of the minimal form where it differs.
+
+    Through loops that are not parallelograms they are functions of the joints, passive ones included.
+    """
     from pinbound.evaluate import symbolic
 
-    ancestor, minimal = boundary.expression("ancestor"), boundary.expression()
+    one = over_z(boundary)
+    ancestor, minimal = one.expression("ancestor"), one.expression()
     formulas = {f"in {boundary.ancestor}": symbolic.mathml(ancestor)}
     return formulas if ancestor == minimal else formulas | {"minimal": symbolic.mathml(minimal)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, NoReturn
 
@@ -98,6 +99,11 @@ class LoopCoupling(Coupling):
         }
         names = [moving.get(name, name) for name in self.lift.names]
         return linear_text(coefficients, names, offset)
+
+    def solved(self, used: Iterable[str]) -> dict[str, str]:
+        """Return those of these joints that a loop determines, each with the loop and what it is solved from."""
+        passive = [index for one in self.lift.linkages for index in one.passive if self.lift.names[index] in used]
+        return {self.lift.names[index]: self._function(index) for index in passive}
 
     def _function(self, index: int) -> str:
         one = next(one for one in self.lift.linkages if index in one.passive)
