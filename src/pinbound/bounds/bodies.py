@@ -1,4 +1,4 @@
-"""Paths of bodies, lines and planes side by side, with the lever arms of all pairs of their vertices.
+"""Paths of bodies, lines and planes as one bundle, with the lever arms of all pairs of their vertices.
 
 A path is its chain and the edge vectors of both bodies, as chains of the same rotations. Lever arms hold for every pair
 of vertices, so one bound of the second derivative serves all pairs. `swept_bounds` bounds these paths.
@@ -22,12 +22,12 @@ from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["SweptBundle", "all_rows", "spread_of", "swept_bundle", "with_arms"]
 
-_FEW = 16  # pairs of corners that are looked at one by one
+_FEW = 16  # pairs of corners that are examined one by one
 
 
 @dataclass(frozen=True)
 class SweptBundle:
-    """m swept paths side by side.
+    """A bundle of m swept paths.
 
     Attributes:
         chains: The chain and the edge vectors of each path, 1 + K rows, padded with zeros.
@@ -69,9 +69,10 @@ class SweptBundle:
 
 
 def swept_bundle(paths: Sequence[RelativePath], lower: Array, upper: Array) -> SweptBundle:
-    """Return paths side by side, with lever arms that hold in a box (n,), (n,) of q."""
+    """Return a bundle of paths, with lever arms that hold in a box (n,), (n,) of q."""
     n, rows = len(lower), 1 + max((len(path.difference.directions) for path in paths), default=0)
-    # What the reduction took for zero is 1e-14 m of an edge, however short the path: its scale must not be below 1.
+    # The reduction took values up to 1e-14 m of an edge for zero, also on a short path. So the scale must not be
+    # below 1.
     chains = [
         replace(chain, scale=max(chain.scale, 1.0))
         for path in paths
@@ -136,13 +137,13 @@ def _sides(path: RelativePath) -> tuple[slice, slice]:
 def _flat(path: RelativePath) -> Array:
     """Return the normal of the plane of a planar problem: all edges and motions stay in this plane."""
     if path.projection is not None:
-        towards: Any = np.cross(path.projection[0], path.projection[-1])  # zero of a plane, which has one row
+        towards: Any = np.cross(path.projection[0], path.projection[-1])  # zero for a plane (one row)
         return towards
     chain, edges = path.minimal, path.difference.directions
     if not edges or not chain.rotations or not chain.is_planar:
         return np.zeros(3)
     axis = chain.axes[0]
-    out = np.array([edge @ axis for edge in edges])  # (K, k + 1): how far each edge leads out, block by block
+    out = np.array([edge @ axis for edge in edges])  # (K, k + 1): part of each edge out of the plane, block by block
     leading_out = float(np.abs(axis @ chain.slides).max())
     for columns, corners in zip(_sides(path), path.difference.corners, strict=True):
         leading_out = max(leading_out, float(np.abs(corners @ out[columns]).max(initial=0.0)))

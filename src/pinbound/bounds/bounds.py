@@ -165,7 +165,7 @@ class OneAngle:
 
 
 def bundle(chains: Sequence[Chain], n: int) -> Bundle:
-    """Return chains over n coordinates side by side."""
+    """Return a bundle of chains over n coordinates."""
     m, k = len(chains), max((chain.rotations for chain in chains), default=0)
     offsets, slides = np.zeros((m, k + 1, 3)), np.zeros((m, k + 1, 3, n))
     axes, coefficients = np.tile(np.array([0.0, 0.0, 1.0]), (m, k, 1)), np.zeros((m, k, n))
@@ -360,7 +360,7 @@ def box_terms(
     slid = _slid(slides, nothing, half)
     rho, (count, n) = arms[which], half.shape
     if steps is None:
-        steps = np.zeros((max(n, 1), count, n))  # half across in each coordinate alone, all of them in one go
+        steps = np.zeros((max(n, 1), count, n))  # half the box in each coordinate alone, for all coordinates at once
         steps[np.arange(n), :, np.arange(n)] = half.T
     p = len(steps)
     turns = np.einsum("nki,jni->kjn", C, steps).reshape(len(phi), p * count)

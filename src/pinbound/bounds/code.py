@@ -11,7 +11,7 @@ from pinbound.typing import Array, Ints
 
 __all__ = ["Code"]
 
-_COMPILING = 10.0  # seconds that must be left for it, on a machine that is busy
+_COMPILING = 10.0  # seconds that must remain for compiling, on a busy machine
 _NO_INDEX = np.empty(0, dtype=np.int64)
 
 
@@ -39,7 +39,7 @@ class Code:
             return True
         if self.work < self.loading:
             return False
-        if self.kept is None:  # asked once: it takes some 8 ms
+        if self.kept is None:  # checked once, because it takes some 8 ms
             self.kept = is_kept(self.source())
         return self.kept
 

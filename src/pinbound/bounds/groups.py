@@ -45,7 +45,7 @@ class MotionFound:
         u: (m,) its parameter on the piece.
         settled: (m,) whether the pair is proven free on the whole motion, with the requested precision.
         boxes: How many parts times pairs, or groups, were bounded.
-    """
+    """boxes: The number of bounds computed, one for each part and pair, or group.
 
     lower: Array
     upper: Array
@@ -66,7 +66,7 @@ class ManyFound:
         u: (N,) its parameter on the motion.
         violated: (N,) whether it is proven contact.
         unknown: (N,) whether a pair is neither proven free nor in contact.
-        boxes: How many parts times pairs, or groups, were bounded.
+        boxes: The number of bounds computed, one for each part and pair, or group.
     """
 
     lower: Array
@@ -100,7 +100,7 @@ class Groups:
     def is_worth(self, boxes: int, seconds: float) -> bool:
         """Count boxes of motions to come, and return whether there were enough to load machine code, or to compile it.
 
-        `seconds` may the whole take: compiling takes a few of them.
+        `seconds` is the time for the whole work: compiling takes a few seconds.
         """
         return has_numba() and _MOTIONS.is_worth(boxes, seconds)
 
@@ -115,7 +115,7 @@ class Groups:
             each: Whether every pair gets tight bounds.
         """
         question = np.concatenate((_head(precision, elsewhere, budget, 0.0, each), ends.ravel()))
-        try:  # room that no other thread uses now
+        try:  # memory that no other thread uses now
             out = self._spaces.pop()
         except IndexError:
             out = np.empty(self.room)

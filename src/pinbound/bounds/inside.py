@@ -1,9 +1,10 @@
 """A ball around the origin that is proven to be inside a convex body, of which only the support function is known.
 
 Take the furthest points of the body along directions that are the corners of a triangulated sphere, and let the
-triangles of the sphere connect these points. They form a closed surface within the body, whatever its form is. If it
-winds around the origin, it winds around every point of the ball up to its nearest point. It does not wind around any
-point outside the body, because the body is convex. So the ball is inside. The winding number is the sum of the solid
+triangles of the sphere connect these points. They form a closed surface within the body, for any body. If the surface
+winds around the origin, it winds around every point of the ball about the origin up to the surface's nearest point. It
+does not wind around any point outside the body, because the body is convex. So the ball is inside. The winding number
+is the sum of the solid
 angles of the triangles,
 
     tan(angle / 2) = a . (b x c) / (|a||b||c| + (a . b)|c| + (b . c)|a| + (c . a)|b|),
@@ -28,23 +29,23 @@ from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["ball", "disc", "stays_inside"]
 
-_ROUNDING = 1e-12  # relative to the body: what rounding can make of a distance from a triangle, slivers included
-_WHOLE = 0.1  # how far from a whole number a sum of angles may be: rounding is far below, another number far above
+_ROUNDING = 1e-12  # relative to the body: the error of a distance from a triangle by rounding, also for slivers
+_WHOLE = 0.1  # largest distance of a sum of angles from a whole number; rounding is far smaller
 _AROUND = 16  # directions in a plane
-_TILTS = (0.04, 0.15, 0.45, 1.1, 2.0)  # [rad] of rings of directions from the one in which a body is shallowest
+_TILTS = (0.04, 0.15, 0.45, 1.1, 2.0)  # [rad] of rings of directions around the one in which a body is shallowest
 _RING_OF = 6  # directions
-_STEPS = tuple(0.5 * 0.6**k for k in range(8))  # [rad] with which that one is looked for
-_FLATTEST = 1e-24  # of the squares of the widths of a body
+_STEPS = tuple(0.5 * 0.6**k for k in range(8))  # [rad], steps of the search for that direction
+_FLATTEST = 1e-24  # of the squares of the widths of a body: the smallest ratio that is used
 
 
 def ball(corners: Corners, which: Indices, w: Array, edges: Array) -> Array:
     """Return the radius (N,) of a ball around the origin that is inside `w + sum_i t_i e_i`; zero if none is found.
-
-    Args:
-        corners: The corners that t runs over.
-        which: (N,) whose.
-        w: (N, 3) [m].
-        edges: (K, N, 3), the e_i.
+    which: (N,) the pair of each row.
+        Args:
+            corners: The corners that t runs over.
+            which: (N,) whose.
+            w: (N, 3) [m].
+            edges: (K, N, 3), the e_i.
     """
     along = np.einsum("ui,nij->nuj", _SPHERE, _rounder(corners.scatter[which], edges))
     points, _ = _supports(corners, which, w, edges, along)
@@ -63,7 +64,7 @@ def stays_inside(
 
     Args:
         corners: The corners that t runs over.
-        which: (N,) whose.
+        which: (N,) the pair of each row.
         w: (N, 3) [m].
         edges: (K, N, 3), the e_i.
         moves: The w_j (N, 3) and the e_ij (K, N, 3) [m] for each j.
@@ -72,7 +73,7 @@ def stays_inside(
     rounder = _rounder(corners.scatter[which], edges)
     pole, height = _shallowest(corners, which, w, edges, rounder)
     inside = np.zeros(len(which), dtype=np.bool_)
-    rows = np.flatnonzero(height > off)  # no ball that is larger is inside
+    rows = np.flatnonzero(height > off)  # a ball inside has at most this radius
     which, w, edges = which[rows], w[rows], edges[:, rows]
     along = np.einsum("ui,nji,nkj->nuk", _POLAR, _frames(pole[rows]), rounder[rows])
     points, t = _supports(corners, which, w, edges, along)
@@ -209,7 +210,7 @@ def _octahedron() -> tuple[Array, Indices]:
 
 
 def _halved(directions: Array, triangles: Indices) -> tuple[Array, Indices]:
-    """Return the sphere with each triangle cut into four."""
+    """Return the sphere with each triangle divided into four."""
     points, found, known = list(directions), list[tuple[int, int, int]](), dict[frozenset[int], int]()
 
     def between(i: int, j: int) -> int:
@@ -252,7 +253,7 @@ def _globe() -> tuple[Array, Indices]:
         triangles.append((0, 1 + here, 1 + there))
         for ring in range(len(_TILTS) - 1):
             above, below = 1 + ring * _RING_OF, 1 + (ring + 1) * _RING_OF
-            if ring % 2:  # the ring below is turned back by half a corner
+            if ring % 2:  # the ring below is rotated back by half a corner
                 triangles += [(above + here, below + here, below + there), (above + here, below + there, above + there)]
             else:
                 triangles += [(above + here, below + here, above + there), (above + there, below + here, below + there)]

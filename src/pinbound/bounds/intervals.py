@@ -16,7 +16,7 @@ from pinbound.typing import Array, Flags
 __all__ = ["Interval", "arctan2", "cos", "hull", "sin", "sqrt"]
 
 
-_TINY = 1e-300  # below it relative steps outwards may vanish
+_TINY = 1e-300  # below this, a relative widening may vanish
 _ULPS = 8.0
 _TURN = 2.0 * np.pi
 
@@ -34,7 +34,7 @@ class Interval:
     lower: Array
     upper: Array
 
-    __array_ufunc__ = None  # an array times an interval asks the interval
+    __array_ufunc__ = None  # for an array times an interval, the method of the interval is called
 
     @classmethod
     def at(cls, value: Array, radius: Array | float = 0.0) -> Interval:
@@ -144,7 +144,7 @@ def sin(x: Interval) -> Interval:
 
 
 def arctan2(y: Interval, x: Interval) -> Interval:
-    """Return the angle of (x, y), near `arctan2` of the boxes' middles, not cut at pi; a whole turn if 0 is inside.
+    """Return the angle of (x, y), near `arctan2` of the middles, without a jump at pi; a full turn if 0 is inside.
 
     The box is rotated so that its middle is on the positive x axis; then the extreme angles are at corners.
 

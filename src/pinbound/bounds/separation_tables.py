@@ -22,12 +22,12 @@ from pinbound.typing import Array, Flags, Indices
 
 __all__ = ["SeparationTables", "is_worth", "separation_tables"]
 
-_KNOWN = (64.0 * UNIT_ROUNDOFF) ** 2  # squared, relative: a smaller volume has a sign by rounding alone
-_SHARP = 1e-4  # a squared sine: where a face is nearest in flatter ones, the nearest point is corrected once more
-_FLAT = 64.0 * UNIT_ROUNDOFF**2  # a squared sine: a face that is flatter is an edge
+_KNOWN = (64.0 * UNIT_ROUNDOFF) ** 2  # squared, relative: rounding alone may decide the sign of a smaller volume
+_SHARP = 1e-4  # a squared sine: on flatter faces, the nearest point is corrected a second time
+_FLAT = 64.0 * UNIT_ROUNDOFF**2  # a squared sine: a flatter face is treated as an edge
 
 _ROWS = Code(separation_source, loading=300, compiling=20_000)
-"""Rows: a row in NumPy takes some 50 us near the end of a search, where few are left."""
+"""A row takes NumPy some 50 us near the end of a search, where few rows are left."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +55,12 @@ class SeparationTables:
         return replace(self, table=table)
 
     def along_motion(self, which: Indices, piece: Expansion, rows: Indices, error: Array) -> tuple[Array, Array]:
-        """Return value and lower bound (N,) of separations `which` on pieces `rows` of some, as `swept_bounds` does.
+        """Return value and lower bound (N,) of separations `which` on pieces `rows`, as `swept_bounds` does.
 
         Args:
             which: (N,) the pair of each row.
             piece: Some pieces.
-            rows: (N,) which of them.
+            rows: (N,) the piece of each row.
             error: (m,) rounding bounds of all pairs [m].
         """
         count, n = piece.middle.shape
@@ -93,7 +93,7 @@ class SeparationTables:
 def is_worth(rows: int, seconds: float) -> bool:
     """Count rows to come, and return whether there were enough to load machine code, or to compile it.
 
-    `seconds` may the whole take: compiling takes a few of them.
+    `seconds` is the time for the whole work: compiling takes a few seconds.
     """
     return has_numba() and _ROWS.is_worth(rows, seconds)
 

@@ -50,9 +50,9 @@ _PROJECTING = 96
 """Unit roundoffs, relative to the length of a path with its furthest vertices: 32 for a unit vector, its products with
 the edges, their products with a corner, and the nearest t; 64 for the error of a hull's vertices when it is made."""
 
-_FLAT = 3  # rows of a path with two edge vectors, which span no body
-_MOST_COORDINATES = 4  # of a box, all of whose corners are looked at
-_TOUCHING = 1e-12  # relative: bodies whose distance is rounding may overlap
+_FLAT = 3  # rows of a path with two edge vectors: they span no solid body
+_MOST_COORDINATES = 4  # of a box of which all corners are examined
+_TOUCHING = 1e-12  # relative: bodies whose distance is below this, only rounding, may overlap
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def _bounds(
     moved = rows.of(terms.moved)[:, 0] * INFLATION
     least, _ = swept.corners.least(which, along[:, 1:])
     corner = along[:, 0] + least
-    # The value is a distance of two points, no proof that none are nearer, should the search have ended early.
+    # The value is the distance of two points. If the search ended early, nearer points may exist.
     lower, upper = corner - moved, value + np.maximum(moved - depth, 0.0)
     off = rows.of(terms.aside)[:, 0] * INFLATION + error * (1.0 + rows.of(terms.wide).max(axis=1))
     if terms.second is not None:
@@ -166,7 +166,7 @@ def _bounds(
         falls = [share * np.einsum("nci,ni->nc", v, n) for v in vectors]
         bent = curvature * rows.of(terms.second)[:, 0] * INFLATION
         lower = np.maximum(lower, _sloped(swept.corners, which, along, falls, t) - bent)
-        if len(vectors) == 1 or corners:  # the points that are nearest in the middle, at both ends or all corners
+        if len(vectors) == 1 or corners:  # the nearest points in the middle, at both ends or all corners
             here, *moves = (x[:, 0] + np.einsum("nk,nki->ni", t, x[:, 1:]) for x in (r, *vectors))
             ends = [here]
             for step in moves:
@@ -227,7 +227,8 @@ def separated(swept: SweptBundle, which: Indices, r: Array) -> tuple[Array, Arra
     least = measured[0] + np.einsum("nk,kni->ni", t, measured[1:])
     length: Array = np.sqrt(np.einsum("ni,ni->n", least, least))
     unit: Array = np.divide(least, length[:, None], out=np.zeros_like(least), where=length[:, None] > 0.0)
-    # Across a line once more: what rounding leaves of a short vector may point along the line, where nothing counts.
+    # Project perpendicular to a line once more: rounding of a short vector may point along the line, where
+    # nothing counts.
     unit = np.einsum("nij,nj->ni", swept.projection[which], unit)
     depth = _depth(swept, which, measured, least, length)
     if np.any(signed):

@@ -1,8 +1,8 @@
-"""Bodies with more than three edge vectors, rewritten with three: a body is rigid, whatever its edges are.
+"""Bodies with more than three edge vectors, rewritten with three. This is possible because a body is rigid.
 
 The same rotations rotate all edge vectors of a body, and the blocks of a chain are linear in the edge: `E = A B` with
 three rows B, orthonormal over all blocks. So `sum_i t_i E_i = (t A) B`, where t A has three numbers for each vertex.
-The difference that rounding leaves is measured, and returned.
+The difference by rounding is measured, and returned.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pinbound.typing import Array
 __all__ = ["in_three_edges"]
 
 _EDGES = 3
-_RIGID = 1e-12  # relative: a fourth singular value that is larger is none of rounding
+_RIGID = 1e-12  # relative: a larger fourth singular value is not rounding
 _ROUNDING = 64.0 * UNIT_ROUNDOFF  # an edge, relative to the body's size: products, their sums, and the difference
 
 

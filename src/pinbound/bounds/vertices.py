@@ -24,7 +24,7 @@ from pinbound.typing import Array, Flags, Indices
 __all__ = ["Corners", "Side", "corners_of"]
 
 _MOST_NUMBERS = 1 << 21  # of a table of rows and vertices at a time, to bound memory
-_TABLE = 3  # edges of a body that stands in the table
+_TABLE = 3  # edges of a body that is in the table
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ class Corners:
         return value, chosen
 
     def slack(self, which: Indices, along: Array, rates: Sequence[Array], t: Array) -> Array:
-        """Return how far corners may pass below the lowest corner in the middle, if that moves like t (N,) [m].
+        """Return how far corners may fall below the lowest corner of the middle, if it moves like t (N,) [m].
 
         A corner at the distance d from t is above the lowest corner by its height, and decreases relative to t by at
         most `sum |n . E' d|` over all rates. A corner that stays above costs nothing. The result is at most zero.

@@ -1,4 +1,5 @@
-"""Where links are at a few configurations: what is seen to come near there needs no proof that it never meets."""
+"""Placements of links at a few configurations: if marks come near each other there, no proof that they never meet is
+tried."""
 
 from __future__ import annotations
 
@@ -22,14 +23,15 @@ _V = TypeVar("_V")
 _COUNT = 64
 
 _BYTES, _FEWEST = 1 << 27, 16
-"""Of the placements that are kept, and links at least: those looked at together are near each other in the tree."""
+"""The memory for the placements that are kept, and the smallest number of links: links examined together are near in
+the tree."""
 
 
 class Poses:
-    """Placements of all links at configurations, random ones if none are given; free joints stand still."""
+    """Placements of all links at configurations (random ones if none are given); free joints do not move."""
 
     def __init__(self, tree: Tree, coupling: Coupling, Q: Array | None = None) -> None:
-        """Place every link; random configurations are the same each time."""
+        """Place every link; the random configurations are the same each time."""
         if Q is None:
             Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (_COUNT, len(coupling.coordinates)))
         self._tree, self._count = tree, len(Q)
@@ -40,7 +42,7 @@ class Poses:
         self._centres: dict[Mark, Array] = {}
 
     def _place(self, link: str) -> tuple[Array, Array]:
-        """Return a link's rotations (N, 3, 3) and places (N, 3) in the root's frame: from the next known link above."""
+        """Return a link's rotations (N, 3, 3) and positions (N, 3) in the root's frame, from the next known link."""
         missing: list[str] = []
         while link not in self._placed and link in self._tree.parent_joint:
             missing.append(link)
@@ -63,7 +65,7 @@ class Poses:
     def gaps(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Array:
         """Return the gaps (len(marks_a), len(marks_b), N) between the balls about marks [m].
 
-        They are lower bounds of the marks' own gaps, and for points these themselves.
+        They are lower bounds of the gaps of the marks; for points they are equal to them.
         """
         a, b = (np.array([self._centre(mark) for mark in marks]) for marks in (marks_a, marks_b))
         wide = [np.array([mark.shape.radius + mark.shape.around for mark in marks]) for marks in (marks_a, marks_b)]
@@ -73,7 +75,7 @@ class Poses:
         return found
 
     def distances(self, a: Mark, b: Mark, rows: Ints) -> Array:
-        """Return the distances (N,) of two marks that have ends [m] at some configurations, their radii left out."""
+        """Return the distances (N,) of two marks that have ends, at some configurations, without their radii [m]."""
         w, edges = self._ends(a, rows)
         other, more = self._ends(b, rows)
         w, edges = w - other, np.concatenate((edges, -more))
@@ -97,7 +99,7 @@ class Poses:
         return found
 
     def come_near(self, link_a: str, marks_a: Sequence[Mark], link_b: str, marks_b: Sequence[Mark]) -> bool:
-        """Return whether somewhere the balls about two marks, as wide as their half edges end to end, overlap."""
+        """Return whether at some configuration the balls about two marks, with radii from half their edges, overlap."""
         (x, thick), (y, wide) = self._around(link_a, marks_a), self._around(link_b, marks_b)
         limit = thick[:, None] + wide
         return any(bool(np.any(np.linalg.norm(a[:, None] - b, axis=2) <= limit)) for a, b in zip(x, y, strict=True))
@@ -112,7 +114,7 @@ class Poses:
 
 
 def _keep(kept: dict[_K, _V], key: _K, value: _V, most: int) -> None:
-    """Keep a value, and drop the oldest of more than `most`."""
+    """Keep a value, and drop the oldest one if there are more than `most`."""
     kept[key] = value
     while len(kept) > most:
         del kept[next(iter(kept))]

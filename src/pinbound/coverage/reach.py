@@ -1,10 +1,10 @@
-"""How near two marks, or two groups of marks on two links, can come over all q: lower bounds.
+"""Lower bounds, over all q, of the distance of two marks, or of two groups of marks on two links.
 
-In a reduced chain `r = b_0 + R_1(b_1 + R_2(...))`, whatever the rotations, `|r| >= 2 max |b_i| - sum |b_i|`: the
-longest offset less all others. Where a mark is a body, b_i moves with its parameters t in [0, 1] about a middle, and
-each of its edge vectors takes at most half its length from the bound, once an offset. With one rotation about u, the
-least distance of two points is `sqrt((u . (b_0 + b_1))^2 + (|b_0| - |b_1|)^2)`, lengths taken across u; bodies are then
-cut into cells, each in a ball.
+In a reduced chain `r = b_0 + R_1(b_1 + R_2(...))`, `|r| >= 2 max |b_i| - sum |b_i|` holds for all rotations: the
+longest offset minus all others. If a mark is a body, b_i varies with its parameters t in [0, 1] about a middle. Each of
+its edge vectors reduces the bound by at most half its length, once for each offset. With one rotation about u, the
+least distance of two points is `sqrt((u . (b_0 + b_1))^2 + (|b_0| - |b_1|)^2)`, with lengths perpendicular to u. Bodies
+are then divided into cells, each in a ball.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from pinbound.typing import Array, Flags
 __all__ = ["MOST_PATHS", "Reach", "least_separation"]
 
 MOST_PATHS = 20
-"""Pairs of marks of one pair of links that are looked at one by one, a millisecond each."""
+"""Pairs of marks of one pair of links that are examined one by one; each takes a millisecond."""
 _TURNS = 64
-"""Places of a turn at which a separation is looked at before it is bounded all around."""
+"""Angles of a full turn at which a separation is computed before it is bounded for all angles."""
 _MOST_BALLS = 64
-"""Balls that stand for a mark."""
+"""The largest number of balls that hold a mark."""
 
 
 def least_separation(path: RelativePath, enough: float = -np.inf) -> float:
     """Return a lower bound of a path's norm over all q [m]: exact for one angle, else by the triangle inequality.
 
-    Minus infinity where it is seen not to be above `enough`: nothing more is then looked for.
+    It is minus infinity if a value not above `enough` was found; then no bound is computed.
     """
     chain = path.minimal
     if np.any(chain.slides):
@@ -52,12 +52,12 @@ def least_separation(path: RelativePath, enough: float = -np.inf) -> float:
     single = univariate.one_angle_smallest(path)
     if single is not None:
         return single
-    # Of lines and planes a part of r counts only, so that its length bounds nothing.
+    # For lines and planes only a part of r counts, so the length of r bounds nothing.
     return -np.inf if path.projection is not None else _triangle(path.difference)
 
 
 def _triangle(difference: HullChain) -> float:
-    """Return the longest offset less all others, for the worst of all t [m]; 0 if the chain slides."""
+    """Return the longest offset minus all others, the least over all t [m]; 0 if the chain has prismatic joints."""
     chain = difference.chain
     if np.any(chain.slides):
         return 0.0
@@ -72,39 +72,39 @@ def _triangle(difference: HullChain) -> float:
 
 
 class Reach:
-    """Two links: which marks on the one can never meet which marks on the other.
+    """Two links, and a test of which marks on one can never meet which marks on the other.
 
-    The chain between the links is reduced once, with both ends left open: its offsets are linear in where the ends are.
+    The chain between the links is reduced once, with both end points as variables: its offsets are linear in the ends.
     """
 
     def __init__(self, tree: Tree, coupling: Coupling, link_a: str, link_b: str) -> None:
-        """Take the two links; no free joint may lie between them."""
+        """Take the two links; there must be no free joint between them."""
         self._tree, self._coupling, self._links = tree, coupling, (link_a, link_b)
 
     @cached_property
     def _chain(self) -> HullChain | None:
-        """The chain with both ends at their links' origins, its directions being how they move; None if links slide."""
+        """The chain with both ends at the links' origins, and how they move it; None if there are prismatic joints."""
         x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
         ends = [Sweep("", link, (0.0, 0.0, 0.0), (x, y, z)) for link in self._links]
         difference = minimal_chain(self._tree, self._coupling, ends[0], ends[1])
         return None if np.any(difference.chain.slides) else difference
 
     def never_meet(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> bool:
-        """Return whether every pair of marks is proven to stay apart over all q; lines and planes never are."""
+        """Return whether every pair of marks is proven to stay apart over all q; never for lines and planes."""
         if self._chain is None or any(mark.shape.is_unbounded for mark in (*marks_a, *marks_b)):
             return False
         left = np.argwhere(~self.apart(marks_a, marks_b))
         return len(left) <= MOST_PATHS and all(self._stays_apart(marks_a[i], marks_b[j]) for i, j in left.tolist())
 
     def apart(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Flags:
-        """Return which pairs the open chain proves apart, (len(marks_a), len(marks_b)); of lines and planes none."""
+        """Return which pairs the open chain proves apart, (len(marks_a), len(marks_b)); none with lines or planes."""
         return self.gaps(marks_a, marks_b) > NEVER_MEETS
 
     def gaps(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Array:
         """Return lower bounds of the gaps of all pairs over all q (len(marks_a), len(marks_b)) [m].
 
-        They are minus infinity for lines and planes, and if the links slide against each other; rounding is not in
-        them.
+        They are minus infinity for lines and planes, and if prismatic joints are between the links. They do not include
+        rounding.
         """
         if self._chain is None or not len(marks_a) or not len(marks_b):
             return np.full((len(marks_a), len(marks_b)), -np.inf)
@@ -133,10 +133,11 @@ class Reach:
         return gaps
 
     def is_all(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> Flags:
-        """Return for which pairs (len(marks_a), len(marks_b)) `gaps` is all that `least_separation` could prove.
+        """Return for which pairs (len(marks_a), len(marks_b)) `gaps` is all that `least_separation` can prove.
 
-        A pair's own chain is the open one with its ends put in, unless its first or last rotation turns nothing then,
-        for the mark is on the axis, so that it falls away. One rotation alone has a closer bound of its own.
+        The chain of a pair is the open chain with its end points inserted. There is one exception: if a mark is on the
+        axis of the first or last rotation, this rotation changes nothing and is removed. A chain with one rotation has
+        a better bound of its own.
         """
         chain = None if self._chain is None else self._chain.chain
         if chain is None or chain.rotations <= 1:
@@ -173,7 +174,7 @@ def _over_a_turn(axis: Array, p: Array, s: Array) -> Array:
 
 
 def _balls(mark: Mark) -> tuple[Array, Array]:
-    """Return balls (m, 3), (m,) that hold a mark together: one a cell, the cells about as long as they are wide."""
+    """Return balls (m, 3), (m,) whose union holds a mark: one for each cell; the cells are about as long as wide."""
     shape = mark.shape
     if not len(shape.directions) or not shape.is_zonotope:
         return shape.middle[None], np.array([shape.radius + shape.around])
@@ -183,12 +184,12 @@ def _balls(mark: Mark) -> tuple[Array, Array]:
         counts[int(np.argmax(lengths / counts))] *= 2
     cells = np.indices(tuple(counts.tolist())).reshape(len(edges), -1).T
     centres = shape.origin + ((cells + 0.5) / counts) @ edges
-    around = 0.5 * float(np.sum(lengths / counts))  # the half edges of a cell, end to end
+    around = 0.5 * float(np.sum(lengths / counts))  # the sum of half the edges of a cell
     return centres, np.full(len(centres), shape.radius + around)
 
 
 def _across(marks: Sequence[Mark], directions: Array) -> tuple[Array, Array]:
-    """Return where the marks' middles are by three directions (m, 3), and how far their vertices are from there."""
+    """Return the marks' middles along three directions (m, 3), and how far their vertices are from there."""
     middles = np.array([mark.shape.middle for mark in marks])
     wide = [float(np.linalg.norm((m.shape.vertices - m.shape.middle) @ directions, axis=1).max()) for m in marks]
     return middles @ directions, np.array(wide)

@@ -163,7 +163,7 @@ class CoverageRecord:
 
 
 def record_of(links: Sequence[LinkCoverage], pairs: Sequence[PairCoverage], boundaries: int) -> CoverageRecord:
-    """Return the counts, and one line with them."""
+    """Return the counts, and one line that contains them."""
     count = Counter(pair.status for pair in pairs)
     left_out = Counter(pair.basis for pair in pairs if pair.status is Status.LEFT_OUT)
     open_links = {name for pair in pairs if pair.is_open for name in pair.links}
@@ -187,7 +187,7 @@ def record_of(links: Sequence[LinkCoverage], pairs: Sequence[PairCoverage], boun
 
 
 def hollow_note(links: Iterable[str]) -> str:
-    """Return a note about meshes of these links that only several marks together hold; empty if there are none."""
+    """Return a note about these links' meshes that only several marks hold together; empty if there are none."""
     named = ", ".join(dict.fromkeys(links))
     if not named:
         return ""

@@ -1,7 +1,7 @@
-"""What a mesh is made of, to propose where it may be cut: closed surfaces, and edges where it is hollow.
+"""The structure of a mesh, to propose cuts: its closed surfaces, and its concave edges.
 
-Files often hold several closed surfaces that are set together: a tube, a lid, a pin. Each is a better part than what a
-plane through all of them leaves. Within one of them, planes along its hollow edges part it where convex bodies meet.
+Files often hold several closed surfaces side by side: a tube, a lid, a pin. Each of them is a better part than a piece
+cut by a plane through all of them. Within one closed surface, planes along its concave edges separate convex bodies.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-_MOST_SOLIDS = 12  # the largest; others go with the one that is nearest
-_SMALL = 1e-3  # of the volume of all: a closed surface that encloses less, or is turned over, goes with another
-_FLAT = 0.05  # sine of the turn at an edge: less is no hollow edge
-_FLUSH = 2e-3  # of the extent of a group: hollow edges that are nearer to a plane have been cut by it
-_TRIPLES = 200  # planes through three places of hollow edges that are looked at
-_PLANES = 5  # that are proposed
+_MOST_SOLIDS = 12  # the largest; smaller ones go with the nearest of these
+_SMALL = 1e-3  # of the total volume: a closed surface that encloses less, or is inverted, goes with another one
+_FLAT = 0.05  # sine of the angle at an edge: an edge with less is not concave
+_FLUSH = 2e-3  # of the extent of a group: concave edges nearer to a plane were cut by it
+_TRIPLES = 200  # planes through three points of concave edges that are examined
+_PLANES = 5  # planes that are proposed
 
 
 @dataclass(frozen=True, eq=False)
 class Group(Value):
-    """A share of a mesh's surface, the cuts closed.
+    """A share of a mesh's surface, with its cuts closed.
 
     Attributes:
         triangles: (n, 3, 3) [m].
         solids: (n,), the number of the closed surface that each belongs to.
-        hollows: (k, 4), places on edges at which the surface is hollow [m], and how much each counts.
+        hollows: (k, 4), points on edges at which the surface is concave [m], and the weight of each.
     """
 
     triangles: Array
@@ -49,7 +49,7 @@ class Group(Value):
         return len(self.triangles)
 
     def of_solids(self, chosen: Flags) -> tuple[Group, Group]:
-        """Return it in two: the triangles that are chosen, and the others; hollow edges go with both."""
+        """Return two groups: the chosen triangles, and the others; both keep the concave edges."""
         return (
             Group(self.triangles[chosen], self.solids[chosen], self.hollows),
             Group(self.triangles[~chosen], self.solids[~chosen], self.hollows),
@@ -64,12 +64,12 @@ class Group(Value):
         )
 
     def with_more(self, triangles: Array) -> Group:
-        """Return it with more triangles (n, 3, 3), counted to the closed surface of its first."""
+        """Return it with more triangles (n, 3, 3); they count as part of the closed surface of its first triangle."""
         owner = np.repeat(self.solids[:1], len(triangles))
         return Group(np.concatenate((self.triangles, triangles)), np.concatenate((self.solids, owner)), self.hollows)
 
     def cut(self, axis: Array, at: float) -> tuple[Group, Group]:
-        """Return what is below and above the plane `axis . x = at`, each closed surface cut, and closed, on its own."""
+        """Return the parts below and above the plane `axis . x = at`; closed surfaces are cut and closed one by one."""
         numbers: list[int] = np.unique(self.solids).tolist()
         cuts = [cut_by_plane(self.triangles[self.solids == number], axis, at) for number in numbers]
         height = self.hollows[:, :3] @ axis - at
@@ -82,7 +82,7 @@ class Group(Value):
         return found[0], found[1]
 
     def planes(self) -> list[tuple[Array, float]]:
-        """Return planes in which much of the hollow edges lies: a unit normal, and where it is along that."""
+        """Return planes that contain many of the concave edges: a unit normal, and the position along it."""
         low, high = self.triangles.min(axis=(0, 1)), self.triangles.max(axis=(0, 1))
         rows = np.all((self.hollows[:, :3] >= low) & (self.hollows[:, :3] <= high), axis=1)
         places, weights = self.hollows[rows, :3], self.hollows[rows, 3]
@@ -107,10 +107,11 @@ class Group(Value):
 
 
 def group_of(mesh: Mesh) -> Group:
-    """Return all of a mesh, with its closed surfaces told apart.
+    """Return the whole mesh as a group, with its closed surfaces numbered.
 
-    A surface is closed if each of its edges is in two triangles, once in each direction. Triangles of others, of those
-    that enclose next to nothing, and of those that are turned over (holes) go with the closed surface that is nearest.
+    A surface is closed if each of its edges is in two triangles, once in each direction. Some triangles go with the
+    nearest closed surface: those of open surfaces, of surfaces that enclose almost nothing, and of inverted surfaces
+    (holes).
 
     Example:
         >>> box = np.array(list(np.ndindex(2, 2, 2)), dtype=np.float64)
@@ -126,7 +127,7 @@ def group_of(mesh: Mesh) -> Group:
     vertices, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
     rows: Ints = index.ravel()[mesh.triangles]
     volumes: Array = np.linalg.det(corners - vertices.mean(axis=0)) / 6.0
-    if volumes.sum() < 0.0:  # inside out
+    if volumes.sum() < 0.0:  # the whole mesh is inverted
         corners, rows, volumes = corners[:, ::-1], rows[:, ::-1], -volumes
     count = len(vertices)
     start, end = rows.ravel(), np.roll(rows, -1, axis=1).ravel()
@@ -157,7 +158,7 @@ def group_of(mesh: Mesh) -> Group:
 
 
 def _nearest(corners: Array, solids: Ints, labels: Ints, count: int) -> Ints:
-    """Return for each connected surface the number of the chosen one that is nearest to its middle."""
+    """Return for each connected surface the number of the chosen surface that is nearest to its middle."""
     from scipy import spatial
 
     library: Any = spatial
@@ -170,7 +171,7 @@ def _nearest(corners: Array, solids: Ints, labels: Ints, count: int) -> Ints:
 
 
 def _hollows(corners: Array, partner: Ints, chosen: Flags) -> Array:
-    """Return two places on each edge between two triangles at which a surface is hollow, and how much they count."""
+    """Return two points on each concave edge between two triangles, and their weights."""
     edge = np.flatnonzero(chosen & (np.arange(len(partner)) < partner))
     other = partner[edge]
     normals: Any = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -1,4 +1,4 @@
-"""The surface of a part, the hull of some points, in pieces: faces with their normals, sharp edges, vertices."""
+"""The surface of a part (a hull of some points) in pieces: faces with their normals, sharp edges, vertices."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ __all__ = ["Pieces", "Surface", "surface_of"]
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_GENTLE = 0.9  # radians between two faces: each normal between is nearer than half of it to one of theirs
-_WIDE = 50.0  # of how far the hull may be outside, and of rounding: a narrower face does not say how the surface lies
-_FEW = 24  # vertices of which all triangles are looked at
+_GENTLE = 0.9  # radians between two faces: each normal of the edge is within half of it from one of theirs
+_WIDE = 50.0  # of the slack, and of rounding: the normal of a narrower face is not accurate
+_FEW = 24  # vertices of which all triangles are examined
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces(Value):
-    """Pieces of one sort.
+    """Pieces of one kind.
 
     Attributes:
-        corners: (n, 3, 3) [m]; two of an edge, and all of a vertex, are equal.
-        normals: (n, 3), outwards; none where they are not known.
-        beside: (n, k), numbers of faces that have the piece on their rim, by their places among the faces; -1 where
-            there are fewer. What is said of all of such a face is said of the piece.
+        corners: (n, 3, 3) [m]; for an edge two are equal, and for a vertex all three.
+        normals: (n, 3), outwards; empty if they are not known.
+        beside: (n, k), indices of the faces that have the piece on their border; -1 if there are fewer than k. A bound
+            of such a whole face also holds for the piece.
     """
 
     corners: Array
@@ -42,15 +42,16 @@ class Pieces(Value):
 
 @dataclass(frozen=True, eq=False)
 class Surface(Value):
-    """Pieces of a part's surface, and what it encloses.
+    """Pieces of a part's surface, and the volume that it encloses.
 
     Attributes:
-        pieces: Faces with their normals; then what has no one normal: sharp edges, vertices, faces that are too narrow.
-        polytope: What is enclosed; None if that is not proven.
-        radius: [m] around it.
+        pieces: First the faces with their normals. Then the pieces without a single normal: sharp edges, vertices,
+            faces that are too narrow.
+        polytope: The enclosed volume; None if that is not proven.
+        radius: [m], the radius around it.
         slack: [m], how far the hull may be outside the pieces.
-        low: (3,) [m], the least coordinates.
-        high: (3,) [m], the largest.
+        low: (3,) [m], the smallest coordinates.
+        high: (3,) [m], the largest coordinates.
     """
 
     pieces: tuple[Pieces, ...]
@@ -70,11 +71,11 @@ def surface_of(vertices: Array, radius: float) -> Surface:
         if len(pieces[0].corners):
             return Surface(pieces, polytope, radius, polytope.slack, low, high)
     if len(vertices) <= _FEW:
-        # Whatever its shape: by Caratheodory's theorem each place of a surface is in a triangle of vertices.
+        # For any shape, by Caratheodory's theorem, each point of a surface is in a triangle of vertices.
         last = len(vertices) - 1
         rows = np.array([*combinations(range(len(vertices)), 3)] or [[0, last, last]])
         return Surface((_bare(vertices[rows]),), None, radius, 0.0, low, high)
-    wide = max(float((high - low).max()) * 1e-3, HELD)  # of a flat box, so that it has sides that can be proven
+    wide = max(float((high - low).max()) * 1e-3, HELD)  # a flat box gets a thickness, so that its sides can be proven
     low, high = low - wide, high + wide
     box = Polytope.of(np.array([*product(*zip(low, high, strict=True))]))
     assert box is not None
@@ -82,12 +83,12 @@ def surface_of(vertices: Array, radius: float) -> Surface:
 
 
 def _bare(corners: Array) -> Pieces:
-    """Return triangles of which no normal is known."""
+    """Return triangles whose normals are not known."""
     return Pieces(corners, np.zeros((0, 3)), np.zeros((len(corners), 0), dtype=np.int64))
 
 
 def _pieces(polytope: Polytope) -> tuple[Pieces, ...]:
-    """Return faces with their normal; and sharp edges, vertices, and faces that are too narrow to have one."""
+    """Return faces with their normals, and the pieces without one: sharp edges, vertices, faces that are too narrow."""
     normals, facets = polytope.normals, polytope.facets
     faces = polytope.vertices[facets]
     ends: Any = np.roll(faces, -1, axis=1) - faces
@@ -101,10 +102,10 @@ def _pieces(polytope: Polytope) -> tuple[Pieces, ...]:
     first = start[there] < end[there]
     one, two = face[there][first], face[back][first]
     edges = polytope.vertices[np.column_stack((start[there], end[there], end[there]))[first]]
-    # Of a gentle edge its two faces say enough.
+    # A gentle edge needs no bound of its own: those of its two faces are enough.
     sharp = np.einsum("ei,ei->e", normals[one], normals[two]) < math.cos(_GENTLE)
     sharp |= ~clear[one] | ~clear[two]
-    place = np.cumsum(clear) - 1  # of a face among those that are clear
+    place = np.cumsum(clear) - 1  # index of a face among the wide ones
     place[~clear] = -1
     beside = place[np.column_stack((one, two))][sharp]
     of_vertex: list[list[int]] = [[] for _ in range(count)]

@@ -36,9 +36,9 @@ from pinbound.values import FrozenDict
 __all__ = ["Coverage"]
 
 _FINE = 0.05
-"""How far a prism that stands for a cylinder in a proof may stick out, as a share of the body's smallest size."""
+"""How far the prism that replaces a cylinder in a proof may stick out, as a share of the body's smallest size."""
 _FEW = 2
-"""Largest number of coordinates between two links that may reduce to one angle; then balls prove the most."""
+"""The largest number of coordinates between two links that may reduce to one angle; then balls give the best proof."""
 
 
 class Coverage:
@@ -65,13 +65,13 @@ class Coverage:
         closures: Sequence[Closure] = (),
         meshes: MeshSource | None = None,
     ) -> None:
-        """Take a robot's parts; `bodies` are those of all links, `meshes` reads those that are meshes."""
+        """Take the parts of a robot: `bodies` are those of all links, `meshes` reads those that are meshes."""
         self._survey = _Survey(tree, coupling, annotations, bodies, closures, meshes)
         self._boundaries = tuple(boundaries)
         self._parts: dict[frozenset[str], Coverage] = {}
 
     def __repr__(self) -> str:
-        """Return the line."""
+        """Return the summary line."""
         return f"<Coverage: {self.summary}>"
 
     def of(self, names: Iterable[str]) -> Coverage:
@@ -164,7 +164,7 @@ class Coverage:
 
 
 class _Survey:
-    """What does not depend on which boundaries are asked: bodies, what holds them, which links can meet."""
+    """The part of coverage that does not depend on the boundaries: bodies, their marks, links that can meet."""
 
     def __init__(
         self,
@@ -233,7 +233,7 @@ class _Survey:
         return (*said, *filter(None, [hollow_note(hollow)]))
 
     def pair(self, a: str, b: str, boundaries: Sequence[Boundary]) -> PairCoverage:
-        """Return how two links with bodies are looked after by the boundaries between them."""
+        """Return how the boundaries between two links cover the pair."""
         names = tuple(boundary.name for boundary in boundaries)
         watched = self._watched(a, b, boundaries) if boundaries else 0
         count = len(self.bodies[a]) * len(self.bodies[b])
@@ -249,7 +249,7 @@ class _Survey:
         return PairCoverage((a, b), Status.UNWATCHED, free or "no boundary between them", None, names)
 
     def _basis(self, a: str, b: str) -> tuple[Basis | None, str]:
-        """Return why two links need no boundary, or who says so."""
+        """Return why two links need no boundary, or which file says so."""
         if (a, b) not in self.bases:
             said = self.said.get(frozenset((a, b)), [])
             found = self._proof(a, b)
@@ -275,11 +275,11 @@ class _Survey:
         rows = [self.coupling.row(joint.name)[0] for joint in self.tree.path_between(a, b) if joint.moves]
         used = int(np.count_nonzero(np.any(np.array(rows), axis=0)))
         if used > _FEW and self.poses.come_near(a, one, b, two):
-            return None  # no bound of `reach` can prove apart what comes this near
+            return None  # if marks come this near, no bound of `reach` can prove them apart
         return (Basis.PROOF, "can never meet") if self._reach(a, b).never_meet(one, two) else None
 
     def _is_loose(self, a: str, b: str) -> bool:
-        """Return whether a joint between two links is known up to the error of a loop only, so that no proof holds."""
+        """Return whether a joint between two links is known only up to the error of a loop: then there is no proof."""
         return bool(self.loose) and any(joint.name in self.loose for joint in self.tree.path_between(a, b))
 
     def _is_free(self, a: str, b: str) -> bool:
@@ -287,7 +287,7 @@ class _Survey:
 
     @cached_property
     def degrees(self) -> dict[frozenset[str], int]:
-        """Degrees of freedom between links that are near each other in the tree; all other pairs have two at least."""
+        """Degrees of freedom between links that are near each other in the tree; all other pairs have at least two."""
         return self.tree.degrees_nearby(self.coupling)
 
     @cached_property
@@ -296,7 +296,7 @@ class _Survey:
 
     @cached_property
     def shapes(self) -> dict[str, list[Mark]]:
-        """Marks that hold each link's bodies, to prove with; none if one of them is not read."""
+        """Marks that hold each link's bodies, for proofs; empty if the shape of one body is not supported."""
         from pinbound.coverage.covers import covers
 
         found: dict[str, list[Mark]] = {}
@@ -316,7 +316,7 @@ class _Survey:
         return self.reaches[a, b]
 
     def _watched(self, a: str, b: str, boundaries: Sequence[Boundary]) -> int:
-        """Return how many pairs of bodies are watched: every pair of their marks is a boundary, or can never meet."""
+        """Return how many pairs of bodies are watched: each pair of their marks is a boundary, or can never meet."""
         at_a = {name: place for place, name in enumerate(self.links[a].marks)}
         at_b = {name: place for place, name in enumerate(self.links[b].marks)}
         settled = self._apart(a, b).copy()
@@ -343,7 +343,7 @@ class _Survey:
         return sum(any(bool(np.all(settled[chosen])) for chosen in options) for options in choices)
 
     def _apart(self, a: str, b: str) -> Flags:
-        """Return which marks of two links are proven apart by the chain between them, (marks of a, marks of b)."""
+        """Return which marks of two links the chain between them proves apart, (marks of a, marks of b)."""
         if (a, b) not in self.apart:
             nothing = np.zeros((len(self.marks[a]), len(self.marks[b])), dtype=np.bool_)
             proven = not self._is_loose(a, b)
@@ -362,7 +362,7 @@ class _Survey:
 
 def _body_coverage(body: Body, marks: Sequence[Mark], meshes: MeshSource | None) -> BodyCoverage:
     is_mesh = body.shape == "mesh" and meshes is not None
-    fault = meshes.fault(body) if is_mesh and marks and meshes is not None else ""  # no file is read for nothing
+    fault = meshes.fault(body) if is_mesh and marks and meshes is not None else ""  # no file is read without need
     mesh = meshes.of(body) if is_mesh and marks and not fault and meshes is not None else None
     held = holders(body, marks, mesh)
     reason = ""
@@ -375,5 +375,5 @@ def _body_coverage(body: Body, marks: Sequence[Mark], meshes: MeshSource | None)
 
 
 def _fine(bodies: Sequence[Body]) -> float:
-    """Return how far the stand-ins of bodies may stick out [m]."""
+    """Return how far the marks that replace bodies in proofs may stick out [m]."""
     return max([_FINE * min(min(body.size) for body in bodies), SAME_BODY]) if bodies else SAME_BODY

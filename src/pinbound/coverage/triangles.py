@@ -1,4 +1,5 @@
-"""How far points are from triangles: from a place of each that is nearest, but for rounding."""
+"""Distances of points from triangles: each is the distance from a point of the triangle that is nearest, up to
+rounding."""
 
 from __future__ import annotations
 
@@ -12,16 +13,16 @@ __all__ = ["Triangles", "cut_along", "halved"]
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_BLOCK = 4_096  # pairs of a point and a triangle that are looked at at once: as much as a cache holds
-_SLIVER = 1e-12  # of the product of two squared sides: less is rounding, and its sides decide
+_BLOCK = 4_096  # pairs of a point and a triangle that are examined at once: as many as a cache holds
+_SLIVER = 1e-12  # of the product of two squared sides: if it is less, only rounding is left, and the sides decide
 
 
 class Triangles:
-    """Triangles `a + s u + t v`, `s, t >= 0`, `s + t <= 1`, with all that does not depend on the point worked out.
+    """Triangles `a + s u + t v`, `s, t >= 0`, `s + t <= 1`, with the values that do not depend on the point.
 
-    The place is chosen among the nearest of each side and of the plane, by the squares of their distances; the distance
-    is then that of the place itself. So it is never less than the triangle's own, but for rounding; of slivers, where
-    rounding may choose wrongly, it may be more.
+    The nearest points of each side and of the plane are compared by their squared distances, and one of them is chosen.
+    The result is the distance of that point itself. So it is never less than the true distance, up to rounding. For
+    slivers rounding may make a wrong choice, and the result may be larger.
 
     Example:
         >>> corner = Triangles(np.array([[[0.0, 0, 0], [1.0, 0, 0], [0, 1.0, 0]]]))
@@ -41,7 +42,7 @@ class Triangles:
         self._table = np.ascontiguousarray(np.vstack((a.T, u.T, v.T, uu, uv, vv, *inverses)))
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of triangles."""
         return len(self.corners)
 
     def away(self, points: Array, rows: Ints) -> Array:
@@ -74,7 +75,7 @@ class Triangles:
         return np.sqrt(_dot(r, r))
 
     def least(self, points: Array) -> Array:
-        """Return the distance of each point (N, 3) from the nearest of all triangles [m]: all pairs are looked at."""
+        """Return the distance of each point (N, 3) from the nearest of all triangles [m]; all pairs are examined."""
         count = len(self.corners)
         rows = np.tile(np.arange(count), len(points))
         return self.away(np.repeat(points, count, axis=0), rows).reshape(-1, count).min(axis=1)
@@ -85,7 +86,7 @@ def _dot(one: Array, two: Array) -> Array:
 
 
 def halved(pieces: Array) -> Array:
-    """Return each triangle (n, 3, 3) as two, cut across its longest side, side by side: (2 n, 3, 3).
+    """Return two triangles for each triangle (n, 3, 3), halved at its longest side: (2 n, 3, 3).
 
     Example:
         >>> halved(np.array([[[0.0, 0, 0], [2.0, 0, 0], [0, 1.0, 0]]])).shape
@@ -100,10 +101,11 @@ def halved(pieces: Array) -> Array:
 
 
 def cut_along(pieces: Array, triangles: Array) -> tuple[tuple[Array, Ints], tuple[Array, Ints]]:
-    """Cut triangles (n, 3, 3) along the sides of others (n, 3, 3), one each, by planes upright on these.
+    """Cut triangles (n, 3, 3) along the sides of others (n, 3, 3), row by row, by planes perpendicular to these.
 
     Returns:
-        What is over or under the other triangle, and the rest: corners (m, 3, 3), and from which piece each is (m,).
+        The pieces over or under the other triangle, and the rest: corners (m, 3, 3), and the index (m,) of the cut
+        triangle.
 
     Example:
         >>> large = np.array([[[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 5.0, 0.0]]])
@@ -129,12 +131,12 @@ def cut_along(pieces: Array, triangles: Array) -> tuple[tuple[Array, Ints], tupl
 
 
 def _split(corners: Array, height: Array) -> tuple[tuple[Array, Ints], tuple[Array, Ints]]:
-    """Return what of triangles has a height of zero or more, and what has less, with the rows they are cut from."""
+    """Return the pieces of triangles with a height of zero or more, and those with less, and their triangles."""
     above, below = np.all(height >= 0.0, axis=1), np.all(height <= 0.0, axis=1) & np.any(height < 0.0, axis=1)
     rows = np.flatnonzero(~above & ~below)
     h = height[rows]
     signs = np.sign(h)
-    # The corner that is alone on its side comes first; where one is on the plane, the one above it does.
+    # The corner that is alone on its side comes first; if a corner is on the plane, the one above it comes first.
     alone = np.where(signs.sum(axis=1) < 0.0, 1.0, np.where(signs.sum(axis=1) > 0.0, -1.0, 1.0))
     first = np.argmax(signs == alone[:, None], axis=1)
     n = np.arange(len(rows))

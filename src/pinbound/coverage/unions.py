@@ -1,8 +1,9 @@
-"""Several spheres over one body: is every point of it in at least one of them?
+"""A proof that several spheres hold a body: every point of the body is in at least one sphere.
 
-Along the axis of a cylinder or capsule: a sphere of radius R about a point of the axis holds the body's disc of radius
-r at up to `sqrt(R^2 - r^2)` from there, so that intervals have to cover the axis. Elsewhere the body is cut into boxes,
-each in one sphere: first at the middles between centres, where covers by cells meet, then by halves.
+For a cylinder or capsule the proof goes along the axis. A sphere of radius R about a point of the axis holds the body's
+disc of radius r up to a distance of `sqrt(R^2 - r^2)` from there. So these intervals must cover the axis. Otherwise the
+body is divided into boxes, each in one sphere: first at the middles between centres, where covers by cells meet, then
+by halving.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from pinbound.typing import Array, Flags
 __all__ = ["spheres_over"]
 
 _MOST_BOXES = 8_000
-"""Boxes that a proof may take; a body that needs more is not proven to be held."""
+"""The largest number of boxes of a proof; a body that needs more is not proven to be held."""
 _MOST_CELLS = 1_000
-"""Boxes with which a proof may start."""
+"""The largest number of boxes at the start of a proof."""
 
 
 def spheres_over(shape: str, size: tuple[float, ...], centres: Array, radii: Array) -> tuple[int, ...]:
@@ -45,8 +46,8 @@ def spheres_over(shape: str, size: tuple[float, ...], centres: Array, radii: Arr
 
 
 def _along_axis(radius: float, length: float, centres: Array, radii: Array, has_caps: bool) -> tuple[int, ...]:
-    """Go along the axis from end to end, each time with the sphere that reaches furthest."""
-    inner = radii - np.hypot(centres[:, 0], centres[:, 1])  # the sphere about the foot on the axis that it holds
+    """Go along the axis from end to end; in each step use the sphere that reaches furthest."""
+    inner = radii - np.hypot(centres[:, 0], centres[:, 1])  # of the sphere that it holds about the axis
     heights, half = centres[:, 2], length / 2
     wide = inner >= radius
     reach = np.where(wide, np.sqrt(np.maximum(inner**2 - radius**2, 0.0)), -np.inf)
@@ -72,7 +73,7 @@ def _along_axis(radius: float, length: float, centres: Array, radii: Array, has_
 
 
 def _by_boxes(shape: str, size: tuple[float, ...], centres: Array, radii: Array) -> tuple[int, ...]:
-    """Cut the body's bounding box until every part is in one sphere, or outside the body, or the budget is spent."""
+    """Halve the body's bounding box until every part is in one sphere, or outside the body, or the budget is spent."""
     half_size = _half_size(shape, size)
     centre, half = _first_cells(half_size, centres)
     used: set[int] = set()
@@ -94,7 +95,7 @@ def _by_boxes(shape: str, size: tuple[float, ...], centres: Array, radii: Array)
         core = ~_is_outside(shape, size, centre, np.zeros_like(half))
         distance = np.linalg.norm(centre[core][:, None] - centres, axis=2) - radii
         if np.any(np.min(distance, axis=1) > HELD):
-            return ()  # a point of the body that is in no sphere
+            return ()  # a point of the body is in no sphere
         rows, across = np.arange(len(centre)), np.argmax(half, axis=1)
         half[rows, across] *= 0.5
         step = np.zeros_like(half)
@@ -112,7 +113,7 @@ def _half_size(shape: str, size: tuple[float, ...]) -> Array:
 
 
 def _first_cells(half_size: Array, centres: Array) -> tuple[Array, Array]:
-    """Return boxes (k, 3) centres and halves, cut at the middles between centres where these make few boxes."""
+    """Return boxes, centres (k, 3) and half-sides, divided at the middles between centres if these give few boxes."""
     cuts: list[Array] = []
     for axis in range(3):
         order = np.sort(centres[:, axis])
@@ -127,7 +128,7 @@ def _first_cells(half_size: Array, centres: Array) -> tuple[Array, Array]:
 
 
 def _is_outside(shape: str, size: tuple[float, ...], centre: Array, half: Array) -> Flags:
-    """Return which boxes have no point of the body inside them; those that only touch it may go either way."""
+    """Return which boxes have no inner point of the body; for those that only touch it either answer is possible."""
     nearest = np.maximum(np.abs(centre) - half, 0.0)
     if shape == "box":
         return np.zeros(len(centre), dtype=np.bool_)

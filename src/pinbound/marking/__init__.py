@@ -1,4 +1,4 @@
-"""Proposed marks: bodies covered, pairs worth checking, a home that is free."""
+"""Proposed marks that hold the bodies, pairs that need a boundary, and a home that is free."""
 
 from pinbound.marking.disabled import DisabledPair, disabled_pairs, find_srdf
 from pinbound.marking.judge import Evidence

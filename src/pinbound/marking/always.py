@@ -1,10 +1,10 @@
 """Proof that two marks overlap in every configuration.
 
-Take a point p of the one mark and a point s of the other. The reduced chain between them is
-`r = b_0 + R_1(b_1 + R_2(...))`, its offsets linear in p and s, so that `|r| <= sum |b_i|` whatever the angles. A part
-of b_i along the axis of R_i may be counted with `b_{i-1}` as well, for R_i leaves it alone. If the one mark holds a
-ball of radius rho_a about p, and the other one of rho_b about s, then `sum |b_i| < rho_a + rho_b` proves that the two
-balls meet in every configuration, joint limits aside. `docs/marking.md` has the lines.
+Take a point p of one mark and a point s of the other. The reduced chain between them is `r = b_0 + R_1(b_1 +
+R_2(...))`, with offsets that are linear in p and s. So `|r| <= sum |b_i|` for all angles. The part of b_i along the
+axis of R_i may also be counted with `b_{i-1}`, because R_i does not change it. If one mark holds a ball of radius rho_a
+about p, and the other holds one of radius rho_b about s, then `sum |b_i| < rho_a + rho_b` proves that the two balls
+overlap in every configuration, also outside the joint limits. `docs/marking.md` has the derivation.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ __all__ = ["overlap_everywhere"]
 
 
 _SOLID = 3  # dimensions
-_SMOOTH = 1e-7  # metres: norms are rounded off within this while they are minimised, not where they are compared
+_SMOOTH = 1e-7  # metres: the minimisation smooths norms within this length; the comparison uses exact norms
 _ROUNDS = 60
-_FLAT_EXTENT = 1e-6  # relative: a hull that is thinner has no ball in it worth looking for
+_FLAT_EXTENT = 1e-6  # relative: in a thinner hull no ball is searched for
 
 
 def overlap_everywhere(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> float | None:
-    """Return by how much two marks are proven to overlap in every configuration [m], or None if that is not proven.
+    """Return by how much two marks are proven to overlap in every configuration [m]; None if that is not proven.
 
-    It is a lower bound of the overlap of two balls in them. Links that slide against each other, or a loop whose sides
-    differ between them, must have been told apart before: for the first nothing is proven here.
+    It is a lower bound of the overlap of two balls inside them. The caller must exclude links between which a prismatic
+    joint or a loop with different sides lies; with a prismatic joint this function proves nothing.
 
     Example:
         >>> import pinbound as pb
@@ -63,7 +63,7 @@ def overlap_everywhere(tree: Tree, coupling: Coupling, a: Mark, b: Mark) -> floa
 
 
 def _offsets(difference: HullChain, p: Array, s: Array, shifts: Array) -> Array:
-    """Return the offsets b_i (k, 3) of the chain between two points, parts along axes counted where `shifts` say."""
+    """Return the offsets b_i (k, 3) of the chain between two points, with parts along axes moved by `shifts`."""
     directions = np.array(difference.directions)
     found = difference.chain.offsets + np.tensordot(p, directions[:3], axes=1) + np.tensordot(s, directions[3:], axes=1)
     for index, (shift, axis) in enumerate(zip(shifts, difference.chain.axes, strict=True)):
@@ -75,7 +75,7 @@ def _offsets(difference: HullChain, p: Array, s: Array, shifts: Array) -> Array:
 def _nearest_balls(difference: HullChain, one: Shape, other: Shape) -> tuple[Array, Array, Array]:
     """Return points of two shapes, and shifts along the axes, that make `sum |b_i| - rho_a - rho_b` small.
 
-    It is a convex problem; what comes back need not be its minimum, for it is judged by its own numbers.
+    The problem is convex. The result need not be its minimum, because it is verified with its own numbers.
     """
     import scipy.optimize
 
@@ -101,7 +101,7 @@ def _nearest_balls(difference: HullChain, one: Shape, other: Shape) -> tuple[Arr
 
 
 class _Inside:
-    """How a point of a shape, and a ball about it, are written as numbers: weights of vertices, or point and radius."""
+    """A point of a shape and a ball about it, as numbers: weights of vertices, or a point and a radius."""
 
     def __init__(self, shape: Shape) -> None:
         self.vertices = np.asarray(shape.vertices, dtype=np.float64)
@@ -124,7 +124,7 @@ class _Inside:
         return 0.0 if self.facets is None else float(x[_SOLID])
 
     def constraints(self, part: slice, size: int) -> list[dict[str, Any]]:
-        """Return that the ball is behind every facet, or that the weights are a share each."""
+        """Return constraints: the ball is behind every facet, or the weights are nonnegative with the sum one."""
         rows = np.zeros((self.count if self.facets is None else len(self.facets), size))
         if self.facets is None:
             rows[:, part] = np.eye(self.count)
@@ -137,7 +137,7 @@ class _Inside:
 
 
 def _linear(kind: str, rows: Array, level: Array | float) -> dict[str, Any]:
-    """Return `rows @ x >= level`, or `==`, as SciPy takes it."""
+    """Return `rows @ x >= level`, or `==`, in SciPy's format."""
 
     def value(x: Array) -> Array:
         return rows @ x - level
@@ -149,7 +149,7 @@ def _linear(kind: str, rows: Array, level: Array | float) -> dict[str, Any]:
 
 
 def _facets(vertices: Array) -> Array | None:
-    """Return `n . x + c <= 0` (m, 4) of a solid's facets; None of what is flat, a segment or a point."""
+    """Return `n . x + c <= 0` (m, 4) of a solid's facets; None for a flat hull, a segment or a point."""
     from scipy.spatial import ConvexHull, QhullError
 
     if len(vertices) <= _SOLID:
@@ -164,9 +164,9 @@ def _facets(vertices: Array) -> Array | None:
 
 
 def _ball_within(shape: Shape, centre: Array) -> float:
-    """Return the radius of a ball about a point of a shape that is proven to lie in it, its own radius left out [m].
+    """Return the radius [m] of a ball about a point of a shape that is proven to lie in the shape without its radius.
 
-    Facets propose it. Proven is it by points of the shape: their hull is in the shape, and holds the ball.
+    Facets propose the radius. The proof uses points of the shape: their hull is in the shape, and holds the ball.
     """
     if not holds_points(shape, centre[None], 0.0):
         return -np.inf
@@ -182,7 +182,7 @@ def _ball_within(shape: Shape, centre: Array) -> float:
 
 @cache
 def _directions() -> tuple[Array, float]:
-    """Return unit vectors (98, 3), and the radius of the largest ball about zero that their hull holds."""
+    """Return unit vectors (98, 3), and the radius of the largest ball about the origin in their hull."""
     from scipy.spatial import ConvexHull
 
     steps = np.array([xyz for xyz in product(range(-2, 3), repeat=3) if max(map(abs, xyz)) == 2], dtype=np.float64)

@@ -1,18 +1,18 @@
-"""Links that can never meet, by the lengths of the chains between them alone: all pairs of links at once.
+"""Links that can never meet, proven from the lengths of the chains between them alone, for all pairs of links at once.
 
-Links that fixed joints join are one *body*. Let C be the lowest body from which two links descend, and p_a the place in
-C's frame, which does not move, at which the way to link a starts: its first joint, or the middle of the link's marks if
-the link is on C. Wherever the joints behind it stand, the link's marks stay in a ball about p_a of the radius
+Links that are connected by fixed joints form one *body*. Let C be the lowest body from which two links descend. Let p_a
+be the fixed point of C at which the chain to link a starts: its first joint, or the middle of the link's marks if the
+link is on C. For all positions of the joints behind p_a, the link's marks stay in a ball about p_a with the radius
 
     rho_a = sum of |c_j| + |m_a| + w_a,
 
-c_j being the place of each joint behind the first in the frame of the body above it, m_a the middle of the link's marks
-in its body's frame, and w_a how far they go from there, their radii included (on C, w_a alone). So the gap of two marks
-of the two links is, for all q, at least
+where c_j is the position of each joint after the first in the frame of the body above it, m_a is the middle of the
+link's marks in its body's frame, and w_a is how far the marks extend from there, with their radii (on C, rho_a is w_a
+alone). So for all q, the gap of two marks of the two links is at least
 
     |p_a - p_b| - rho_a - rho_b.
 
-Behind a joint that slides, or is free, rho is infinite.
+Behind a prismatic or free joint, rho is infinite.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ _TURNING = ("revolute", "continuous")
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """Links that fixed joints join.
+    """Links that are connected by fixed joints.
 
     Attributes:
-        above: The number of the body above; -1 of the root's.
-        place: (3,) where its joint is, in the frame of the body above [m].
-        length: The sum of |place| of this body and of those above [m].
-        slides: How many of their joints do not turn.
-        depth: How many they are.
+        above: The number of the body above; -1 for the body of the root.
+        place: (3,) the position of its joint, in the frame of the body above [m].
+        length: The sum of |place| of this body and those above [m].
+        slides: The number of joints down to this body that are not revolute.
+        depth: The number of joints down to this body.
     """
 
     above: int
@@ -54,7 +54,7 @@ class _Body:
 
 @dataclass(frozen=True, eq=False)
 class _Ways:
-    """What starts at one place of a body: links, by their numbers, and the radii of the balls that hold them [m]."""
+    """The chains that start at one point of a body: numbers of their links, and balls that hold them (radii [m])."""
 
     place: Array
     links: Ints
@@ -64,11 +64,11 @@ class _Ways:
 def least_gaps(tree: Tree, marks: Mapping[str, Sequence[Mark]]) -> Array:
     """Return lower bounds of the gaps between the marks of each two links, over all q (k, k) [m].
 
-    What rounding may have changed is taken off. Two links on one body, lines and planes have minus infinity.
+    Rounding is subtracted. For two links on one body, and for lines and planes, the value is minus infinity.
 
     Args:
-        tree: The robot's tree; joints may stand anywhere, coupled or not.
-        marks: The marks of each of k links, one at least.
+        tree: The robot's tree; the joints may have any positions, coupled or not.
+        marks: The marks of each of k links; each has at least one.
 
     Example:
         >>> import pinbound as pb
@@ -85,7 +85,7 @@ def least_gaps(tree: Tree, marks: Mapping[str, Sequence[Mark]]) -> Array:
     rounding = FOLDING * UNIT_ROUNDOFF * (2 * max(body.depth for body in bodies) + 2) ** 2
     for own, branches in below:
         for index, one in enumerate((*own, *branches)):
-            others = branches[max(0, index - len(own) + 1) :]  # two links on one body never move against each other
+            others = branches[max(0, index - len(own) + 1) :]  # two links on one body never move relative to each other
             if not others:
                 continue
             links, counts = np.concatenate([way.links for way in others]), [len(way.links) for way in others]
@@ -100,7 +100,7 @@ def least_gaps(tree: Tree, marks: Mapping[str, Sequence[Mark]]) -> Array:
 
 
 def _bodies_of(tree: Tree) -> tuple[list[_Body], dict[str, tuple[int, Array, Array]]]:
-    """Return the bodies, those above first, and of each link its body, and its rotation and place there."""
+    """Return the bodies, parents first, and for each link its body, and its rotation and position there."""
     bodies = [_Body(-1, np.zeros(3), 0.0, 0, 0)]
     frames: dict[str, tuple[int, Array, Array]] = {}
     for link, joint, _ in tree.walk():
@@ -134,7 +134,7 @@ def _balls(marks: Mapping[str, Sequence[Mark]], frames: Mapping[str, tuple[int, 
 def _ways_below(
     bodies: Sequence[_Body], numbers: Sequence[int], middles: Array, radii: Array
 ) -> list[tuple[list[_Ways], list[_Ways]]]:
-    """Return, for each body, the ways to each link on it, and the ways through each joint on it to all links behind."""
+    """Return, for each body, the chains to each link on it, and those through each joint on it to all links behind."""
     found: list[tuple[list[_Ways], list[_Ways]]] = [([], []) for _ in bodies]
     links: list[list[int]] = [[] for _ in bodies]
     for link, number in enumerate(numbers):
@@ -142,7 +142,7 @@ def _ways_below(
         links[number].append(link)
     reach = np.array([bodies[number].length for number in numbers]) + np.linalg.norm(middles, axis=1) + radii
     slides = np.array([bodies[number].slides for number in numbers], dtype=int)
-    for number in range(len(bodies) - 1, 0, -1):  # those below come first
+    for number in range(len(bodies) - 1, 0, -1):  # children come first
         body, behind = bodies[number], np.array(links[number], dtype=int)
         if len(behind):
             turning = slides[behind] == bodies[body.above].slides

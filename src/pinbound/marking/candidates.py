@@ -1,8 +1,9 @@
-"""Candidates for a home: configurations within all joint limits, mimic joints' too, on home's side of every contact.
+"""Candidates for a home: configurations within all limits, also of mimic joints, that keep home's side of every
+contact.
 
-Candidates are drawn from the box of the limits of single coordinates and kept if the other limits hold. Where those
-leave too little of the box to be met by chance, they are drawn along random lines through a configuration within all
-limits (hit and run), which a linear program finds.
+Candidates are drawn from the box of the limits of single coordinates, and kept if they satisfy the other limits. If too
+few do, candidates are drawn along random lines through a configuration within all limits (hit and run). A linear
+program finds this configuration.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ __all__ = ["can_be_home", "configuration_text", "draw", "home_entries", "simple_
 _FAR = {True: math.pi, False: 1.0}  # radians or metres from home, for a coordinate without limits
 _WIDEST = {True: 2 * math.pi, False: 10.0}  # radians or metres from home: no candidate is further away
 _ROUNDS = 20
-_SHARES = (0.25, 0.75)  # of the limits: where a person would try next, after the middle
-_NARROW = 0.01  # of the widest limit: a limit that is narrower is walked along
+_SHARES = (0.25, 0.75)  # of the limits: what a person would try next, after the middle
+_NARROW = 0.01  # of the widest limit: steps go along limits that are narrower
 
 
 def within_limits(limits: Sequence[LinearLimit], Q: Array, guarded: Sequence[GuardedLimit] = ()) -> Flags:

@@ -37,9 +37,9 @@ CAN_TOUCH = "can touch"
 NOT_SEEN = "no contact found"
 COVERS_TOUCH = "their marks can touch; no contact of their bodies was found"
 
-_STARTS, _STEPS, _WIDTH = 4, 20, 32  # of the random search: from how many samples, how many steps, how many tries each
-_FIRST, _LAST = 0.3, 0.003  # of the limits' width: the first steps of the search and the last
-_MOST = 200  # configurations that one pair's bodies are asked about
+_STARTS, _STEPS, _WIDTH = 4, 20, 32  # of the random search: number of start samples, steps, and tries in each step
+_FIRST, _LAST = 0.3, 0.003  # of the limits' width: the first and the last step of the search
+_MOST = 200  # configurations at which the bodies of one pair are tested
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class DisabledPair(Value):
         links: The two links.
         reason: The file's reason.
         source: The file.
-        line: Its line; None if it was not kept.
+        line: Its line; None if it is not known.
         verdict: ``"can touch"``, ``"can never meet"``, ``"never move against each other"``, ``"no contact found"``, or
             why there is no result.
         basis: The basis of the verdict, as in `Evidence`.
@@ -86,12 +86,12 @@ def find_srdf(robot: Robot) -> tuple[Path, ...]:
 def _names(path: Path, robot: str) -> bool:
     try:
         return parse_file(path).get("name") == robot
-    except InputError:  # a file that was not asked for, and that is no XML
+    except InputError:  # this file was not requested, and is not XML
         return False
 
 
 def stated_pairs(robot: Robot, srdf: Path | None = None) -> tuple[LeftOutMark, ...]:
-    """Return the pairs of links that SRDFs among the annotations disable, and those of one more file, each pair once.
+    """Return the pairs of links that SRDFs among the annotations and one more file disable, each pair once.
 
     Raises:
         InputError: If the file cannot be read, or is no XML.
@@ -142,7 +142,7 @@ Found = tuple[str, Basis, str, Array | None]
 
 
 class _Finder:
-    """Looks at pairs of links, one by one."""
+    """Examines pairs of links, one by one."""
 
     def __init__(self, robot: Robot, covers: Sequence[Cover], touches: Touches | None, judge: Judge) -> None:
         self.robot, self.touches, self.judge_of = robot, touches, judge
@@ -200,7 +200,7 @@ class _Finder:
         return COVERS_TOUCH, "samples", f"{sticks}; {tried}", rows[0]
 
     def _overlap(self, pairs: Sequence[Pair], q: Array) -> str:
-        """Return by how much the marks overlap at q, for people."""
+        """Return by how much the marks overlap at q, as text."""
         deepest = min(
             float(depth.signed_distances(self._path(pair), pair.a.shape.radius + pair.b.shape.radius, q[None])[0])
             for pair in pairs
@@ -211,7 +211,7 @@ class _Finder:
         return relative_path(self.robot.tree, self.robot.coupling, pair.a, pair.b)
 
     def _approach(self, pairs: Sequence[Pair]) -> Array:
-        """Return configurations (k, n) within all limits at which two marks touch, found by random steps; or none."""
+        """Return configurations (k, n) within all limits at which two marks touch, found by random steps."""
         robot, Q = self.robot, self.judge_of.Q
         gaps = np.array([self.judge_of.gaps(pair) for pair in pairs])
         best = int(np.argmin(gaps.min(axis=1)))

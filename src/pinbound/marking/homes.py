@@ -27,7 +27,7 @@ class Home:
 
 
 def choose_home(judge: Judge, touching: Ints) -> Home:
-    """Choose the present home if the user has given it or no candidate is better; `touching` (N,) counts pairs."""
+    """Choose the present home if the user gave it or if no candidate is better; `touching` (N,) counts pairs."""
     robot = judge.robot
     inside = bool(within_limits(robot.linear_limits, robot.home[None], robot.guarded_limits)[0])
     best: int | None = None
@@ -74,7 +74,7 @@ def home_note(judge: Judge, home: Home, at_home: Sequence[tuple[Pair, float]]) -
 
 
 def _moved(judge: Judge, best: int) -> str:
-    """Return which one coordinate differs from today's home, if it is one alone."""
+    """Return the coordinate that differs from the present home, if it is only one."""
     robot, q = judge.robot, judge.Q[best]
     moved = [name for name, now, then in zip(robot.coordinates, robot.home, q, strict=True) if now != then]
     return f"; it moves {moved[0]} alone" if len(moved) == 1 < len(q) else ""
@@ -85,5 +85,5 @@ def _pairs(count: int) -> str:
 
 
 def _overlap(gap: float) -> str:
-    """Return by how much two marks overlap, for people; between 0 and the contact tolerance they touch."""
+    """Return by how much two marks overlap, as text; between 0 and the contact tolerance they touch."""
     return f"overlap by {-1e3 * gap:.4g} mm" if gap < 0.0 else "touch"

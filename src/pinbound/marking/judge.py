@@ -1,4 +1,4 @@
-"""Pairs of links and of marks, each judged once: need they be looked at, and where do they touch?"""
+"""Pairs of links and of marks, each judged once: whether they need a boundary, and where they touch."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ __all__ = [
 Basis = Literal["proof", "witness", "samples", "granted"]
 
 SAMPLES = 500
-_NAMED = 5  # how many pairs a sentence names
+_NAMED = 5  # the number of pairs that a sentence names
 _NONE: dict[str, int] = {}
 
 NEIGHBOURS = "neighbours"
@@ -57,14 +57,14 @@ IN_ALL = "in contact in all of"
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Evidence(Value):
-    """What leaving out a pair of links for one reason rests on.
+    """The evidence for leaving out a pair of links for one reason.
 
     Attributes:
         basis: ``"proof"``: it holds for all q; ``"witness"``: it was seen at `q`; ``"samples"``: it was seen in all
-            sampled configurations, which proves nothing; ``"granted"``: it is taken for granted.
-        text: The number behind it, for people.
-        q: (n,), where it was seen; None but for a witness.
-        marks: The pairs of marks that are left out for it, though other pairs of these links may be watched.
+            sampled configurations, which is not a proof; ``"granted"``: it is assumed.
+        text: The number that supports it, as text.
+        q: (n,), the configuration at which it was seen; None except for a witness.
+        marks: The pairs of marks that are left out for this reason; other pairs of these links may be watched.
     """
 
     basis: Basis
@@ -73,23 +73,23 @@ class Evidence(Value):
     marks: tuple[tuple[str, str], ...] = ()
 
     def __eq__(self, other: object) -> bool:
-        """Return whether all four are the same."""
+        """Return whether all four fields are equal."""
         if not isinstance(other, Evidence):
             return NotImplemented
         mine, its = (None if one.q is None else one.q.tolist() for one in (self, other))
         return (self.basis, self.text, self.marks, mine) == (other.basis, other.text, other.marks, its)
 
     def __hash__(self) -> int:
-        """Return a hash of the words and the marks."""
+        """Return a hash of the texts and the marks."""
         return hash((self.basis, self.text, self.marks))
 
 
 @dataclass(frozen=True, eq=False)
 class Spare:
-    """How far the marks of two links, that can never meet, stay apart [m].
+    """Lower bounds of the distance of the marks of two links that can never meet [m].
 
     Attributes:
-        judged: By the names of two links, where their marks were looked at.
+        judged: The bounds of links whose marks were examined, by the names of the two links.
         places: The row of each link's name in `bounds`.
         bounds: (k, k) lower bounds for all other links; None if there are none.
     """
@@ -99,19 +99,19 @@ class Spare:
     bounds: Array | None
 
     def of(self, a: str, b: str) -> float:
-        """Return the bound of two links."""
+        """Return the bound for two links."""
         found = self.judged.get((a, b))
         if found is not None:
             return found
-        assert self.bounds is not None  # links are either judged or bounded
+        assert self.bounds is not None  # links either were examined or have a bound
         return float(self.bounds[self.places[a], self.places[b]])
 
 
 class Judge:
-    """Judges pairs of links and of marks of one robot, each once."""
+    """Judges pairs of links and of marks of one robot, each only once."""
 
     def __init__(self, robot: Robot, neighbours: bool = False) -> None:
-        """Draw the configurations; `neighbours`: pairs of neighbours are worth a look, too."""
+        """Draw the configurations; with `neighbours`, pairs of neighbours get boundaries, too."""
         self.robot, self.neighbours = robot, neighbours
         drawn = draw(robot, SAMPLES - 1, np.random.default_rng(0))
         self.Q: Array = np.vstack((robot.home, simple_homes(robot), drawn))
@@ -119,7 +119,7 @@ class Judge:
         self._pairs: dict[tuple[Mark, Mark], Pair | float] = {}
 
     def links_reason(self, link_a: str, link_b: str) -> str | None:
-        """Return why no pair on two links is worth checking, or None."""
+        """Return why no pair of marks on two links needs a boundary, or None."""
         if self._parts[link_a] != self._parts[link_b]:
             return FREE_JOINT
         degrees = self._degrees.get(link_a, _NONE).get(link_b, MANY_DEGREES)
@@ -127,7 +127,7 @@ class Judge:
 
     @cached_property
     def _degrees(self) -> dict[str, dict[str, int]]:
-        """The degrees of freedom between links that are near each other, both ways; all others have many."""
+        """The degrees of freedom between links that are near each other, in both orders; all other pairs have more."""
         found: dict[str, dict[str, int]] = {}
         for (a, b), degrees in self.robot.tree.degrees_nearby(self.robot.coupling).items():
             found.setdefault(a, {})[b] = degrees
@@ -136,7 +136,7 @@ class Judge:
 
     @cached_property
     def _parts(self) -> dict[str, int]:
-        """The part of the tree that each link is in, cut at free joints."""
+        """The part of the tree that contains each link; the tree is divided at free joints."""
         found: dict[str, int] = {}
         for link, joint, _ in self.robot.tree.walk():
             is_cut = joint is None or joint.type in ("floating", "planar")
@@ -144,7 +144,7 @@ class Judge:
         return found
 
     def pairs(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> list[list[Pair | float]]:
-        """Return what is known of each pair of marks of two links: it may meet, or stays so far apart [m]."""
+        """Return a `Pair` for each pair of marks that may meet, else how far apart it is proven to stay [m]."""
         new = [a for a in marks_a if any((a, b) not in self._pairs for b in marks_b)]
         if new:
             links = Links(self.robot, new[0].link, marks_b[0].link, self.Q, self._poses)
@@ -152,12 +152,12 @@ class Judge:
         return [[self._pairs[a, b] for b in marks_b] for a in marks_a]
 
     def gaps(self, pair: Pair) -> Array:
-        """Return the gaps (N,) of two marks that have ends [m], everywhere; not above 0 where they overlap."""
+        """Return the gaps (N,) of two marks that have ends [m]; they are not above 0 where the marks overlap."""
         radii = pair.a.shape.radius + pair.b.shape.radius
         return self._poses.distances(pair.a, pair.b, np.arange(len(self.Q))) - radii
 
     def at_home(self, pair: Pair) -> float:
-        """Return the signed distance of two marks in contact at home [m]: negative is how deep they overlap."""
+        """Return the signed distance of two marks in contact at home [m]: if they overlap, minus the depth."""
         robot = self.robot
         path = relative_path(robot.tree, robot.coupling, pair.a, pair.b)
         radii = pair.a.shape.radius + pair.b.shape.radius
@@ -167,9 +167,9 @@ class Judge:
 def moving_pairs(
     judge: Judge, marks: Sequence[Mark], left_out: dict[tuple[str, str, str], int]
 ) -> tuple[list[Pair], Spare]:
-    """Return the pairs that may meet, and how far those stay apart that never do; count the others by reason.
+    """Return the pairs that may meet, and the bounds of those that never do; count the other pairs by reason.
 
-    Links are looked at in pairs, first by balls about all of their marks (`broad`), which cost nothing a pair.
+    Pairs of links are judged first by balls about all of their marks (`broad`), which is cheap for each pair.
     """
     by_link: dict[str, list[Mark]] = {}
     for mark in marks:
@@ -177,13 +177,13 @@ def moving_pairs(
     if not by_link:
         return [], Spare({}, {}, None)
     radii = np.array([min(mark.shape.radius for mark in own) for own in by_link.values()])
-    more = np.maximum(0.0, judge.robot.annotations.contact_tolerance - radii[:, None] - radii)  # of contact, than radii
+    more = np.maximum(0.0, judge.robot.annotations.contact_tolerance - radii[:, None] - radii)  # beyond the radii
     is_exact = not any(closure.deviations for closure in judge.robot.closures)
     gaps = least_gaps(judge.robot.tree, by_link) - more if is_exact else None
     place = {mark: place for place, mark in enumerate(marks)}
     pairs: list[Pair] = []
     spare: dict[tuple[str, str], float] = {}
-    row, of_row = list[float](), -1  # numbers of one link at a time: those of all are gigabytes for thousands of links
+    row, of_row = list[float](), -1  # numbers of one link at a time: for thousands of links all would be gigabytes
     for (i, a), (j, b) in combinations(enumerate(by_link), 2):
         ones, others = by_link[a], by_link[b]
         if gaps is not None and of_row != i:
@@ -208,7 +208,7 @@ def moving_pairs(
 def count_uncovered(
     judge: Judge, bodies: Sequence[Body], uncovered: Sequence[Body], left_out: dict[tuple[str, str, str], int]
 ) -> None:
-    """Count the pairs of bodies that no boundary can speak of, as one of the two is not covered."""
+    """Count the pairs of bodies that have no boundary because one of the two is not covered."""
     of_link: dict[str, list[Body]] = {}
     for body in bodies:
         of_link.setdefault(body.link, []).append(body)
@@ -230,6 +230,6 @@ def count_uncovered(
 
 
 def listed(words: Sequence[str]) -> str:
-    """Return the first few words, and how many more there are."""
+    """Return the first few words, and the number of the others."""
     more = f" and {len(words) - _NAMED} more" if len(words) > _NAMED else ""
     return ", ".join(words[:_NAMED]) + more

@@ -15,7 +15,7 @@ __all__ = ["kept", "known", "unused"]
 
 
 def known(robot: Robot, covers: Sequence[Cover]) -> list[Cover]:
-    """Return covers with marks that the robot already has, where it has them; the other covers get unused names."""
+    """Return the covers, with the marks that the robot already has if they exist; other covers get unused names."""
     alike = {_unnamed(mark): mark for mark in robot.annotations.marks.values()}
     names = set(robot.annotations.marks)
     found: list[Cover] = []
@@ -40,7 +40,7 @@ def unused(name: str, names: set[str]) -> str:
 
 
 def kept(robot: Robot) -> Annotations:
-    """Return the annotations outside the URDF, which a sidecar that replaces the present one must repeat."""
+    """Return the annotations outside the URDF. A sidecar that replaces the present one must repeat them."""
     inline = read_inline(robot.document.root, Problems(robot.document.label))
     said = {(_GROUPS.get(item.kind, item.kind), _key(item)) for item in inline}
     own = robot.annotations

@@ -1,4 +1,4 @@
-"""Pairs of marks on two links, judged together: which may meet, in which configurations, and which are proven apart."""
+"""Pairs of marks on two links, judged together: pairs that may meet, with their contacts, and pairs proven apart."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ __all__ = ["Links", "Pair"]
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two marks that may meet, and in which candidates they are in contact (N,).
+    """Two marks that may meet, and the candidates (N,) at which they are in contact.
 
-    `always` is by how much they are proven to overlap in every configuration [m]; None if that is not proven.
+    `always` is the overlap that they are proven to have in every configuration [m]; None if that is not proven.
     """
 
     a: Mark
@@ -38,10 +38,10 @@ class Pair:
 
 
 class Links:
-    """Two links, and the joints between them alone: other coordinates change no distance."""
+    """Two links, and the joints between them. No other joint changes a distance."""
 
     def __init__(self, robot: Robot, link_a: str, link_b: str, Q: Array, poses: Poses) -> None:
-        """Take two links of one robot, and all configurations (N, n) with the places of links there."""
+        """Take two links of one robot, and all configurations (N, n) with the placements of links there."""
         self.robot, self.poses = robot, poses
         between = robot.tree.path_between(link_a, link_b)
         self.joints, self.length = len(between), sum(float(np.linalg.norm(joint.translation)) for joint in between)
@@ -56,17 +56,17 @@ class Links:
         self.reach = Reach(robot.tree, self.coupling, link_a, link_b)
 
     def judged(self, marks_a: Sequence[Mark], marks_b: Sequence[Mark]) -> dict[tuple[Mark, Mark], Pair | float]:
-        """Return of each pair what may happen, or how far it is proven to stay apart [m].
+        """Return for each pair a `Pair`, or how far it is proven to stay apart [m].
 
-        The chain between the links, reduced once, proves most pairs apart that can be. Of two points the distances that
-        are seen are the marks' own, and if balls about two marks are apart everywhere, so are they: neither needs a
-        path of its own, unless that could prove more.
+        The chain between the links is reduced once, and proves most of the separate pairs apart. The distances of two
+        points at the samples are those of the marks. If the balls about two marks are apart at all samples, so are the
+        marks. In both cases the pair needs no path of its own, unless its path could prove more.
         """
         a_few, b_few = ([mark.shape.is_point for mark in marks] for marks in (marks_a, marks_b))
         tolerance = self.robot.annotations.contact_tolerance
         radii_a, radii_b = (np.array([mark.shape.radius for mark in marks]) for marks in (marks_a, marks_b))
         radii = radii_a[:, None] + radii_b
-        within = np.maximum(radii, tolerance) - radii  # `contact_distance` of what is no plane, less the radii
+        within = np.maximum(radii, tolerance) - radii  # contact distance without radii (no mark is a plane)
         length = self.length + sum(max(mark.shape.reach for mark in marks) for marks in (marks_a, marks_b))
         spare = self.reach.gaps(marks_a, marks_b) - within - self._rounding(length)
         deep = self.poses.gaps(marks_a, marks_b) - within[:, :, None]
@@ -88,11 +88,11 @@ class Links:
         return found
 
     def _rounding(self, length: float) -> float:
-        """Return what folding and reducing a path of this length can have changed [m]."""
+        """Return the largest error [m] that the reduction of a path of this length can have made."""
         return FOLDING * UNIT_ROUNDOFF * (self.joints + 2) ** 2 * length
 
     def _judged(self, a: Mark, b: Mark) -> Pair | float:
-        """Return what is known of two marks by their own path."""
+        """Return the result for two marks from their own path."""
         robot = self.robot
         with np.errstate(over="ignore", invalid="ignore"):
             path = relative_path(robot.tree, self.coupling, a, b)
@@ -101,9 +101,9 @@ class Links:
             off = place_error(robot.tree, robot.coupling, robot.linear_limits, robot.closures, a, b)
             found = self._separations(path, a, b, distance)
             contact = found <= distance
-            if not np.any(contact):  # a number that is not finite is no contact, and is told below
+            if not np.any(contact):  # a number that is not finite is no contact here; an error below reports it
                 spare = least_separation(path, distance) - (distance + off + self._rounding(path.minimal.scale))
-                if spare > 0.0:  # false where a number is not finite: that proves nothing
+                if spare > 0.0:  # false for a number that is not finite, which proves nothing
                     return spare
         if not np.all(np.isfinite(found)):
             raise UnsupportedError(
@@ -115,10 +115,10 @@ class Links:
         return overlap_everywhere(self.robot.tree, self.coupling, a, b) if np.all(contact) else None
 
     def _separations(self, path: RelativePath, a: Mark, b: Mark, distance: float) -> Array:
-        """Return separations (N,) [m]; where balls about both marks are apart, a lower bound that is no contact.
+        """Return separations (N,) [m]; if balls about both marks are apart, a lower bound that is above contact.
 
-        Where links are is worked out once for all pairs, and distances from there. Rows in which rounding could decide
-        are asked of the path, whose word is that of the boundary later on.
+        Placements of links are computed once for all pairs, and distances from them. For rows that rounding could
+        change, the path computes the separation, with the same result as the boundary has later.
         """
         balls = self.poses.gaps([a], [b])[0, 0]
         radii = a.shape.radius + b.shape.radius

@@ -40,7 +40,7 @@ __all__ = ["ALL_SHAPES", "Proposal", "left_out_marks", "propose_marks"]
 
 ALL_SHAPES = (*SHAPES, "mesh")
 """The shapes that can be covered."""
-_FINEST = 0.01  # of a body's smallest measure: the excess to aim at where marks touch at home
+_FINEST = 0.01  # of a body's smallest size: the accuracy for bodies whose marks touch at home
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ def propose_marks(
 
 
 def _not_reached(found: Sequence[Cover], accuracy: float, most: int) -> str:
-    """Return which links' meshes are covered less closely than was asked for, and what to do; empty if none is."""
+    """Return a note about links whose covers do not reach the accuracy, and what to do; empty if there are none."""
     wide: dict[str, float] = {}
     parts: Counter[str] = Counter()
     for one in found:
@@ -189,7 +189,7 @@ def _not_reached(found: Sequence[Cover], accuracy: float, most: int) -> str:
 
 
 def _readable(robot: Robot, bodies: Sequence[Body], skip_missing: bool) -> tuple[list[Body], list[str]]:
-    """Return the bodies whose meshes can be read, and what is to be said of these and of the others."""
+    """Return the bodies whose meshes can be read, and notes about these and the others."""
     faults = {body: robot.meshes.fault(body) for body in bodies}
     if any(faults.values()) and not skip_missing:
         problems = Problems(robot.document.label)
@@ -206,7 +206,7 @@ def _readable(robot: Robot, bodies: Sequence[Body], skip_missing: bool) -> tuple
 
 
 def _proposal(judge: Judge, found: Sequence[Cover], read: LinkBodies) -> tuple[Proposal, set[str]]:
-    """Return the proposal with these covers, and the links of which some pair touches at home for its covers' sake."""
+    """Return the proposal with these covers, and the links of which a pair touches at home because of its covers."""
     robot = judge.robot
     held = known(robot, found)
     taken = {body for one in held for body in one.bodies}
@@ -236,7 +236,7 @@ def _proposal(judge: Judge, found: Sequence[Cover], read: LinkBodies) -> tuple[P
         if (touches[home.chosen] or touches[0]) and excess[a.name] + excess[b.name] > 0.0:
             touching |= {a.link, b.link}
     used = {name for boundary in boundaries for name in (boundary.a, boundary.b)} - set(robot.annotations.marks)
-    # A body is held by all marks of its cover together, so that they are written together.
+    # All marks of a cover together hold a body, so they are written together.
     whole = [mark for one in held if used & {mark.name for mark in one.marks} for mark in one.marks]
     marks = {mark.name: mark for mark in whole if mark.name not in robot.annotations.marks}
     annotations = replace(
@@ -247,7 +247,7 @@ def _proposal(judge: Judge, found: Sequence[Cover], read: LinkBodies) -> tuple[P
     )
     at_home = [(pair, judge.at_home(pair)) for pair in pairs if pair.contact[0] and not np.all(pair.contact)]
     reasons = FrozenDict(left_out)
-    del left_out  # these are millions of pairs on large robots
+    del left_out  # for large robots these are millions of pairs
     proposal = Proposal(
         annotations=annotations,
         covers=tuple(held),
@@ -264,7 +264,7 @@ def _proposal(judge: Judge, found: Sequence[Cover], read: LinkBodies) -> tuple[P
 
 
 def _why_in_contact(pair: Pair) -> str:
-    """Return why two marks that touch at the home that is proposed are not watched."""
+    """Return why two marks that touch at the proposed home are not watched."""
     if pair.always is not None:
         return ALWAYS
     return f"{IN_ALL} {len(pair.contact)} sampled configurations" if np.all(pair.contact) else AT_HOME
