@@ -44,8 +44,8 @@ class MotionFound:
         piece: (m,) the piece of this value.
         u: (m,) its parameter on the piece.
         settled: (m,) whether the pair is proven free on the whole motion, with the requested precision.
-        boxes: How many parts times pairs, or groups, were bounded.
-    """boxes: The number of bounds computed, one for each part and pair, or group.
+        boxes: The number of bounds computed, one for each part and pair, or group.
+    """
 
     lower: Array
     upper: Array

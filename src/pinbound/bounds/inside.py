@@ -4,8 +4,7 @@ Take the furthest points of the body along directions that are the corners of a 
 triangles of the sphere connect these points. They form a closed surface within the body, for any body. If the surface
 winds around the origin, it winds around every point of the ball about the origin up to the surface's nearest point. It
 does not wind around any point outside the body, because the body is convex. So the ball is inside. The winding number
-is the sum of the solid
-angles of the triangles,
+is the sum of the solid angles of the triangles,
 
     tan(angle / 2) = a . (b x c) / (|a||b||c| + (a . b)|c| + (b . c)|a| + (c . a)|b|),
 
@@ -40,12 +39,12 @@ _FLATTEST = 1e-24  # of the squares of the widths of a body: the smallest ratio 
 
 def ball(corners: Corners, which: Indices, w: Array, edges: Array) -> Array:
     """Return the radius (N,) of a ball around the origin that is inside `w + sum_i t_i e_i`; zero if none is found.
-    which: (N,) the pair of each row.
-        Args:
-            corners: The corners that t runs over.
-            which: (N,) whose.
-            w: (N, 3) [m].
-            edges: (K, N, 3), the e_i.
+
+    Args:
+        corners: The corners that t runs over.
+        which: (N,) the pair of each row.
+        w: (N, 3) [m].
+        edges: (K, N, 3), the e_i.
     """
     along = np.einsum("ui,nij->nuj", _SPHERE, _rounder(corners.scatter[which], edges))
     points, _ = _supports(corners, which, w, edges, along)

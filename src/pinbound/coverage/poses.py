@@ -1,5 +1,7 @@
-"""Placements of links at a few configurations: if marks come near each other there, no proof that they never meet is
-tried."""
+"""Placements of links at a few configurations, to see which marks come near each other.
+
+For these marks, no proof that they never meet is tried.
+"""
 
 from __future__ import annotations
 

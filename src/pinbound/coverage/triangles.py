@@ -1,5 +1,4 @@
-"""Distances of points from triangles: each is the distance from a point of the triangle that is nearest, up to
-rounding."""
+"""Distances of points from triangles: from a point of each triangle that is the nearest, up to rounding."""
 
 from __future__ import annotations
 

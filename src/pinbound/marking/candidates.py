@@ -1,9 +1,8 @@
-"""Candidates for a home: configurations within all limits, also of mimic joints, that keep home's side of every
-contact.
+"""Candidates for a home: configurations within all limits, on the same side of every contact as home.
 
-Candidates are drawn from the box of the limits of single coordinates, and kept if they satisfy the other limits. If too
-few do, candidates are drawn along random lines through a configuration within all limits (hit and run). A linear
-program finds this configuration.
+The limits of mimic joints count, too. Candidates are drawn from the box of the limits of single coordinates, and kept
+if they satisfy the other limits. If too few do, candidates are drawn along random lines through a configuration within
+all limits (hit and run). A linear program finds this configuration.
 """
 
 from __future__ import annotations
