@@ -20,10 +20,10 @@ __all__ = ["BoundedMotion", "BoundedTrajectory"]
 
 _PROBES = 65
 _BETWEEN = 192
-"""Probes at times that no period shares: multiples of the golden ratio."""
+"""Probes at times without a common period: multiples of the golden ratio."""
 _SINGLE = (0, 3, 31, 63, 64)
 _KEPT = 2**16
-"""Samples that are remembered; of more, every second one."""
+"""The largest number of samples that are kept; beyond it, every second one is dropped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class BoundedTrajectory:
     """A `BoundedMotion` in the form that a certificate needs, with all samples taken so far."""
 
     def __init__(self, motion: BoundedMotion, coordinates: Sequence[str]) -> None:
-        """Read the bounds and try them.
+        """Read the bounds and test them on samples.
 
         Raises:
             DimensionError: If shapes or times do not fit, a number is not finite, or samples contradict the bounds.
@@ -99,12 +99,12 @@ class BoundedTrajectory:
 
     @property
     def degree(self) -> int:
-        """Values are taken as the function gives them."""
+        """The values are those of the function."""
         return 1
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """That the bounds are the caller's."""
+        """A note that the bounds are the caller's."""
         what = "speed and acceleration" if self.has_slopes else "speed"
         return (f"true only if the caller's bounds of {what} are true; {self.count:,} samples do not contradict them",)
 
@@ -120,7 +120,7 @@ class BoundedTrajectory:
 
     @property
     def extent(self) -> tuple[Array, Array]:
-        """Box around the middle of the motion, which the motion cannot leave at its speed."""
+        """A box around the middle of the motion; at its speed the motion cannot leave the box."""
         middle = self.at(np.zeros(1, dtype=np.intp), np.array([0.5]))[0]
         with np.errstate(over="ignore"):
             room = self.speed * (self.end - self.start) / 2.0 * (1.0 + 4.0 * UNIT_ROUNDOFF) + self._jitter
@@ -128,7 +128,7 @@ class BoundedTrajectory:
 
     @property
     def _jitter(self) -> Array:
-        """How far q may move within the rounding of a time, (n,)."""
+        """How far q may move within the rounding error of a time, (n,)."""
         return self.speed * (4.0 * UNIT_ROUNDOFF * max(abs(self.start), abs(self.end)))
 
     def at(self, piece: Indices, u: Array) -> Array:
@@ -139,7 +139,7 @@ class BoundedTrajectory:
         return np.clip(self.start + u * (self.end - self.start), self.start, self.end)
 
     def expand(self, piece: Indices, a: Array, b: Array) -> Expansion:
-        """Widen the middle of a part by what the derivatives allow."""
+        """Widen the middle of a part by the bounds of the derivatives."""
         span = ((b - a) * (self.end - self.start))[:, None]
         middle, slopes = self._sample(self._time(0.5 * (a + b)), slopes=self.has_slopes)
         zero = np.zeros_like(middle)
@@ -156,7 +156,7 @@ class BoundedTrajectory:
         )
 
     def _sample(self, times: Array, slopes: bool) -> tuple[Array, Array]:
-        """Return values and first derivatives (NaN if they are not asked for), and remember both."""
+        """Return values and first derivatives (NaN if not requested), and keep both."""
         values = self._call(times)
         rates = self._call(times, 1) if slopes else np.full_like(values, np.nan)
         self._remember(times, values, rates)
@@ -171,7 +171,7 @@ class BoundedTrajectory:
                 raise
             message = f"{what} cannot be called: {error}; let function(t, 1) be dq/dt, or leave acceleration out"
             raise DimensionError(message) from error
-        values = real_array(given, f"the result of {what}").copy()  # and it may hand out one buffer again and again
+        values = real_array(given, f"the result of {what}").copy()  # the function may return the same buffer again
         expected = (len(times), len(self.coordinates))
         if values.shape != expected:
             raise DimensionError(f"{what} gives shape {values.shape}; give (times, coordinates), here {expected}")
@@ -181,7 +181,7 @@ class BoundedTrajectory:
         return values
 
     def _probe(self) -> None:
-        """Ask for values all over the motion, some of them twice: alone, and in another order."""
+        """Compute values over the whole motion, some of them twice: alone, and in another order."""
         golden = np.modf(np.arange(1, _BETWEEN + 1) * (0.5 * (math.sqrt(5.0) - 1.0)))[0]
         fractions = np.concatenate([np.linspace(0.0, 1.0, _PROBES), np.sort(golden)])
         self._sample(self._time(fractions), self.has_slopes)
@@ -190,7 +190,7 @@ class BoundedTrajectory:
             self._sample(self._time(fractions[index : index + 1]), self.has_slopes)
 
     def _remember(self, times: Array, values: Array, slopes: Array) -> None:
-        """Hold new samples against each other and against those before.
+        """Compare new samples with each other and with earlier ones.
 
         Raises:
             DimensionError: If two neighbours in time contradict each other or a bound.
@@ -239,7 +239,7 @@ class BoundedTrajectory:
             self._refuse(np.abs(moved - rate * step) - bent, apart)
 
     def _refuse(self, excess: Array, say: Callable[[int, int], str]) -> None:
-        """Raise if any excess (N, n) is positive; NaN, where no derivative is known, is not."""
+        """Raise if any excess (N, n) is positive; NaN (no known derivative) is not."""
         if not np.any(excess > 0.0):
             return
         row, column = np.unravel_index(int(np.nanargmax(excess)), excess.shape)

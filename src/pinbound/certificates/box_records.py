@@ -39,13 +39,13 @@ class OpenBoxes(Value, Sequence[OpenBox]):
     codes: Ints
 
     def __post_init__(self) -> None:
-        """Freeze the arrays; names are a tuple of text as they are."""
+        """Make the arrays read-only, and the names a tuple."""
         for name in ("which", "lower_corners", "upper_corners", "lower", "codes"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @classmethod
     def of(cls, chunks: Sequence[tuple[tuple[str, ...], Indices, Array, Array, Array, Reason]], n: int) -> OpenBoxes:
-        """Return boxes from chunks: names, places among these, corners, bounds, and one reason."""
+        """Return boxes from chunks: names, indices among them, corners, bounds, and one reason."""
         starts = np.cumsum([0, *(len(chunk[0]) for chunk in chunks)]).tolist()
         nothing = np.zeros(0)
         return cls(
@@ -62,7 +62,7 @@ class OpenBoxes(Value, Sequence[OpenBox]):
         )
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of boxes."""
         return len(self.which)
 
     @overload
@@ -70,7 +70,7 @@ class OpenBoxes(Value, Sequence[OpenBox]):
     @overload
     def __getitem__(self, index: slice) -> tuple[OpenBox, ...]: ...
     def __getitem__(self, index: int | slice) -> OpenBox | tuple[OpenBox, ...]:
-        """Return one box, or some."""
+        """Return one box, or several."""
         if isinstance(index, slice):
             return tuple(self[row] for row in range(*index.indices(len(self))))
         row = range(len(self))[index]

@@ -33,15 +33,15 @@ __all__ = ["certified_box", "certify_box"]
 
 _BATCH = 2**13
 _NARROWEST = 2.0**-40
-_A_SECOND = 1e6  # boxes that machine code bounds in a second, and less
-_GUESS = 20  # boxes a pair, as a first guess of the work that a box makes
+_A_SECOND = 1e6  # a low estimate of the boxes that machine code bounds in a second
+_GUESS = 20  # boxes for each pair: a first estimate of the work for a box
 _GROWTH = Budget(boxes=400_000, seconds=30.0)
 _STEPS = 12
 
 
 @dataclass
 class _State:
-    """What is known of a box so far."""
+    """The results for a box so far."""
 
     lower: float = np.inf
     upper: float = np.inf
@@ -108,7 +108,7 @@ def certify_box(
     meter, state = Meter(budget or Budget()), _State()
     is_loose = needs_limits(chosen)
     limit_family, *others = _families(robot, chosen, low, high, limits)
-    limits = limits or isinstance(robot, LoopRobot)  # that its loops close is no wish
+    limits = limits or isinstance(robot, LoopRobot)  # its loops must close in any case
     if limits or is_loose:
         kept = state if limits else _State()
         if len(limit_family.names):
@@ -142,12 +142,12 @@ def certify_box(
 
 
 def _over_z(robot: Robot, chosen: Sequence[Boundary]) -> tuple[Robot, Sequence[Boundary]]:
-    """Return a robot and its boundaries; of one with loops that are not parallelograms those over z."""
+    """Return a robot and its boundaries; for loops that are not parallelograms, those over z."""
     return (robot.opened, [over_z(one) for one in chosen]) if isinstance(robot, LoopRobot) else (robot, chosen)
 
 
 def _families(robot: Robot, chosen: Sequence[Boundary], low: Array, high: Array, limits: bool) -> Sequence[Any]:
-    """Return all constraints over boxes of q; through loops that are not parallelograms, too."""
+    """Return all constraints over boxes of q, also through loops that are not parallelograms."""
     if not isinstance(robot, LoopRobot):
         return families(robot, chosen, low, high)
     errors = loop_errors(robot, low, high, 1)
@@ -159,10 +159,10 @@ def _families(robot: Robot, chosen: Sequence[Boundary], low: Array, high: Array,
 
 @dataclass(frozen=True)
 class _Boxes:
-    """Boxes within a root box, each of one constraint; `start` and `width` (N, n) are dyadic fractions of it, exact.
+    """Boxes within a root box, each for one constraint; `start` and `width` (N, n) are exact dyadic fractions of it.
 
-    Corners and centres are computed from the root's corners each time, so that their rounding (three operations) does
-    not add up with depth. `docs/certificates.md` counts it.
+    Corners and centres are computed from the corners of the root each time. So their rounding (three operations) does
+    not grow with depth. `docs/certificates.md` includes it.
     """
 
     which: Indices
@@ -176,7 +176,7 @@ class _Boxes:
         return _Boxes(self.which[rows], self.start[rows], self.width[rows])
 
     def halved(self, reach: Array) -> _Boxes:
-        """Halve each box across the coordinate along which `reach` (N, n) is largest."""
+        """Halve each box in the coordinate with the largest `reach` (N, n)."""
         rows, across = np.arange(len(self)), np.argmax(reach, axis=1)
         width, second = self.width.copy(), self.start.copy()
         width[rows, across] *= 0.5
@@ -186,14 +186,14 @@ class _Boxes:
 
 
 def _at(low: Array, high: Array, fraction: Array) -> Array:
-    """Return places at fractions of a box; its upper corner exactly at 1."""
+    """Return points at fractions of a box; the fraction 1 is exactly its upper corner."""
     return np.where(fraction == 1.0, high, np.clip(low + fraction * (high - low), low, high))
 
 
 def _quick(family: Family, low: Array, high: Array, meter: Meter, state: _State) -> Indices:
-    """Search a box by machine code, where that is worth loading; return the constraints that need a closer look.
+    """Search a box by machine code, if this saves time; return the constraints that are still undecided.
 
-    What it cannot tell to rounding is searched once more; what the budget does not reach is left open here.
+    Constraints that rounding leaves undecided are searched again; boxes beyond the budget are kept as open here.
     """
     rows = np.arange(len(family.names))
     groups = family.groups if isinstance(family, ManyAngleBoundaries) else None
@@ -219,7 +219,7 @@ def _quick(family: Family, low: Array, high: Array, meter: Meter, state: _State)
 def _search(
     family: Family, low: Array, high: Array, meter: Meter, state: _State, is_limit: bool, rows: Indices | None = None
 ) -> None:
-    """Halve boxes, last ones first, until all are clear, one is violated, or the budget is spent."""
+    """Halve boxes, the last ones first, until all are clear, one is violated, or the budget is spent."""
     which, n = np.arange(len(family.names)) if rows is None else rows, len(low)
     family = family.within(meter.budget.seconds) if isinstance(family, SweptBoundaries) else family
     weights, size = family.weights, high - low
@@ -352,7 +352,7 @@ def certified_box(
 
 
 def _moving(robot: Robot, chosen: Sequence[Boundary], limits: bool) -> Array:
-    """Return 1 for coordinates that something depends on, else 0."""
+    """Return 1 for coordinates on which a boundary or limit depends, else 0."""
     used = {name for boundary in chosen for name in boundary.coordinates}
     if isinstance(robot, LoopRobot):
         over = _moving(*_over_z(robot, chosen), limits)

@@ -38,7 +38,7 @@ def select(robot: Robot, boundaries: Sequence[str] | None) -> tuple[Boundary, ..
         UnknownNameError: If the robot has no boundary of that name.
     """
     if boundaries is None:
-        return tuple(robot.boundaries[:])  # always the same one, which `kept` knows again
+        return tuple(robot.boundaries[:])  # always the same tuple, which `kept` finds again
     wanted = [boundaries] if isinstance(boundaries, str) else list(boundaries)
     known = robot.boundaries.names
     for name in sorted(set(wanted).difference(known), key=wanted.index):
@@ -48,12 +48,12 @@ def select(robot: Robot, boundaries: Sequence[str] | None) -> tuple[Boundary, ..
 
 
 def needs_limits(boundaries: Sequence[Boundary]) -> bool:
-    """Return whether the bounds hold within the joint limits only, because sides of loops on the path differ."""
+    """Return whether the bounds hold only within the joint limits, because the sides of a loop on the path differ."""
     return any(boundary.place_error for boundary in boundaries)
 
 
 def unplaced(boundaries: Sequence[Boundary]) -> list[Boundary]:
-    """Return boundaries as they are outside the joint limits: if sides of loops differ, their links may be anywhere."""
+    """Return boundaries whose links may be anywhere if sides of a loop differ: so they are outside the joint limits."""
     return [replace(one, place_error=_ANYWHERE) if one.place_error else one for one in boundaries]
 
 

@@ -15,9 +15,10 @@ _TURN = 2.0 * math.pi
 
 
 def look_like_degrees(robot: Robot, Q: Array) -> tuple[str, ...]:
-    """Return a note if most of what is not zero in Q (N, n) is beyond a turn, though the joint may not turn so far.
+    """Return a note if most nonzero values in Q (N, n) are beyond a full turn, although the limits do not allow this.
 
-    Only revolute joints count whose own limits lie within a turn to either side; zero is zero in both units.
+    Only revolute joints with limits within one full turn to either side count. Zero is skipped, because it is zero in
+    both units.
     """
     within = (robot.lower >= -_TURN) & (robot.upper <= _TURN)
     limited = [i for i, name in enumerate(robot.coordinates) if within[i] and robot.turns(name)]

@@ -1,4 +1,4 @@
-"""Boundaries of two points with several effective angles, or with slides: lever-arm bounds."""
+"""Boundaries of two points with several effective angles, or with prismatic joints: lever-arm bounds."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ __all__ = ["ManyAngleBoundaries"]
 
 @dataclass(frozen=True)
 class ManyAngleBoundaries:
-    """Boundaries of several effective angles, or with slides: lever-arm bounds.
+    """Boundaries of several effective angles, or with prismatic joints: lever-arm bounds.
 
     Attributes:
         names: Their names.
-        chains: Their chains, side by side.
+        names: Their names.
+        chains: The bundle of their chains.
         arms: (m, k) lever arms [m].
-        threshold: (m,) what the norm must exceed, by the contact rule [m].
+        threshold: (m,) the value that the norm must exceed, by the contact rule [m].
         error: (m,) rounding bound of a norm [m].
-        boundaries: They themselves.
-        groups: Their tables for machine code; None if something slides.
+        boundaries: The boundaries.
+        groups: Their tables for machine code; None with prismatic joints.
     """
 
     names: tuple[str, ...]
@@ -40,7 +41,7 @@ class ManyAngleBoundaries:
 
     @property
     def weights(self) -> Array:
-        """Lever arms, and lengths of slides, a coordinate."""
+        """Lever arms, and rates of prismatic joints, for each coordinate."""
         turned = np.einsum("mk,mkn->mn", self.arms, np.abs(self.chains.coefficients))
         slides = self.chains.slides
         return turned if slides is None else turned + np.linalg.norm(slides, axis=2).sum(axis=1)

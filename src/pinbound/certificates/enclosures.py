@@ -1,4 +1,4 @@
-"""What is asked of constraints, and what they answer."""
+"""The interface of constraints, and their results."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ __all__ = ["Enclosure", "Family", "angle_range"]
 
 @dataclass(frozen=True)
 class Enclosure:
-    """What is known of N parts.
+    """The results for N parts.
 
     Attributes:
         value: (N,) signed clearance in the middle, as computed [m, or rad for limits].
         lower: (N,) proven lower bound over the part.
         error: (N,) rounding bound of `value`.
         clear: (N,) whether the part is proven free.
-        violated: (N,) whether the middle is proven not to be.
-        settled: (N,) whether halving cannot tell more: what is left of the part's width is below rounding.
+        violated: (N,) whether the middle is proven to violate the constraint.
+        settled: (N,) whether halving gives no more information: the remaining width of the part is below rounding.
     """
 
     value: Array
@@ -35,24 +35,24 @@ class Enclosure:
 
 
 class Family(Protocol):
-    """Constraints of one sort, over one extent of q."""
+    """Constraints of one kind, over one extent of q."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Their names."""
+        """Names of the constraints."""
         ...
 
     @property
     def weights(self) -> Array:
-        """(m, n): how much each coordinate moves what is bounded, for the choice of where to halve a box."""
+        """(m, n): how much each coordinate moves the bounded quantity, to choose where a box is halved."""
         ...
 
     def enclose(self, which: Indices, part: Expansion, rows: Indices) -> Enclosure:
-        """Return what is known of constraints `which` (N,) on the parts `rows` (N,) of those of `part`."""
+        """Return the enclosures of constraints `which` (N,) on the parts `rows` (N,) of `part`."""
         ...
 
     def enclose_box(self, which: Indices, centre: Array, half: Array) -> Enclosure:
-        """Return what is known of constraints `which` on boxes `centre +- half`."""
+        """Return the enclosures of constraints `which` on boxes `centre +- half`."""
         ...
 
     def signed(self, Q: Array) -> Array:
@@ -65,7 +65,7 @@ class Family(Protocol):
 
 
 def angle_range(C: Array, which: Indices, part: Expansion, rows: Indices) -> tuple[Array, Array, Array]:
-    """Return `c . q` in the middle, and its least and largest value, (N,) each."""
+    """Return `c . q` in the middle, and its smallest and largest value, (N,) each."""
     if len(part.middle) * len(C) <= 2 * len(which):  # all constraints on all parts: one product, then look up
         phi = part.values @ C.T
         wide = np.broadcast_to(part.value_radius @ np.abs(C.T), (len(part.middle), len(C)))

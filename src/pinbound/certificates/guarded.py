@@ -1,14 +1,14 @@
-"""Limits beside ends of rules that bind under conditions only: a row is clear if one of its inequalities is.
+"""Limits with ends of rules that apply only under conditions: a row is clear if one of its inequalities is.
 
-What a guarded end forbids is convex: q keeps every condition, and passes the end. Its complement is a union of
-half-spaces, `end kept` or `condition not kept`, and so the margin is the largest of the margins of these,
+The set that a guarded end forbids is convex: q satisfies every condition, and passes the end. Its complement is a union
+of half-spaces, `end kept` or `condition not satisfied`. So the margin is the largest of their margins,
 
     m(q) = max(end's margin, margins beyond each end of each condition),
 
-a maximum of affine functions. Over a part of a motion it is at least the largest of their lower bounds; the part is
-clear if one of them alone is. Where the way changes from one to another, the part is halved.
+a maximum of affine functions. Over a part of a motion it is at least the largest of their lower bounds. So the part is
+clear if one half-space alone contains it. If a part goes from one half-space to another, it is halved.
 
-The end is kept if it is passed by at most `tolerances.LIMIT`, and a condition is not kept if it is passed by more.
+The end is kept if it is passed by at most `tolerances.LIMIT`. A condition is not satisfied if it is passed by more.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ __all__ = ["GuardedLimits", "pieces"]
 
 
 def pieces(guarded: Sequence[GuardedLimit]) -> list[tuple[str, LinearLimit, bool]]:
-    """Return every inequality of guarded ends, as `(name, limit to keep, is it the end?)`, in order.
+    """Return every inequality of guarded ends, as `(name, limit, whether it is the end)`, in order.
 
-    Beyond a condition `lower <= v <= upper` are `v >= upper` and `v <= lower`, those of the two that there are.
+    For a condition `lower <= v <= upper` these are `v >= upper` and `v <= lower`, if the ends exist.
     """
     found: list[tuple[str, LinearLimit, bool]] = []
     for one in guarded:
@@ -46,13 +46,13 @@ def pieces(guarded: Sequence[GuardedLimit]) -> list[tuple[str, LinearLimit, bool
 
 @dataclass(frozen=True)
 class GuardedLimits:
-    """Rows of limits, each kept if one of its inequalities is.
+    """Rows of limits; a row is kept if one of its inequalities is.
 
     Attributes:
-        names: Of the rows.
+        names: Names of the rows.
         plain: All inequalities, as limits.
-        members: (m, w) which of them each row has; short rows repeat their last one.
-        beyond: (k,) which inequalities are conditions, to be passed by more than `tolerances.LIMIT`.
+        members: (m, w) the inequalities of each row; short rows repeat their last one.
+        beyond: (k,) which inequalities are conditions; these must be passed by more than `tolerances.LIMIT`.
     """
 
     names: tuple[str, ...]

@@ -1,8 +1,8 @@
-"""What certificates need of a robot's boundaries and no motion changes: made once, and kept for the next question.
+"""The data of a robot's boundaries that certificates need and that no motion changes; they are kept for the next call.
 
-Chains side by side, lever arms, closed forms, the joints that each boundary walks over: all of this is the same for
-every motion and box; only rounding bounds depend on how far q reaches, and lever arms where something slides. The last
-few robots are kept. The paths are the key, so that a robot with other distances between the same marks shares them.
+Bundles of chains, lever arms, closed forms and the joints between marks are the same for every motion and box. Only
+rounding bounds depend on the range of q, and lever arms if joints are prismatic. The tables of the last few robots are
+kept. The paths are the key. So a robot that differs only in distances between the same marks shares them.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from pinbound.typing import Array
 __all__ = ["Tables", "tables_of"]
 
 _KEPT = 16
-"""Questions whose tables are kept: sets of boundaries of a robot."""
+"""The number of tables that are kept, each for one set of boundaries of a robot."""
 
 
 class _Memory:
-    """The last few values that were made, by keys that say what they were made from."""
+    """The last few values, with the objects from which they were made as keys."""
 
     def __init__(self) -> None:
         self.kept: OrderedDict[Any, tuple[Any, Any]] = OrderedDict()
         self.lock = threading.Lock()
 
     def get(self, parts: tuple[Any, ...], make: Callable[[], Any]) -> Any:
-        """Return what was made of these objects themselves; they are held, so that no other object has their id."""
+        """Return the value made from these objects; they are kept alive, so that no other object gets their id."""
         key = tuple(map(id, parts))
         with self.lock:
             if key in self.kept:
@@ -63,15 +63,15 @@ _tables, _chains, _bodies = _Memory(), _Memory(), _Memory()
 
 
 def tables_of(robot: Robot, boundaries: Sequence[Boundary]) -> Tables:
-    """Return the tables of some boundaries of a robot, those of the last time where it is the same question."""
+    """Return the tables of some boundaries of a robot, from an earlier call if the boundaries are the same."""
     chosen = tuple(boundaries)
-    named = (chosen,) if chosen is robot.boundaries[:] else chosen  # all of them at once, not one by one
+    named = (chosen,) if chosen is robot.boundaries[:] else chosen  # all of them as one object, not one by one
     parts = (robot.tree, robot.coupling, robot.home, robot.linear_limits, robot.guarded_limits, *named)
     return _tables.get(parts, lambda: Tables(robot, chosen))
 
 
 class _Chains:
-    """Chains of points side by side, with what bounds their rounding."""
+    """A bundle of chains between points, with the data of their rounding bounds."""
 
     def __init__(self, robot: Robot, boundaries: Sequence[Boundary]) -> None:
         self.n = len(robot.coordinates)
@@ -81,16 +81,16 @@ class _Chains:
 
     @cached_property
     def still(self) -> Array:
-        """The lever arms (m, k) of chains that do not slide [m]."""
+        """The lever arms (m, k) of chains without prismatic joints [m]."""
         return lever_arms(self.bundle, np.zeros(self.n), np.zeros(self.n))
 
     def arms(self, lower: Array, upper: Array) -> Array:
-        """Return the lever arms (m, k) [m], which depend on the box only where something slides."""
+        """Return the lever arms (m, k) [m]; they depend on the box only if joints are prismatic."""
         return self.still if self.bundle.slides is None else lever_arms(self.bundle, lower, upper)
 
 
 class _Bodies:
-    """Paths that are not between two points, side by side, with what bounds their rounding."""
+    """A bundle of paths of other marks than points, with the data of their rounding bounds."""
 
     def __init__(self, robot: Robot, boundaries: Sequence[Boundary]) -> None:
         self.n = len(robot.coordinates)
@@ -103,7 +103,7 @@ class _Bodies:
 
     @cached_property
     def rounding(self) -> Rounding:
-        """What bounds their rounding, but for how far q reaches."""
+        """The data of the rounding bounds, without the range of q."""
         return chain_rounding(self._still, self.walked)
 
     @cached_property
@@ -111,7 +111,7 @@ class _Bodies:
         return separation_tables(self._still)
 
     def over(self, lower: Array, upper: Array) -> tuple[SweptBundle, Callable[[], SeparationTables]]:
-        """Return the paths with lever arms that hold in a box: they depend on it only where something slides."""
+        """Return the paths with lever arms that hold in a box; they depend on it only if joints are prismatic."""
         if self._still.chains.slides is None:
             return self._still, lambda: self._tables
         moved = with_arms(self._still, lower, upper)
@@ -123,17 +123,17 @@ class Tables:
 
     Attributes:
         one: Boundaries of one effective angle between two points.
-        many: Those of several angles, or with slides.
+        many: Boundaries of several angles between two points, or with prismatic joints.
         swept: Boundaries of other marks.
-        names: Of all of them, in the robot's order.
-        order: Place of each boundary among these three, one after the other.
-        turning: Those of one rotation whose contact strips have a closed form.
-        turning_bodies: Those of one rotation whose strips have none.
-        is_loose: Whether the sides of a loop differ, so that bounds hold within the joint limits only.
+        names: Names of all boundaries, in the robot's order.
+        order: Index of each boundary in the sequence of these three groups.
+        turning: Boundaries of one rotation whose contact strips have a closed form.
+        turning_bodies: Boundaries of one rotation whose strips have none.
+        is_loose: Whether the sides of a loop differ, so that bounds hold only within the joint limits.
     """
 
     def __init__(self, robot: Robot, boundaries: Sequence[Boundary]) -> None:
-        """Sort boundaries by what is known of them."""
+        """Sort the boundaries into these groups."""
         points = [boundary for boundary in boundaries if boundary.path.is_plain]
         self.one = tuple(boundary for boundary in points if boundary.contact is not None)
         self.many = tuple(boundary for boundary in points if boundary.contact is None)
@@ -150,7 +150,7 @@ class Tables:
     def families(
         self, lower: Array, upper: Array, degree: int
     ) -> tuple[Limits | GuardedLimits, OneAngleBoundaries, ManyAngleBoundaries, SweptBoundaries]:
-        """Return all constraints, with rounding bounds that hold while q stays in a box, for pieces of a degree."""
+        """Return all constraints, with rounding bounds that hold in a box of q, for pieces of a degree."""
         farthest = np.maximum(np.abs(lower), np.abs(upper))
         return (
             self._limits(farthest, degree),
@@ -161,7 +161,7 @@ class Tables:
 
     @cached_property
     def _strips(self) -> tuple[tuple[str, ...], Array, Array]:
-        """Names of boundaries with contact strips in closed form, coefficients, and the gap that home is in."""
+        """Names of boundaries with contact strips in closed form, coefficients, and the gap that contains home."""
         rows = [
             (boundary.name, contact.coefficients, contact.gap(float(contact.coefficients @ self.robot.home)))
             for boundary in self.turning
@@ -188,7 +188,7 @@ class Tables:
                 if np.isfinite(bound):
                     names.append(f"{limit.joint} {end}")
                     rows.append(sign * limit.coefficients)
-                    # The two may cancel, their rounding does not.
+                    # The two may cancel, but their rounding does not.
                     bounds.append((sign * (bound - limit.offset), abs(bound) + abs(limit.offset)))
         table = np.array(bounds).reshape(-1, 2)
         return tuple(names), np.array(rows).reshape(len(rows), self.n), table[:, 0], table[:, 1]
@@ -228,7 +228,7 @@ class Tables:
 
     @cached_property
     def _one_places(self) -> tuple[Array, Array, Array]:
-        """Errors of places, the ends of gaps, and the root of the ratio of the arms; the last of stops alone."""
+        """Errors of positions, the ends of gaps, and the root of the ratio of the arms; the last for stops only."""
         known = self._closed
         ends = np.where(np.isfinite(known.gap), np.abs(known.gap), 0.0).max(axis=1, initial=0.0)
         stops = [boundary.rule.stop for boundary in self.one]
@@ -261,7 +261,7 @@ class Tables:
 
     @cached_property
     def groups(self) -> Groups | None:
-        """The boundaries of several angles, as machine code reads them; None if something slides, or there is none."""
+        """The boundaries of several angles, as tables for machine code; None with prismatic joints, or if empty."""
         _, chains, threshold, places = self._many_known
         if not self.many or chains.bundle.slides is not None:
             return None
@@ -275,7 +275,7 @@ class Tables:
 
     @cached_property
     def _none_swept(self) -> SweptBoundaries:
-        """What there is of other marks than points if no boundary has one."""
+        """An empty family, for a robot whose marks are all points."""
         nothing = np.zeros(self.n)
         return self._swept_over(nothing, nothing, 1)
 

@@ -1,7 +1,8 @@
-"""Motions and boxes through loops that are not parallelograms: what is known of `z = F(q)` where q is known.
+"""Motions and boxes through loops that are not parallelograms: bounds of `z = F(q)` from bounds of q.
 
-A motion of q is a motion of z, whose passive parts are bounded by interval arithmetic: value, first and second
-derivative. The robot over z, in which these loops are open, is then certified as any other. `docs/loops.md` proves it.
+A motion of q gives a motion of z. Interval arithmetic bounds its passive coordinates: value, first and second
+derivative. The robot over z, in which these loops are open, is then certified like any other. `docs/loops.md` proves
+it.
 """
 
 from __future__ import annotations
@@ -26,17 +27,17 @@ from pinbound.typing import Array, Indices
 
 __all__ = ["LiftedFamily", "LiftedTrajectory", "closed_only", "loop_errors", "lowered", "told"]
 
-_NEAR = 1e-6  # m or rad: of clearances beyond it nobody asks what rounding of F may do to their sign
+_NEAR = 1e-6  # m or rad: the rounding of F is considered only for clearances below this
 
 
 @dataclass(frozen=True, eq=False)
 class LiftedTrajectory:
-    """A motion of z, from one of q.
+    """The motion of z that belongs to a motion of q.
 
     Attributes:
-        motion: Of q.
+        motion: The motion of q.
         lift: `z = F(q)`.
-        errors: (loops,) [m], by how much the numbers of each loop may be off its file's.
+        errors: (loops,) [m], bounds of the errors of each loop's numbers, compared with its file.
     """
 
     motion: Trajectory
@@ -50,27 +51,27 @@ class LiftedTrajectory:
 
     @property
     def starts(self) -> Array:
-        """Those of q."""
+        """Those of the motion of q."""
         return self.motion.starts
 
     @property
     def durations(self) -> Array:
-        """Those of q."""
+        """Those of the motion of q."""
         return self.motion.durations
 
     @property
     def degree(self) -> int:
-        """That of q: intervals hold the rounding of what else z is made of."""
+        """That of the motion of q: the intervals include the rounding of the other coordinates of z."""
         return self.motion.degree
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Those of q."""
+        """Those of the motion of q."""
         return self.motion.notes
 
     @property
     def extent(self) -> tuple[Array, Array]:
-        """What holds z while q is in its extent."""
+        """A box that contains z while q is in its extent."""
         low, high = self.motion.extent
         found = self.lift.over(low[None], high[None], self.errors.tolist())
         return found.lower[0], found.upper[0]
@@ -80,7 +81,7 @@ class LiftedTrajectory:
         return self.lift(self.motion.at(piece, u))
 
     def expand(self, piece: Indices, a: Array, b: Array) -> Expansion:
-        """Return what is known of z on the parts [a, b] of pieces."""
+        """Return bounds of z on the parts [a, b] of pieces."""
         q = self.motion.expand(piece, a, b)
         n, size, count = q.middle.shape[1], len(self.lift.names), len(q.middle)
         spread = (count, n)
@@ -105,7 +106,7 @@ class LiftedTrajectory:
             middle, rate, moved = at[k].value, at[k].first, over[k].first
             held = beside[k].meet(middle + 0.5 * hull(moved, -moved))
             wide[:, :, k] = middle.middle, rate.middle, held.middle, moved.middle, over[k].second.middle
-            # what the slope in the middle is off by counts as bending: r moves by half of it at an end, by an eighth
+            # the error of the slope in the middle counts as bending: r moves by half of it at an end, by an eighth
             bent = over[k].second.radius + 4.0 * rate.radius
             radius[:, :, k] = middle.radius, held.radius, moved.radius, bent
         return Expansion(
@@ -123,12 +124,12 @@ class LiftedTrajectory:
 
 @dataclass(frozen=True, eq=False)
 class LiftedFamily:
-    """Constraints over z, asked over boxes of q.
+    """Constraints over z, bounded over boxes of q.
 
     Attributes:
         family: The constraints over z.
         lift: `z = F(q)`.
-        errors: (loops,) [m], as those of `LiftedTrajectory`.
+        errors: (loops,) [m], as in `LiftedTrajectory`.
     """
 
     family: Family
@@ -137,12 +138,12 @@ class LiftedFamily:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Those of the constraints."""
+        """Names of the constraints."""
         return self.family.names
 
     @property
     def weights(self) -> Array:
-        """By how much each coordinate of q counts, those that move loops as much as what follows them."""
+        """The weight of each coordinate of q; one that moves a loop has the weight of its passive coordinates, too."""
         w, n = self.family.weights, len(self.lift.coordinates)
         found = w[:, :n].copy()
         for one in self.lift.linkages:
@@ -151,7 +152,7 @@ class LiftedFamily:
         return found
 
     def enclose_box(self, which: Indices, centre: Array, half: Array) -> Enclosure:
-        """Return the enclosure over the box of z that holds `F(centre +- half)`, its middle being `F(centre)`."""
+        """Return the enclosure over the box of z that contains `F(centre +- half)`; its middle is `F(centre)`."""
         box = Interval.at(centre, half)
         found = self.lift.over(box.lower, box.upper, self.errors.tolist())
         Z, n = self.lift(centre), half.shape[1]
@@ -165,15 +166,15 @@ class LiftedFamily:
 
 
 def told(found: Enclosure, family: Family, which: Indices, radius: Array) -> Enclosure:
-    """Return an enclosure in which the middle is violated only if it is so at every z that rounding of F may mean.
+    """Return an enclosure whose middle is violated only if it is for every z within the rounding of F.
 
-    Where a signed clearance in the middle is nearer to zero than that, nothing finer can tell: the part is settled.
+    If a signed clearance in the middle is nearer to zero than this rounding, halving cannot help: the part is settled.
 
     Args:
-        found: Of constraints `which` (N,).
+        found: The enclosure of constraints `which` (N,).
         family: The constraints, over z.
         which: (N,).
-        radius: (N, n + k), how far z in the middle may be from what is computed.
+        radius: (N, n + k), bounds of the error of the computed z in the middle.
     """
     off = np.einsum("nz,nz->n", family.weights[which], radius) * INFLATION
     if isinstance(family, OneAngleBoundaries):  # its weights are those of the angle
@@ -185,9 +186,9 @@ def told(found: Enclosure, family: Family, which: Indices, radius: Array) -> Enc
 
 
 def loop_errors(robot: LoopRobot, lower: Array, upper: Array, degree: int) -> Array:
-    """Return by how much the gap of each loop may be off by rounding of its constants and angles (loops,) [m].
+    """Return bounds of the error of each loop's gap, by rounding of its constants and angles (loops,) [m].
 
-    While q stays in [lower, upper] (n,); passive joints as far as that takes them.
+    They hold while q stays in [lower, upper] (n,), and the passive joints in the range that results.
     """
     opened, lift = robot.opened, robot.lift
     found = lift.over(lower[None], upper[None])
@@ -199,14 +200,14 @@ def loop_errors(robot: LoopRobot, lower: Array, upper: Array, degree: int) -> Ar
 
 
 def closed_only(robot: LoopRobot) -> Robot:
-    """Return the robot over z with no other limits than that its loops close: those are no wish."""
+    """Return the robot over z with no other limits than those that close its loops: these are always needed."""
     toggles = robot.lift.toggle_names()
     kept = tuple(limit for limit in robot.opened.linear_limits if limit.joint in toggles)
     return replace(robot.opened, linear_limits=kept, guarded_limits=())
 
 
 def lowered(found: Certificate, robot: LoopRobot) -> Certificate:
-    """Return a certificate over z as one over q."""
+    """Return a certificate over z as a certificate over q."""
     n = len(robot.coordinates)
 
     def own(findings: Findings) -> Findings:
@@ -220,7 +221,7 @@ def lowered(found: Certificate, robot: LoopRobot) -> Certificate:
 
 
 def _around(points: Array, radius: Array) -> Interval:
-    """Return the box (N, n) that holds the hull of points (N, p, n), widened."""
+    """Return the box (N, n) that contains the hull of points (N, p, n), widened."""
     low, high = Interval.at(points.min(axis=1), radius), Interval.at(points.max(axis=1), radius)
     return Interval(low.lower, high.upper)
 
@@ -230,6 +231,6 @@ def _column(x: Interval, k: int) -> Interval:
 
 
 def _with(points: Array, more: Array) -> Array:
-    """Return points (N, p, n) with the same further columns (N, k) each."""
+    """Return points (N, p, n), each with the same further columns (N, k)."""
     count, p, _ = points.shape
     return np.concatenate((points, np.broadcast_to(more[:, None], (count, p, more.shape[1]))), axis=2)

@@ -1,4 +1,4 @@
-"""Ends of joint limits as constraints: affine in q, so that every enclosure is exact."""
+"""Ends of joint limits as constraints: they are affine in q, so every enclosure is exact."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["Limits"]
 
 @dataclass(frozen=True)
 class Limits:
-    """`bound - c . q >= 0`: every end of every joint limit, said of q. Affine, so that enclosures are exact."""
+    """`bound - c . q >= 0`, for every end of every joint limit, as a function of q."""
 
     names: tuple[str, ...]
     coefficients: Array

@@ -28,9 +28,9 @@ from pinbound.typing import Array, Indices
 __all__ = ["certify_many"]
 
 _BATCH = 2**14
-_AT_ONCE = 2**12  # motions that machine code gets at once, to bound memory
-_EASY = 20_000.0  # boxes of one motion; what needs more is asked of `certify`
-_NARROWEST = 2.0**-20  # of a motion; what needs shorter parts is asked of `certify`
+_AT_ONCE = 2**12  # motions that machine code gets in one call, to bound memory
+_EASY = 20_000.0  # boxes of one motion; a motion that needs more goes to `certify`
+_NARROWEST = 2.0**-20  # of a motion; a motion that needs shorter parts goes to `certify`
 _CLEAR, _VIOLATED, _UNKNOWN = 0, 1, 2
 _PLACES = {verdict: place for place, verdict in enumerate(Verdict)}
 
@@ -86,7 +86,7 @@ def certify_many(
     began = time.perf_counter()
     if not precision >= 0.0:
         raise DimensionError(f"the precision is {precision}; give a length in metres, zero or more")
-    from pinbound.kernel import check_choices  # which nothing else here needs
+    from pinbound.kernel import check_choices  # nothing else here needs it
 
     check_choices(threads, "auto")
     chosen = scope(robot, boundaries, limits, limits_only)
@@ -152,7 +152,7 @@ def _controls(starts: ArrayLike, ends: ArrayLike, coordinates: Sequence[str]) ->
 
 
 class _Many:
-    """What is known of N straight motions so far."""
+    """The results for N straight motions so far."""
 
     def __init__(self, robot: Robot, chosen: Sequence[Boundary], controls: Array, precision: float) -> None:
         count = len(controls)
@@ -164,14 +164,14 @@ class _Many:
         self.witnesses = np.full((count, controls.shape[2]), np.nan)
 
     def run(self, limits: bool) -> None:
-        """Look at limits, and at all boundaries of the motions that are not known to be in contact."""
-        if isinstance(self.robot, LoopRobot):  # its passive joints are no straight motion
+        """Check limits, and all boundaries of the motions that are not known to be in contact."""
+        if isinstance(self.robot, LoopRobot):  # the motion of its passive joints is not straight
             self.codes[:], self.lower[:] = _UNKNOWN, -np.inf
             return
         limit_family, one, many, swept = families(self.robot, self.chosen, *self.motions.extent)
         if limits or needs_limits(self.chosen):
             self._search(limit_family, is_limit=True)
-            if needs_limits(self.chosen):  # where links are is known within the limits only
+            if needs_limits(self.chosen):  # the positions of links are known only within the limits
                 self.codes[self.codes == _VIOLATED] = _UNKNOWN
         self._quick(many)
         for family in (one, swept):
@@ -180,7 +180,7 @@ class _Many:
         np.minimum(self.lower, self.upper, out=self.lower)
 
     def _quick(self, family: ManyAngleBoundaries) -> None:
-        """Search pairs of points by machine code where that is worth loading; else as all others are."""
+        """Search pairs of points by machine code if this saves time; otherwise like all other constraints."""
         rows = np.flatnonzero(self.codes == _CLEAR)
         groups = family.groups
         if groups is None or not len(rows) or not groups.is_worth(3 * len(family.names) * len(rows), np.inf):
@@ -224,7 +224,7 @@ class _Many:
                 a, b = np.concatenate((a[left], middle)), np.concatenate((middle, b[left]))
 
     def _enclose(self, family: Family, which: Indices, piece: Indices, a: Array, b: Array, is_limit: bool) -> Enclosure:
-        """Bound parts of motions, and keep what is met in their middle."""
+        """Bound parts of motions, and keep the values in their middle."""
         self.boxes += len(piece)
         new = np.ones(len(piece), dtype=np.bool_)
         new[1:] = (np.diff(piece) != 0) | (np.diff(a) != 0.0)

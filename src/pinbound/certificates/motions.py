@@ -91,7 +91,7 @@ def certify(
     if isinstance(robot, LoopRobot):
         motion = LiftedTrajectory.of(robot, as_trajectory(waypoints, robot.coordinates, times))
         names = [one.name for one in scope(robot, boundaries, limits, limits_only)]
-        opened = robot.opened if limits else closed_only(robot)  # that its loops close is no wish
+        opened = robot.opened if limits else closed_only(robot)  # its loops must close in any case
         found = certify(opened, motion, None, names, budget, limits_only=limits_only, each=each, precision=precision)
         return lowered(found, robot)
     chosen = scope(robot, boundaries, limits, limits_only)
@@ -114,7 +114,7 @@ def certify(
     if not placed:
         _, *boundary_families = families(robot, unplaced(chosen), *trajectory.extent, trajectory.degree)
     best, found = np.inf, [Findings.none(len(robot.coordinates))] * len(boundary_families)
-    for place in (1, 0, 2):  # many angles first: machine code finds what the others need not be tighter than
+    for place in (1, 0, 2):  # many angles first: machine code finds a bound, and the others need not be tighter
         if not boundary_families[place].names:
             continue
         search = Search(boundary_families[place], trajectory, meter, precision, best)
@@ -149,7 +149,7 @@ def certify(
 
 
 def _unbounded(robot: Robot, found: Findings) -> Findings:
-    """Return findings without bounds for times at which nothing bounds the positions of the links."""
+    """Return findings without bounds for times at which the positions of the links are not bounded."""
     anywhere = np.array([robot.boundaries[name].place_error != 0.0 for name in found.names], dtype=np.bool_)
     lower, upper = np.where(anywhere, -np.inf, found.lower), np.where(anywhere, np.inf, found.upper)
     return replace(found, lower=lower, upper=upper)

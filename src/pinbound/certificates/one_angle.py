@@ -1,4 +1,4 @@
-"""Boundaries of one effective angle, stops among them: exact extremes over a range of the angle."""
+"""Boundaries of one effective angle, also stops: exact extremes over a range of the angle."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class OneAngleBoundaries:
     Attributes:
         names: Their names.
         chains: Their closed form.
-        threshold: (m,) what the norm must exceed [m]; not used of stops.
-        is_stop: (m,) whether contact is a line, so that the side of it counts.
-        gap: (m, 2) home's gap between contact lines [rad]; infinite where it is no stop.
-        amplitude: (m,) of stops, the largest signed clearance [m].
+        threshold: (m,) the value that the norm must exceed [m]; not used for stops.
+        is_stop: (m,) whether contact is a line, so that its two sides are distinguished.
+        gap: (m, 2) home's gap between contact lines [rad]; infinite if it is not a stop.
+        amplitude: (m,) for stops, the largest signed clearance [m].
         error: (m,) rounding bound of a signed clearance [m].
         angle_error: (m,) rounding bound of the angle between phi and a contact line [rad].
     """
@@ -81,15 +81,15 @@ class OneAngleBoundaries:
     def _least(self, which: Indices | slice, lower: Array, upper: Array) -> Array:
         """Return the smallest signed clearance of stops while phi runs over [lower, upper].
 
-        The depth is concave in phi, so it runs over [least at an end, most]; the clearance grows with it from -pi to
-        pi, and below that it lies between `-amplitude`, at every odd multiple of pi, and zero.
+        The depth is concave in phi. So its range is [the smaller end value, the maximum]. From -pi to pi, the clearance
+        increases with the depth. Below -pi it is between `-amplitude`, at every odd multiple of pi, and zero.
         """
         ends = self._depth(which, lower), self._depth(which, upper)
         least, most = np.minimum(*ends), np.maximum(*ends)
-        with np.errstate(invalid="ignore"):  # of boundaries that are no stops, which have no gap
+        with np.errstate(invalid="ignore"):  # boundaries that are not stops have no gap
             middle = 0.5 * (self.gap[which, 0] + self.gap[which, 1])
             most = np.where((lower <= middle) & (upper >= middle), np.pi, most)
-            bottom = -np.pi - 2.0 * np.pi * np.ceil((-np.pi - most) / (2.0 * np.pi))  # the highest one up to most
+            bottom = -np.pi - 2.0 * np.pi * np.ceil((-np.pi - most) / (2.0 * np.pi))  # the highest, at most `most`
             reached = np.where(bottom > -np.pi, -np.pi, bottom) >= least
         found = np.minimum(self._stopped(which, least), self._stopped(which, most))
         return np.where(reached, -self.amplitude[which], found)
@@ -124,7 +124,7 @@ class OneAngleBoundaries:
 
 
 def with_stops(closed: OneAngle, is_stop: Flags, stops: Sequence[Stop]) -> OneAngle:
-    """Return the closed forms with the angles of the stops counted as the contact rule counts them."""
+    """Return the closed forms, with the angles of stops as in the contact rule."""
     coefficients, angle = closed.coefficients.copy(), closed.angle.copy()
     coefficients[is_stop] = np.array([stop.coefficients for stop in stops]).reshape(len(stops), coefficients.shape[1])
     angle[is_stop] = [stop.angle for stop in stops]

@@ -1,7 +1,7 @@
-"""Motions of polynomial pieces in Bernstein form, and what a certificate needs of any motion.
+"""Motions of polynomial pieces in Bernstein form, and the interface that a certificate needs of any motion.
 
-A polynomial in Bernstein form lies in the hull of its control points, and so do its derivatives in the hulls of
-theirs; restricted to a part of a piece the hull shrinks with it. Straight segments are pieces of degree one.
+A polynomial in Bernstein form lies in the hull of its control points, and its derivatives lie in the hulls of theirs.
+For a part of a piece the hull is smaller. Straight segments are pieces of degree one.
 """
 
 from __future__ import annotations
@@ -23,31 +23,31 @@ _RESTRICTING = 8
 
 
 class Trajectory(Protocol):
-    """What a certificate needs of a motion."""
+    """The interface that a certificate needs of a motion."""
 
     @property
     def starts(self) -> Array:
-        """(K,) times at which its pieces start."""
+        """(K,) times at which the pieces start."""
         ...
 
     @property
     def durations(self) -> Array:
-        """(K,) of its pieces."""
+        """(K,) durations of the pieces."""
         ...
 
     @property
     def degree(self) -> int:
-        """Rounding of q grows with it."""
+        """Polynomial degree; the rounding of q grows with it."""
         ...
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader of the certificate must know of it."""
+        """Notes for the reader of the certificate."""
         ...
 
     @property
     def extent(self) -> tuple[Array, Array]:
-        """Corners (n,) of a box that q never leaves, widened by rounding."""
+        """Corners (n,) of a box that contains all q of the motion, widened by rounding."""
         ...
 
     def at(self, piece: Indices, u: Array) -> Array:
@@ -55,20 +55,20 @@ class Trajectory(Protocol):
         ...
 
     def expand(self, piece: Indices, a: Array, b: Array) -> Expansion:
-        """Return what is known of q on the parts [a, b] of pieces."""
+        """Return bounds of q on the parts [a, b] of pieces."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Polynomials:
-    """Polynomial pieces, one after the other.
+    """A sequence of polynomial pieces.
 
     Attributes:
         controls: (K, d + 1, n) control points of each piece, in [0, 1].
         starts: (K,).
         durations: (K,).
-        radius: (K, n) how far the true motion may be from the one of these control points; 0 for straight segments.
-        notes: What a reader of the certificate must know of the motion.
+        radius: (K, n) how far the true motion may be from that of these control points; 0 for straight segments.
+        notes: Notes for the reader of the certificate.
     """
 
     controls: Array
@@ -92,7 +92,7 @@ class Polynomials:
 
     @cached_property
     def is_exact(self) -> bool:
-        """Whether the motion is that of the control points, with no radius around it."""
+        """Whether the motion is exactly that of the control points, without a radius."""
         return not self.radius.any()
 
     @cached_property
@@ -119,7 +119,7 @@ class Polynomials:
 
     def at(self, piece: Indices, u: Array) -> Array:
         """Return q by de Casteljau's scheme; exact at u = 0 and u = 1."""
-        if self.degree == 1 and len(self.controls) == 1:  # the same without a copy of the piece for each u
+        if self.degree == 1 and len(self.controls) == 1:  # the same result, without a copy of the piece for each u
             start, end = self.controls[0]
             found = start + u[:, None] * (end - start)
             found[u == 1.0] = end
@@ -127,7 +127,7 @@ class Polynomials:
         return _value(self.controls[piece], u)
 
     def expand(self, piece: Indices, a: Array, b: Array) -> Expansion:
-        """Restrict pieces, and their derivatives, to [a, b]; each by its own control points."""
+        """Restrict pieces, and their derivatives, to [a, b]; each from its own control points."""
         if self.degree == 1 and self.is_exact:
             return self._straight(piece, a, b)
         width = (b - a)[:, None, None]
@@ -137,7 +137,7 @@ class Polynomials:
         loose = 2.0 * self.degree * radius
         return Expansion(
             middle=self.at(piece, middle),
-            # The slope in the middle is rounded, too: the point that moves along it is off by half of that at an end.
+            # The slope in the middle is rounded, too. A point that moves along it has half of this error at an end.
             middle_radius=radius + 0.5 * slope_rounding * width[:, 0],
             slope=_value(first[piece], middle) * width[:, 0],
             values=_restrict(self.controls[piece], a, b),
@@ -149,7 +149,7 @@ class Polynomials:
         )
 
     def _straight(self, piece: Indices, a: Array, b: Array) -> Expansion:
-        """Return the same of straight segments: their slopes are constant, and exact to a difference and a product."""
+        """Return the same for straight segments: slopes are constant, and exact up to a difference and a product."""
         controls, none = self.controls[piece], np.zeros(self.controls.shape[2])
         slope = (controls[:, 1] - controls[:, 0]) * (b - a)[:, None]
         return Expansion(
@@ -180,7 +180,7 @@ def _value(controls: Array, u: Array) -> Array:
 
 
 def _restrict(controls: Array, a: Array, b: Array) -> Array:
-    """Return the control points of the same polynomials on [a, b]: cut at b, and what is before it at a / b."""
+    """Return the control points of the same polynomials on [a, b]: cut at b, and the part before b cut at a / b."""
     points, left = controls, [controls[:, 0]]
     while points.shape[1] > 1:
         points = _step(points, b)
@@ -195,5 +195,5 @@ def _restrict(controls: Array, a: Array, b: Array) -> Array:
 
 
 def is_straight(trajectory: Trajectory) -> TypeGuard[Polynomials]:
-    """Return whether a motion is straight between its knots, which are known exactly."""
+    """Return whether a motion is straight between its knots, and exact."""
     return isinstance(trajectory, Polynomials) and trajectory.degree == 1 and trajectory.is_exact

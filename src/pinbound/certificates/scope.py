@@ -1,4 +1,4 @@
-"""What a certificate speaks of: the boundaries that are asked for, or limits alone; and what that leaves unseen."""
+"""The scope of a certificate: the requested boundaries, or limits alone, and the pairs that are not watched."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from pinbound.robot.robot import Robot
 __all__ = ["ONLY_LIMITS", "covered", "scope", "settled"]
 
 ONLY_LIMITS = "no boundary was checked: the verdict is about joint limits alone"
-"""The note of a certificate that was asked for limits only."""
+"""The note of a certificate for limits only."""
 
 
 def scope(robot: Robot, boundaries: Sequence[str] | None, limits: bool, limits_only: bool) -> tuple[Boundary, ...]:
-    """Return the boundaries to check: those of these names, all for None, none if limits alone are asked for.
+    """Return the boundaries to check: those with these names, all for None, none if only limits are checked.
 
     Raises:
         UnknownNameError: If the robot has no boundary of that name.
-        DimensionError: If limits alone are asked for, and also boundaries, or no limits.
+        DimensionError: If only limits are requested, and also boundaries, or no limits.
     """
     if limits_only and (boundaries or not limits):
         asked = "names of boundaries" if boundaries else "limits=False"
@@ -31,14 +31,14 @@ def scope(robot: Robot, boundaries: Sequence[str] | None, limits: bool, limits_o
 
 
 def covered(robot: Robot, chosen: Sequence[Boundary]) -> CoverageRecord:
-    """Return what these boundaries watch of the robot."""
+    """Return which pairs of links these boundaries watch."""
     if len(chosen) == len(robot.boundaries):
         return robot.coverage.record
     return robot.coverage.of(boundary.name for boundary in chosen).record
 
 
 def settled(verdict: Verdict, chosen: Sequence[Boundary], limits_only: bool) -> Verdict:
-    """Return the verdict, for which no boundary is nothing to check, unless a limit is passed or limits were all."""
+    """Return the verdict; without boundaries NOTHING_TO_CHECK, unless a limit is violated or only limits count."""
     if chosen or limits_only or verdict is Verdict.VIOLATED:
         return verdict
     return Verdict.NOTHING_TO_CHECK

@@ -1,8 +1,8 @@
-"""Branch and bound over the parts of a motion: cut what is neither clear nor violated, as arrays.
+"""Branch and bound over the parts of a motion, as arrays: cut the parts that are neither clear nor violated.
 
-All open parts of all constraints of a family are bounded in one go and cut together. A part leaves the list
-when it is proven clear and cannot hold the smallest clearance any more, when it lies behind the first contact, or when
-halving it cannot help: what is left of its width is below rounding.
+All open parts of all constraints of a family are bounded in one call and cut together. A part leaves the list in three
+cases: it is proven clear and cannot contain the smallest clearance; it is after the first contact; or halving it cannot
+help, because its remaining width is below rounding.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ __all__ = ["Meter", "Search"]
 
 _BATCH = 2**14
 _NARROWEST = 2.0**-48
-_A_SECOND = 5e6  # boxes that machine code bounds in a second, and less
+_A_SECOND = 5e6  # a low estimate of the boxes that machine code bounds in a second
 _WAYS = ((32, 8), (256, 4))
-_WAYS_IN_CODE = ((8, 32), (32, 16), (128, 8), (512, 4))  # where machine code bounds a part in microseconds
+_WAYS_IN_CODE = ((8, 32), (32, 16), (128, 8), (512, 4))  # if machine code bounds a part in microseconds
 _REASONS = tuple(Reason)
 _NONE = owned(np.zeros(0, dtype=np.intp))
 
 
 @dataclass
 class Meter:
-    """What a certificate has spent of its budget."""
+    """The part of its budget that a certificate has used."""
 
     budget: Budget
     boxes: int = 0
@@ -50,7 +50,7 @@ class Meter:
         return time.perf_counter() - self.started
 
     def spent(self) -> Reason | None:
-        """Return which part of the budget is spent, if one is."""
+        """Return which part of the budget is spent, or None."""
         if self.boxes >= self.budget.boxes:
             return Reason.BOXES
         return Reason.TIME if self.seconds >= self.budget.seconds else None
@@ -58,7 +58,7 @@ class Meter:
 
 @dataclass(frozen=True)
 class _Parts:
-    """Parts [a, b] of pieces, each of one constraint."""
+    """Parts [a, b] of pieces, each for one constraint."""
 
     piece: Indices
     which: Indices
@@ -72,9 +72,9 @@ class _Parts:
         return _Parts(self.piece[rows], self.which[rows], self.a[rows], self.b[rows])
 
     def cut(self, is_coded: bool) -> _Parts:
-        """Cut each part into equal ones, the more the fewer there are: a round costs as much as some parts.
+        """Cut each part into equal ones; few parts are cut into more, because a round costs as much as some parts.
 
-        Parts are dyadic, so that edges are exact, and neighbours share them: no gap.
+        Parts are dyadic, so their ends are exact, and neighbours share them without a gap.
         """
         ways = next((ways for most, ways in (_WAYS_IN_CODE if is_coded else _WAYS) if len(self) <= most), 2)
         steps = np.arange(ways + 1) / ways
@@ -85,14 +85,14 @@ class _Parts:
 
 
 class Search:
-    """Everything that is known of the constraints of one family along one motion."""
+    """The results for the constraints of one family along one motion."""
 
     def __init__(
         self, family: Family, trajectory: Trajectory, meter: Meter, precision: float | None, best: float = np.inf
     ) -> None:
-        """Start with nothing known, but that some clearance elsewhere is at most `best`.
+        """Start without results, except that some clearance elsewhere is at most `best`.
 
-        `precision` [m] is wanted of the smallest clearance; None: whatever the verdict yields.
+        `precision` [m] is requested for the smallest clearance; None: the precision that the verdict needs.
         """
         self.family, self.is_coded = family, False
         if isinstance(family, SweptBoundaries):
@@ -115,7 +115,7 @@ class Search:
 
         Args:
             each: Whether every constraint gets tight bounds of its smallest clearance, not only the smallest of all.
-            rows: The constraints to look at; None: all of them, by quick ways first.
+            rows: The constraints to examine; None: all of them, by quick methods first.
         """
         active = self._quick(self._sweep(each), each) if rows is None else rows
         pieces = len(self.trajectory.starts)
@@ -123,7 +123,7 @@ class Search:
         if not m:
             return
         step = max(1, _BATCH // m)
-        for start in range(0, pieces, step):  # the knots first: contacts there save much of the rest
+        for start in range(0, pieces, step):  # the knots first, because contacts there save much work
             if self.meter.spent():
                 break
             self._knots(active, np.arange(start, min(start + step, pieces)), last=start + step >= pieces)
@@ -139,18 +139,19 @@ class Search:
                 batches: list[_Parts] = []
                 batch = _BATCH * 2 // (1 + max(1, self.trajectory.degree))
                 for i in range(0, len(parts), batch):
-                    if i and self.meter.spent():  # what is left of the round is left open
+                    if i and self.meter.spent():  # the rest of the round is left open
                         batches.append(parts.take(slice(i, len(parts))))
                         break
                     batches.append(self._round(parts.take(slice(i, i + batch)), each))
                 parts = batches[0] if len(batches) == 1 else _joined(batches)
 
     def _sweep(self, each: bool) -> Indices:
-        """Settle what one look at the whole motion settles; return the constraints that need a closer one.
+        """Decide what one bound of the whole motion decides; return the constraints that need more.
 
-        A constraint on one angle is proven for the motion if it is for the whole range of that angle, and its clearance
-        is smallest at an end of the range, which a motion straight between knots takes at a knot. All control points of
-        all pieces count, both ends of each among them: that a piece begins where the one before ends is not assumed.
+        A constraint on one angle is proven for the motion if it is proven for the whole range of that angle. Its
+        clearance is smallest at an end of the range. A motion that is straight between knots reaches this end at a
+        knot. All control points of all pieces count, so both ends of each piece. It is not assumed that a piece begins
+        where the one before ends.
         """
         m, family, trajectory = len(self.family.names), self.family, self.trajectory
         if not m or not isinstance(family, Limits | OneAngleBoundaries) or not isinstance(trajectory, Polynomials):
@@ -182,11 +183,11 @@ class Search:
         return np.flatnonzero(~settled)
 
     def _quick(self, active: Indices, each: bool) -> Indices:
-        """Settle by machine code what is clear; return the constraints that need a closer look.
+        """Decide by machine code what is clear; return the constraints that need more.
 
         Machine code proves pairs of points clear on straight motions, and bounds their smallest clearance as tightly as
-        asked. What it finds in contact, or cannot tell, is searched once more here: first contacts, witnesses and open
-        parts are of this search alone.
+        requested. Pairs that it finds in contact, or cannot decide, are searched again here. So first contacts,
+        witnesses and open parts come from this search only.
         """
         family, trajectory = self.family, self.trajectory
         if not len(active) or not isinstance(family, ManyAngleBoundaries) or not is_straight(trajectory):
@@ -244,7 +245,7 @@ class Search:
         self.first_value[which] = value[rows]
 
     def _round(self, parts: _Parts, each: bool) -> _Parts:
-        """Bound parts, settle what can be settled, and return the rest, cut."""
+        """Bound parts, decide those that can be decided, and return the others, cut."""
         found = self._enclose(parts)
         which, first = parts.which, self.first[parts.which]
         begin, end = self._times(parts.piece, parts.a), self._times(parts.piece, parts.b)
@@ -264,7 +265,7 @@ class Search:
         return parts.take(split).cut(self.is_coded)
 
     def _give_up(self, parts: _Parts, active: Indices, reason: Reason) -> None:
-        """Keep what the budget does not allow to look at: these parts, and every later piece."""
+        """Keep as open what the budget does not allow to examine: these parts, and all later pieces."""
         self.lower[np.unique(parts.which)] = -np.inf
         code = np.full(len(parts), _REASONS.index(reason))
         self.open.append((parts, np.full(len(parts), -np.inf), code))
@@ -274,7 +275,7 @@ class Search:
             self.unseen = (float(self.trajectory.starts[behind]) - self.origin, active, reason)
 
     def results(self) -> tuple[Findings, list[OpenPart]]:
-        """Return one finding a constraint, and the open parts before its first contact, neighbours merged."""
+        """Return a finding for each constraint, and its open parts before the first contact, neighbours merged."""
         m, names = len(self.family.names), self.family.names
         if not self.open and not self.unseen and not self.has_contact:
             return self._findings(np.zeros(m, dtype=np.int64), {}), []
@@ -316,7 +317,7 @@ class Search:
 
 
 def _expanded(trajectory: Trajectory, parts: _Parts) -> tuple[Expansion, Indices]:
-    """Return the distinct parts expanded, neighbours only compared, and the row of each part among them."""
+    """Return the distinct parts, expanded, and the row of each part among them; only neighbours are compared."""
     new = np.ones(len(parts), dtype=np.bool_)
     new[1:] = (np.diff(parts.piece) != 0) | (np.diff(parts.a) != 0.0) | (np.diff(parts.b) != 0.0)
     once = parts.take(new)
@@ -324,7 +325,7 @@ def _expanded(trajectory: Trajectory, parts: _Parts) -> tuple[Expansion, Indices
 
 
 def _least(which: Indices, values: Array, known: Array) -> Indices:
-    """Return, for each constraint whose least value is below the known one, a row that has it."""
+    """Return, for each constraint with a new smallest value, a row that has this value."""
     least = known.copy()
     np.minimum.at(least, which, values)
     return np.flatnonzero((values == least[which]) & (values < known[which]))
@@ -340,7 +341,7 @@ def _joined(parts: list[_Parts]) -> _Parts:
 
 
 def _merged(parts: list[OpenPart]) -> list[OpenPart]:
-    """Join open parts of one constraint and reason that touch."""
+    """Join touching open parts of one constraint and reason."""
     merged: list[OpenPart] = []
     for part in sorted(parts, key=lambda part: (part.name, part.reason.value, part.start)):
         last = merged[-1] if merged else None

@@ -1,4 +1,4 @@
-"""On which side of a contact strip a motion lies: what is clear may still not be reachable from home."""
+"""The side of a contact strip on which a motion lies: a clear motion may still be unreachable from home."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from pinbound.typing import Array
 
 __all__ = ["far_sides"]
 
-_EASY = 64  # parts a boundary, for a look that saves the isolation of all strips of a turn
+_EASY = 64  # parts for each boundary, for a test that can replace the isolation of all strips of a turn
 
 
 def far_sides(tables: Tables, names: Container[str], q: Array) -> tuple[str, ...]:
-    """Return the bodies with a contact strip beyond which q lies, seen from home: clear, but not reachable.
+    """Return the bodies with a contact strip between home and q: q is clear, but not reachable.
 
-    Of one effective angle, phi runs from its value at home to that at q on the straight way between them, and nowhere
-    else. So a strip lies between if there is contact on that way, and none does if it is proven clear. Strips of bodies
-    are looked for by their ends, over a whole turn, only where neither is proven.
+    For one effective angle, phi goes from its value at home to that at q on the straight motion between them, and takes
+    no other values. So a strip is between them if this motion meets contact, and there is none if the motion is proven
+    clear. Only if neither is proven, the ends of the strips of bodies are searched over a full turn.
 
     Args:
         tables: A robot's boundaries.
-        names: Of those that are clear at q.
+        names: Names of the boundaries that are clear at q.
         q: (n,).
     """
     boundaries = [one for one in tables.turning_bodies if one.name in names]
@@ -41,7 +41,7 @@ def far_sides(tables: Tables, names: Container[str], q: Array) -> tuple[str, ...
             continue
         try:
             is_strip = any(contact.half_width for contact in boundary.contacts or ())
-        except UnsupportedError:  # contact is flat along an interval, to rounding: its sides are not known
+        except UnsupportedError:  # up to rounding, contact is flat along an interval: its sides are not known
             continue
         if is_strip and boundary.parts(tables.robot.home, q):
             found.append(boundary.name)
@@ -49,12 +49,12 @@ def far_sides(tables: Tables, names: Container[str], q: Array) -> tuple[str, ...
 
 
 def _is_searched(boundary: Boundary) -> bool:
-    """Return whether the angle is one, and the links are where the coupling puts them."""
+    """Return whether there is one angle, and the positions of the links follow from the coupling."""
     return not np.any(boundary.path.minimal.slides) and not boundary.place_error
 
 
 def _between(tables: Tables, names: Sequence[str], q: Array) -> dict[str, Verdict]:
-    """Return what is found of boundaries on the straight way from home to q."""
+    """Return the verdicts of boundaries on the straight motion from home to q."""
     if not names:
         return {}
     ends = np.stack((tables.robot.home, q))

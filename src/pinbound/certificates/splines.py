@@ -1,8 +1,8 @@
 """SciPy's splines in Bernstein form, each piece on its own interval; refused if they jump.
 
-A B-spline's control points on an interval are values of its polar form, `f(a, ..., a, b, ..., b)`, and de Boor's scheme
-takes these by convex combinations only: the change is well conditioned at any degree. The power basis of a PPoly
-needs positive weights of at most one, so that its error is relative to the sum of the sizes of its terms.
+The control points of a B-spline on an interval are values of its polar form, `f(a, ..., a, b, ..., b)`. De Boor's
+scheme computes them by convex combinations only. So the conversion is well conditioned at any degree. The power basis
+of a PPoly needs positive weights of at most one. So its error is relative to the sum of the sizes of its terms.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pinbound.typing import Array, Indices
 __all__ = ["from_spline"]
 
 _HIGHEST = 50
-"""Degree. The work of a part of a motion grows with its square; what people use ends near 10."""
+"""The highest degree. The work for a part of a motion grows with its square; typical degrees are below 10."""
 
 
 def from_spline(spline: Any, coordinates: Sequence[str]) -> Polynomials:
@@ -89,7 +89,7 @@ def _check_shape(shape: tuple[int, ...], n: int) -> None:
 
 
 def _of_bspline(spline: Any, n: int) -> tuple[Array, tuple[Array, Array], Array]:
-    """Return control points (K, k + 1, n), starts and durations, and the size (K, n) of what they are made of."""
+    """Return control points (K, k + 1, n), starts and durations, and the sizes (K, n) of the terms."""
     k = int(spline.k)
     coefficients, t = _numbers(spline, n, spline.t, k)
     _check_shape(coefficients.shape[1:], n)
@@ -114,7 +114,7 @@ def _polar(local: Array, t: Array, spans: Indices, arguments: Sequence[Array]) -
 
 
 def _of_pieces(spline: Any, n: int, is_bernstein: bool) -> tuple[Array, tuple[Array, Array], Array]:
-    """Return the same of a PPoly or a BPoly."""
+    """Return the same for a PPoly or a BPoly."""
     coefficients, knots = _numbers(spline, n, spline.x, len(spline.c) - 1)
     _check_shape(coefficients.shape[2:], n)
     lasting = np.diff(knots) > 0.0
@@ -132,7 +132,7 @@ def _of_pieces(spline: Any, n: int, is_bernstein: bool) -> tuple[Array, tuple[Ar
 
 
 def _refuse_jumps(controls: Array, starts: Array, rounding: Array, coordinates: Sequence[str]) -> None:
-    """Refuse a spline that is not continuous: nothing is known of how a robot would get across the jump."""
+    """Refuse a spline that is not continuous: the motion of the robot at the jump is not defined."""
     before, after = controls[:-1, -1], controls[1:, 0]
     excess = np.abs(after - before) - (rounding[:-1] + rounding[1:])
     if not len(excess) or excess.max() <= 0.0:
@@ -145,7 +145,7 @@ def _refuse_jumps(controls: Array, starts: Array, rounding: Array, coordinates: 
 
 
 def _notes(spline: Any, controls: Array, knots: tuple[Array, Array], coordinates: Sequence[str]) -> tuple[str, ...]:
-    """Say of a periodic spline that one period is looked at."""
+    """Return a note that one period of a periodic spline is checked."""
     if getattr(spline, "extrapolate", None) != "periodic":
         return ()
     starts, durations = knots

@@ -1,4 +1,4 @@
-"""Boundaries of segments, lines and planes: bounded along a direction that stands still."""
+"""Boundaries of segments, bodies, lines and planes: bounded along a fixed direction."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ __all__ = ["SweptBoundaries"]
 
 @dataclass(frozen=True)
 class SweptBoundaries:
-    """Boundaries that are not between two points.
+    """Boundaries of other marks than two points.
 
     Attributes:
         names: Their names.
-        swept: Their paths, side by side.
-        threshold: (m,) what the separation must exceed [m]; of distances at least the contact tolerance.
+        swept: The bundle of their paths.
+        threshold: (m,) the value that the separation must exceed [m]; for distances at least the contact tolerance.
         error: (m,) rounding bound of a separation [m].
-        boundaries: They themselves.
-        tables: What machine code reads of them, made when it is first asked for.
-        seconds: What the whole may take: with a few of them left machine code is not compiled.
+        boundaries: The boundaries.
+        tables: The tables for machine code, made when first needed.
+        seconds: The time for the whole search; machine code is not compiled in the last few seconds.
     """
 
     names: tuple[str, ...]
@@ -42,16 +42,16 @@ class SweptBoundaries:
 
     @property
     def is_coded(self) -> bool:
-        """Whether machine code bounds them, as there was enough to do for it."""
+        """Whether machine code bounds them, because there was enough work."""
         return is_worth(0, self.seconds)
 
     def within(self, seconds: float) -> SweptBoundaries:
-        """Return the same, for a search that may take so many seconds."""
+        """Return the same family, for a search of at most so many seconds."""
         return replace(self, seconds=seconds)
 
     @property
     def weights(self) -> Array:
-        """Lever arms, and lengths of slides, a coordinate, of the corner that moves most."""
+        """Lever arms, and rates of prismatic joints, for each coordinate, of the corner that moves most."""
         chains, rows = self.swept.chains, self.swept.rows
         moved = np.einsum("mk,mkn->mn", self.swept.arms, np.abs(chains.coefficients))
         if chains.slides is not None:
@@ -93,7 +93,7 @@ class SweptBoundaries:
         return self._judge(which, value, lower)
 
     def _coded(self, which: Indices) -> Flags:
-        """Return which rows machine code bounds; none, while loading or compiling it would take longer."""
+        """Return the rows that machine code bounds; none if loading or compiling it would take longer."""
         if not is_worth(len(which), self.seconds):
             return np.zeros(len(which), dtype=np.bool_)
         return self.tables().fits[which]

@@ -1,4 +1,4 @@
-"""Motions as the certificates read them: waypoints, splines, or a function with bounds of its derivatives."""
+"""Motions in the form for certificates: waypoints, splines, or a function with bounds of its derivatives."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["BoundedMotion", "Polynomials", "Trajectory", "as_trajectory", "refus
 
 
 def as_trajectory(motion: Any, coordinates: Sequence[str], times: ArrayLike | None = None) -> Trajectory:
-    """Return a motion in the form that certificates read.
+    """Return a motion in the form for certificates.
 
     Args:
         motion: Waypoints (N, n) with straight segments between, or a `scipy.interpolate` PPoly, CubicSpline, BPoly
@@ -31,7 +31,7 @@ def as_trajectory(motion: Any, coordinates: Sequence[str], times: ArrayLike | No
     Raises:
         DimensionError: If shapes do not fit, something is not finite, times do not increase, a spline jumps, or the
             values of a function contradict its bounds.
-        UnsupportedError: If it is no motion that can be certified.
+        UnsupportedError: If it is not a motion that can be certified.
     """
     if isinstance(motion, BoundedMotion) or (callable(motion) and hasattr(motion, "c")):
         if times is not None:
@@ -87,7 +87,7 @@ def _times(times: ArrayLike | None, count: int) -> Array:
 
 
 def refuse_far(lower: Array, upper: Array, coordinates: Sequence[str]) -> None:
-    """Refuse what is so far away that its squares overflow.
+    """Refuse a motion or box so far away that its squares overflow.
 
     Raises:
         DimensionError: If a coordinate may be beyond `tolerances.FARTHEST`.
