@@ -5,9 +5,9 @@ interior of a face. So a face is either completely free or not free at all, and 
 Free faces are the connected components. Each piece of the contour of a face has the name of its curve. Where two names
 meet, the corner is computed from the two exact functions.
 
-Where a contact curve may cross or touch itself, a box of 1e-8 of the window is undecided (`contours`). Its interior
-counts as not free, so the parts on both sides of it are separate. If they are connected in truth,
-`Arrangement.joined_area` is the area.
+At a point where a contact curve may cross or touch itself, a box of 1e-8 of the window is undecided (`contours`). Its
+interior counts as not free, so the parts on both sides of it are separate. `Arrangement.joined_area` is the area if
+they are in fact connected.
 
 Everything here is in units of `Slice.scales`; results (`arranged_loops`, `drawn`) are in radians and metres.
 """
@@ -42,7 +42,7 @@ __all__ = ["Arrangement", "Corner", "Edge", "Unresolved", "arrange", "arranged_l
 
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
-_BEYOND = 0.02  # curves are traced this much of the window beyond it: more than a bump that no corner sees
+_BEYOND = 0.02  # of the window: curves are traced this far beyond it; a bump without a corner is lower
 assert _BEYOND > BUMP * (1.0 + 2.0 * _BEYOND)
 _NEWTON = 30
 _WALL = 3.0  # steps between an undecided box and the wall around it
@@ -126,11 +126,11 @@ class Arrangement(Value):
     """The free faces of a slice.
 
     Attributes:
-        plane: The plane.
+        plane: The slice.
         lines: Every line and curve, in units of `Slice.scales`.
-        faces: Free faces as `shapely.Polygon`, counter-clockwise, in the same units; the start's first, then the
-            largest first.
-        chord_error: No point of a contact curve is further than this from its polyline, in the same units.
+        faces: Free faces as `shapely.Polygon`, counter-clockwise, in the same units; first the face with the start,
+            then the largest first.
+        chord_error: The largest distance of a contact curve from its polyline, in the same units.
         smooth_error: The same for smooth curves, which need no search.
         blocks: Undecided places in the same units: a polygon and the name of the boundary.
         settled: The undecided cells of contacts that need a search; None if there are none.
@@ -165,7 +165,7 @@ class Arrangement(Value):
         return tuple(found)
 
     def joined_area(self, index: int) -> float:
-        """Return the area [product of the units] of a face and all that undecided places may join with it."""
+        """Return the area [product of the units] of a face with all parts that undecided places may connect to it."""
         reached, news = {index}, [index]
         while news:
             face = self.faces[news.pop()]
@@ -190,7 +190,7 @@ def arrange(
 ) -> Arrangement:
     """Return the free faces of a slice, with contact curves traced to an accuracy in units of `Slice.scales`.
 
-    If the start is nearer to contact than the accuracy resolves, a finer accuracy is used. Contacts that need a search
+    If the start is too near to contact for the accuracy, a finer accuracy is used. Contacts that need a search
     are enclosed in cells of this width; None: `REGION_WIDTH`, or wider if there would be too many cells.
 
     Raises:
@@ -226,7 +226,7 @@ def _wide(slice_: Slice) -> Array:
 
 
 def _arranged(slice_: Slice, accuracy: float, tubes: Tubes | None, deadline: Deadline | None) -> Arrangement | None:
-    """Return the faces, or None if the start cannot be told from contact at this accuracy."""
+    """Return the faces, or None if the start cannot be distinguished from contact at this accuracy."""
     wide = _wide(slice_)
     sides = [_scaled(limit, slice_.scales) for limit in (*slice_.box, *slice_.limits)]
     lines = [_straight(wide, side, side) for side in sides]
@@ -242,7 +242,7 @@ def _arranged(slice_: Slice, accuracy: float, tubes: Tubes | None, deadline: Dea
     for curve in slice_.curves if deadline is None else deadline.each(slice_.curves):
         if tubes is not None and curve in tubes.searched.curves:
             continue
-        assert isinstance(curve, Curve)  # all others are searched for
+        assert isinstance(curve, Curve)  # all others need a search
         found = outline(slice_, curve, wide, accuracy, deadline)
         error = max(error, found.chord_error)
         lines += found.lines
@@ -266,7 +266,7 @@ def _arranged(slice_: Slice, accuracy: float, tubes: Tubes | None, deadline: Dea
 def _free_faces(
     slice_: Slice, lines: Sequence[Line], blocks: Sequence[tuple[Any, str]], accuracy: float
 ) -> tuple[Any, ...] | None:
-    """Return the free faces between lines, the start's first, then the largest; None if the start is in none."""
+    """Return the free faces between lines: the start's face first, then the largest; None if the start is in none."""
     faces = gis.polygonize(gis.get_parts(gis.union_all([gis.linestrings(x.points) for x in lines])))
     polygons = np.asarray(gis.get_parts(faces))
     inside = gis.get_coordinates(gis.point_on_surface(polygons))
@@ -317,7 +317,7 @@ def _strip_lines(slice_: Slice, wide: Array) -> list[Line | None]:
 
 
 def _blocks(centres: Array, step: Array) -> list[Any]:
-    """Return polygons around boxes, each holding the boxes that are next to each other."""
+    """Return polygons around boxes; boxes that are next to each other share a polygon."""
     if not len(centres):
         return []
     if len(centres) > _MOST_UNDECIDED:
@@ -331,7 +331,7 @@ def _blocks(centres: Array, step: Array) -> list[Any]:
 
 
 def _straight(wide: Array, half: HalfPlane, limit: HalfPlane | None = None) -> Line | None:
-    """Return the part of `normal @ x = bound` in the wide window, or None if it misses it."""
+    """Return the part of `normal @ x = bound` in the wide window, or None if the line misses the window."""
     normal = half.normal
     foot = normal * (half.bound / float(normal @ normal))
     direction = np.array([-normal[1], normal[0]])
@@ -369,7 +369,7 @@ def arranged_loops(
 
 
 def _edges(lines: Sequence[Line], ring: Array, owner: Ints, accuracy: float) -> tuple[tuple[Edge, ...], list[Corner]]:
-    """Cut a ring (open, counter-clockwise) into runs of one curve, of however many pieces, corners polished."""
+    """Cut a ring (open, counter-clockwise) where the curve changes; Newton's method refines the corners."""
     names = [line.name if not isinstance(line.function, HalfPlane) else "" for line in lines]
     curve = np.array([names.index(name) if name else place for place, name in enumerate(names)])[owner]
     breaks = np.flatnonzero(curve != np.roll(curve, 1))
@@ -401,7 +401,7 @@ def _edges(lines: Sequence[Line], ring: Array, owner: Ints, accuracy: float) -> 
 
 
 def _polish(a: Line, b: Line, x: Array, accuracy: float) -> tuple[Array, bool]:
-    """Solve both functions from a crossing of their polylines, by Newton; keep the crossing where that leaves it."""
+    """Solve both functions by Newton's method from the crossing of their polylines; keep that if it diverges."""
     point = x
     limit = np.sqrt(accuracy)
     for _ in range(_NEWTON):

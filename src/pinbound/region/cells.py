@@ -1,17 +1,17 @@
-"""The plane cut into cells, each proven free or in contact; what cannot be told is halved to a stated width.
+"""A slice divided into cells: each is proven free or in contact; undecided cells are cut, down to a stated width.
 
-Where contact is searched for (boxes, prisms, segments edge to edge) there is no smooth function whose zeros could be
-traced. But over a box of the plane the separation has proven bounds (`bounds/swept_bounds`), so with the contact
+Contacts of boxes, prisms and segments edge to edge need a search. They have no smooth function whose zeros could be
+traced. But over a box of the slice the separation has proven bounds (`bounds/swept_bounds`). So with the contact
 distances T_b a cell is
 
     free:       lower_b > T_b for every boundary b;
     in contact: upper_b <= T_b for one of them;
     undecided:  neither; it is cut into four, until no side is longer than the width.
 
-Then all contours lie in undecided cells, and nothing hides elsewhere. `docs/regions-cells.md` has the proofs.
+Then all contours lie in undecided cells, and no island can be missed. `docs/regions-cells.md` has the proofs.
 
-Coordinates here are those of the plane in units of `Slice.scales`. Corners of cells are whole numbers of the finest
-step, so that neighbours agree to the last bit.
+Coordinates here are those of the slice in units of `Slice.scales`. Corners of cells are whole multiples of the finest
+step, so that neighbours share them to the last bit.
 """
 
 from __future__ import annotations
@@ -36,22 +36,22 @@ __all__ = ["Cells", "Grid", "Searched", "SeparationFunction", "decided", "pave"]
 FINEST = 20  # halvings of a root cell at most: 1e-6 of it
 _ROOTS = 6  # root cells along the shorter side of the window, about
 _MOST_ROOTS = 64
-_ROWS = 2**13  # of a boundary on a cell, bounded in one go
+_ROWS = 2**13  # pairs of a boundary and a cell that are bounded in one call
 _MOST_CELLS = 400_000
-_ENOUGH = 20_000  # cells, if no width is asked for: some seconds
-_SETTLED = 3  # halvings of root cells, some 0.1 rad: from there on undecided cells line up along curves
+_ENOUGH = 20_000  # cells, if no width is requested: some seconds
+_SETTLED = 3  # halvings of root cells, to some 0.1 rad: from there on undecided cells follow curves
 _FOUR: Ints = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 _TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
 class SeparationFunction:
-    """`f(x) - T`, separation less contact distance, over the plane in units of its scales.
+    """`f(x) - T`, the separation minus the contact distance, over the slice in units of its scales.
 
     Attributes:
-        path: Over the two coordinates.
+        path: The path over the two coordinates.
         threshold: T [m].
-        scales: (2,) units of the plane.
+        scales: (2,) units of the slice.
     """
 
     path: RelativePath
@@ -63,19 +63,19 @@ class SeparationFunction:
         return separation.separations(self.path, X * self.scales) - self.threshold
 
     def value_gradient(self, X: Array) -> tuple[Array, Array]:
-        """Return `f - T` (N,) and its gradient (N, 2); NaN where bodies overlap, for there is no direction."""
+        """Return `f - T` (N,) and its gradient (N, 2); NaN where bodies overlap, because there is no direction."""
         return self.value(X), separation.gradients(self.path, X * self.scales) * self.scales
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Where cells may lie: `origin + step * k`, k whole.
+    """The grid of cells: their corners are `origin + step * k` with whole numbers k.
 
     Attributes:
         origin: (2,) lower corner of the window.
         step: (2,) the finest step.
         roots: (2,) root cells along each side; each is `2**FINEST` steps wide.
-        level: How often a root cell is halved until no side is longer than the width.
+        level: The number of halvings of a root cell until no side is longer than the width.
     """
 
     origin: Array
@@ -85,7 +85,7 @@ class Grid:
 
     @classmethod
     def over(cls, window: Array, width: float) -> Grid:
-        """Return the grid of a window (2, 2), rows lower and upper, whose cells are nearly square."""
+        """Return the grid of a window (2, 2), rows lower and upper, with nearly square cells."""
         sides = window[1] - window[0]
         level = int(np.clip(np.floor(np.log2(sides.min() / (_ROOTS * width))), 0, FINEST))
         root = max(width * 2.0**level, sides.max() / _MOST_ROOTS)
@@ -99,7 +99,7 @@ class Grid:
         return 1 << (FINEST - self.level)
 
     def places(self, corners: Ints) -> Array:
-        """Return points (..., 2) of whole numbers of steps."""
+        """Return points (..., 2) from whole numbers of steps."""
         return self.origin + self.step * corners
 
     def boxes(self, cells: Cells) -> tuple[Array, Array]:
@@ -109,13 +109,13 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class Cells(Value):
-    """Cells, and for each the boundaries that may begin contact in it.
+    """Cells, and for each cell the boundaries whose contact may begin in it.
 
     Attributes:
         corners: (N, 2) lower corners in finest steps.
         sizes: (N,) sides in finest steps.
-        cell: (P,) a cell, ascending.
-        which: (P,) a boundary that is undecided on it.
+        cell: (P,) the index of a cell, ascending.
+        which: (P,) a boundary that is undecided on this cell.
     """
 
     corners: Ints
@@ -142,7 +142,7 @@ class Cells(Value):
         return Cells(corners, np.repeat(half, 4), cell[order], np.repeat(self.which, 4)[order])
 
     def with_more(self, other: Cells) -> Cells:
-        """Return both together."""
+        """Return the cells of both."""
         return Cells(
             np.concatenate((self.corners, other.corners)),
             np.concatenate((self.sizes, other.sizes)),
@@ -152,10 +152,10 @@ class Cells(Value):
 
 
 class Searched:
-    """The boundaries of a plane whose contact is searched for, with proven bounds over cells."""
+    """The boundaries of a slice whose contact needs a search, with proven bounds over cells."""
 
     def __init__(self, slice_: Slice, curves: tuple[Curve | LoopContact | LoopLimit, ...], grid: Grid) -> None:
-        """Put paths of as many edge vectors side by side, and what is through loops by itself."""
+        """Bundle paths with the same number of edge vectors; boundaries through loops are separate."""
         self.slice, self.curves, self.grid = slice_, curves, grid
         self.functions = tuple(
             SeparationFunction(one.path, one.threshold, slice_.scales)
@@ -207,9 +207,9 @@ def _chunks(rows: Indices) -> list[Indices]:
 
 
 def pave(searched: Searched, deadline: Deadline | None = None, adapts: bool = False) -> tuple[Cells, Grid]:
-    """Return the cells of the stated width that are undecided; all else is proven free, in contact or out of limits.
+    """Return the undecided cells of the stated width; all others are proven free, in contact or outside a limit.
 
-    And the grid of that width; or of a wider one if it `adapts`, where so many cells are enough.
+    Also return the grid of that width. If it `adapts`, the width is larger when this gives enough cells.
 
     Raises:
         UnsupportedError: If there are too many cells, or time is up.
@@ -229,7 +229,7 @@ def pave(searched: Searched, deadline: Deadline | None = None, adapts: bool = Fa
         if adapts and level > _SETTLED and 2 * len(cells) > _ENOUGH:
             return cells, replace(grid, level=level)
         cells = decided(searched, cells.quarters(), deadline)
-        if level >= _SETTLED and not adapts:  # along curves the number doubles from here on
+        if level >= _SETTLED and not adapts:  # along curves, the number doubles at each level from here on
             _refuse_more_than(searched, len(cells) << (grid.level - 1 - level))
     return cells, grid
 
@@ -245,7 +245,7 @@ def _refuse_more_than(searched: Searched, count: int) -> None:
 
 
 def decided(searched: Searched, cells: Cells, deadline: Deadline | None = None) -> Cells:
-    """Return those of some cells that are undecided, each with the boundaries that are so.
+    """Return the undecided cells among some cells, each with its undecided boundaries.
 
     Raises:
         UnsupportedError: If there are too many cells, or time is up.
@@ -265,7 +265,7 @@ def decided(searched: Searched, cells: Cells, deadline: Deadline | None = None) 
 
 
 def _needless(slice_: Slice, low: Array, high: Array) -> Flags:
-    """Return which cells (N,) lie as a whole, and well, beyond a limit or in the contact of one effective angle."""
+    """Return which cells (N,) lie completely, with a margin, beyond a limit or in a contact of one effective angle."""
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     found = np.zeros(len(low), dtype=bool)
     for side in (*slice_.box, *slice_.limits):

@@ -1,18 +1,19 @@
-"""Contact curves `|r(x)| = T` in a plane of two coordinates: every one found, each traced to a stated accuracy.
+"""Contact curves `|r(x)| = T` in a slice of two coordinates: every curve is found, and traced to a stated accuracy.
 
-The smooth function `g = |r|^2 - T^2` has `grad g = 2 J^T r`, and over a box of half-sides h around m its gradient
-differs from that at m by at most `d = M h`, `M_ij = 2 (a_i a_j + b A_ij)`, a_i and b bounding `|d_i r|` and `|r|` over
-the box, A_ij `|d_ij r|` (`bounds/derivative_bounds`). Boxes are halved until each is one of
+The smooth function `g = |r|^2 - T^2` has `grad g = 2 J^T r`. Over a box of half-sides h around m its gradient differs
+from that at m by at most `d = M h`, `M_ij = 2 (a_i a_j + b A_ij)`. Here a_i, b and A_ij bound `|d_i r|`, `|r|` and
+`|d_ij r|` over the box (`bounds/derivative_bounds`). Boxes are halved until each is one of
 
     empty:   ||r(m)| - T| > sum rho_i h_i, or |g(m)| > |grad g(m)| h + d h / 2: no curve passes;
-    regular: |d| <= sin(20 deg) |grad g(m)|, in units of the box's sides: normals turn by 20 degrees at most.
+    regular: |d| <= sin(20 deg) |grad g(m)|, in units of the box's sides: the normal turns by at most 20 degrees.
 
-No island can hide: if all boxes around it are regular, each bounded part of either sign holds a corner of a box.
-Signs at all corners give the crossings, the order along the tangent connects them, and each chord is halved, its middle
-moved onto the curve, until its distance to the curve is provably within the accuracy. `docs/regions.md` has the proofs.
+No island can be missed: if all boxes around it are regular, each bounded part of either sign contains a corner of a
+box. The signs at all corners give the crossings, and the order along the tangent connects them. Each chord is halved,
+and its middle is moved onto the curve, until its distance from the curve is provably within the accuracy.
+`docs/regions.md` has the proofs.
 
-Coordinates here are those of the plane in units of `Slice.scales`, so that an accuracy is a share of the window where
-the window is small.
+Coordinates here are those of the slice in units of `Slice.scales`. So an accuracy is a share of the window if the
+window is small.
 """
 
 from __future__ import annotations
@@ -37,23 +38,24 @@ _ROOT = 4  # 2^4 root boxes a side
 _FINEST = 30  # 2^30 steps a side: 6e-9 rad in a window of one turn
 STRIDE = 1 << (_FINEST + 1)
 _MOST_BOXES = 400_000
-_TURN = np.radians(20.0)  # how far the normal may turn in a regular box
+_TURN = np.radians(20.0)  # the largest angle by which the normal may turn in a regular box
 _REGULAR = float(np.sin(_TURN))
 BUMP = float(0.5 * np.tan(_TURN)) / (1 << _ROOT)
-"""Of the window's side: how high a bump of a curve over a box's side may be that no corner sees (`docs/regions.md`)."""
+"""Of the window's side: how high a curve may rise over a box's side without including a corner (`docs/regions.md`)."""
 _CORNERS: Ints = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 
 
 @dataclass(frozen=True, eq=False)
 class ContactFunction:
-    """`g(x) = |r(x)|^2 - T^2` over the plane of two coordinates.
+    """`g(x) = |r(x)|^2 - T^2` over a slice of two coordinates.
 
     Attributes:
-        chain: Over the two coordinates.
+        chain: The chain over the two coordinates.
         threshold: T [m].
         arms: Bounds of r's derivatives over the window.
         arrows: The chain in the complex plane, if all its rotations share one direction.
-        projection: (2, 3) rows that take from r what lies across a line, whose length is then meant; None: all of it.
+        projection: (2, 3) rows that give the part of r perpendicular to a line, if this part is measured; None: all of
+            r.
     """
 
     chain: Chain
@@ -64,7 +66,7 @@ class ContactFunction:
 
     @property
     def scale(self) -> float:
-        """The length of the path [m]: what rounding is relative to."""
+        """The length of the path [m]; rounding is relative to it."""
         return self.chain.scale
 
     @classmethod
@@ -116,10 +118,10 @@ class ContactFunction:
 
 @dataclass(frozen=True, eq=False)
 class HeightFunction:
-    """`g(x) = n . r(x) - T` over the plane of two coordinates: of a plane's contact, or of the foot on a segment.
+    """`g(x) = n . r(x) - T` over a slice of two coordinates, for contact with a plane or the foot on a segment.
 
     Attributes:
-        chain: Over the two coordinates.
+        chain: The chain over the two coordinates.
         normal: (3,) n, in the frame before the first rotation.
         threshold: T [m].
         arms: Bounds of r's derivatives over the window.
@@ -132,7 +134,7 @@ class HeightFunction:
 
     @property
     def scale(self) -> float:
-        """The length of the path [m]: what rounding is relative to."""
+        """The length of the path [m]; rounding is relative to it."""
         return self.chain.scale
 
     @classmethod
@@ -169,7 +171,7 @@ class Contour:
 
     Attributes:
         lines: Polylines (k, 2) [rad]; closed ones repeat their first point.
-        chord_error: [rad]; no point of a curve is further than this from its polyline.
+        chord_error: [rad], the largest distance of a curve from its polyline.
         unresolved: (u, 2) centres of boxes in which curves may cross or only touch themselves.
         step: (2,) sides of these boxes: 1e-9 of the window's.
     """
@@ -187,11 +189,11 @@ def trace(function: Smooth, window: Array, accuracy: float, deadline: Deadline |
         function: The contact function.
         window: (2, 2), rows lower and upper.
         accuracy: The largest distance allowed between a chord and its curve, in the window's units.
-        deadline: When to give up; None: never.
+        deadline: The time limit; None: none.
 
     Raises:
-        UnsupportedError: If g touches zero along a whole curve without changing sign, so that no budget of boxes
-            would do, or time is up.
+        UnsupportedError: If g touches zero along a whole curve without changing sign, so that no number of boxes
+            is enough, or if time is up.
 
     Example:
         >>> axes, slides = np.array([[0.0, 1.0, 0.0]] * 2), np.zeros((3, 3, 2))
@@ -213,7 +215,7 @@ def trace(function: Smooth, window: Array, accuracy: float, deadline: Deadline |
 
 
 def _subdivide(function: Smooth, origin: Array, step: Array, deadline: Deadline | None) -> tuple[Ints, Ints, Array]:
-    """Return the regular boxes: lower corners (N, 2) and sides (N,) in finest steps; and unresolved centres."""
+    """Return the lower corners (N, 2) and sides (N,) of regular boxes in finest steps, and the unresolved centres."""
     side = 1 << (_FINEST - _ROOT)
     grid = np.arange(1 << _ROOT, dtype=np.int64) * side
     boxes = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -256,21 +258,22 @@ def _classify(function: Smooth, middle: Array, half: Array) -> tuple[Flags, Flag
 
 
 def box_sides(boxes: Ints, sizes: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return the pieces of the sides of boxes, cut at the corners of smaller neighbours.
+    """Return the pieces of the sides of boxes, divided at the corners of smaller neighbours.
 
     Args:
         boxes: (N, 2) lower corners in finest steps, below 2^31.
         sizes: (N,) sides in finest steps.
 
     Returns:
-        The corners' keys (K,), `x * 2^31 + y`, ascending; of each piece its box (S,), and its ends (S, 2) among them.
+        The keys of the corners (K,), `x * 2^31 + y`, ascending; the box of each piece (S,), and its ends (S, 2) among
+        them.
     """
     corners = boxes[:, None, :] + sizes[:, None, None] * _CORNERS
     keys = [np.unique(corners[..., axis].ravel() * STRIDE + corners[..., 1 - axis].ravel()) for axis in (0, 1)]
     nodes = keys[0]
     cells: list[Ints] = []
     ends: list[Ints] = []
-    for axis in (0, 1):  # sides along which coordinate `axis` is constant: x sides first
+    for axis in (0, 1):  # sides on which coordinate `axis` is constant: x sides first
         for offset in (0, 1):
             fixed, low = boxes[:, axis] + offset * sizes, boxes[:, 1 - axis]
             first = np.searchsorted(keys[axis], fixed * STRIDE + low)
@@ -287,9 +290,9 @@ def box_sides(boxes: Ints, sizes: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def _crossings(function: Smooth, origin: Array, step: Array, boxes: Ints, sizes: Ints) -> tuple[Array, Ints, Array]:
-    """Return the points (K, 2) where curves cross box sides, and the pairs (P, 2) of them that a box connects.
+    """Return the points (K, 2) where curves cross sides of boxes, and the pairs (P, 2) that a box connects.
 
-    Also the length (K,) of the piece of a side that each point is on.
+    Also return the length (K,) of the piece of a side on which each point lies.
     """
     if not len(boxes):
         return np.empty((0, 2)), np.empty((0, 2), dtype=np.int64), np.empty(0)
@@ -326,7 +329,7 @@ def _bisect(function: Smooth, low: Array, high: Array) -> Array:
 
 
 def _project(function: Smooth, X: Array, limit: float | Array, rounds: int = 4) -> Array:
-    """Move points onto the curve along the gradient; a point that would go further than its `limit` stays.
+    """Move points onto the curve along the gradient; a point that would move further than its `limit` stays.
 
     Newton's steps shrink quadratically: the one after a step of `tolerances.VERTEX` is below rounding.
     """
@@ -346,7 +349,7 @@ def _project(function: Smooth, X: Array, limit: float | Array, rounds: int = 4) 
 def _refine(
     function: Smooth, points: Array, pairs: Ints, accuracy: float, deadline: Deadline | None
 ) -> tuple[Array, Ints, float]:
-    """Return chords (C, 2, 2), grouped by pair and in order along it, their pair (C,), and the proven error."""
+    """Return chords (C, 2, 2), grouped by pair and in order along the curve, their pairs (C,), and the proven error."""
     chords = points[pairs]
     owner = np.arange(len(pairs))
     rank = np.zeros(len(pairs))
@@ -382,9 +385,10 @@ def _refine(
 def _chord_bound(function: Smooth, chords: Array) -> tuple[Array, Flags]:
     """Return a bound of the distance between chord and curve (C,), and whether it is proven.
 
-    Over the disc of the chord's length s around its middle the gradient differs from the middle's by `d = M s`. With
-    the angle a between it and the chord's normal, the curve is a graph u over the chord if `n cos a > d`; then
-    `|u'| <= sigma = (n sin a + d) / (n cos a - d)`, `|u''| <= M (1 + sigma^2) / (n cos a - d)`, `|u| <= s^2 |u''| / 8`.
+    Let s be the length of the chord. Over the disc of radius s around the chord's middle, the gradient differs from
+    that of the middle by at most `d = M s`. Let a be the angle between this gradient n and the chord's normal. If `n
+    cos a > d`, the curve is a graph u over the chord. Then `|u'| <= sigma = (n sin a + d) / (n cos a - d)`, `|u''| <= M
+    (1 + sigma^2) / (n cos a - d)`, `|u| <= s^2 |u''| / 8`.
     """
     along = chords[:, 1] - chords[:, 0]
     length: Array = np.linalg.norm(along, axis=1)

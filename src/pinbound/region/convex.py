@@ -1,4 +1,4 @@
-"""Convex polygons: half-spaces, an inscribed one, and a decomposition into several."""
+"""Convex polygons: half-spaces, an inscribed polygon, and a decomposition into several."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ROUNDS = 12
 
 
 def is_convex(polygon: Any) -> bool:
-    """Return whether a polygon without holes turns left at every vertex, by `tolerances.VERTEX` at worst.
+    """Return whether a polygon without holes turns left at every vertex, up to `tolerances.VERTEX`.
 
     Example:
         >>> is_convex(shapely.box(0, 0, 1, 1)), is_convex(shapely.Polygon([(0, 0), (2, 0), (1, 0.1), (0, 2)]))
@@ -49,17 +49,17 @@ def polygon_halfspaces(polygon: Any) -> tuple[Array, Array]:
 
 
 def inner(polygon: Any, rim: float, accuracy: float) -> Any:
-    """Return a polygon of few vertices inside another, no deeper than `rim + accuracy` [rad]; it may be several.
+    """Return a polygon of few vertices inside another, at most `rim + accuracy` [rad] deep; it may have several parts.
 
-    Shrunk by half the rim, then simplified by less than the other half, so that it never leaves the original.
+    It is shrunk by half the rim, then simplified by less than the other half. So it never leaves the original.
     """
     return polygon.buffer(-(rim / 2.0 + accuracy), join_style="mitre").simplify(0.49 * rim)
 
 
 def convex_parts(polygon: Any) -> list[Any]:
-    """Return convex polygons that make up a polygon: a constrained Delaunay triangulation, merged (Hertel-Mehlhorn).
+    """Return convex polygons whose union is a polygon: a constrained Delaunay triangulation, merged (Hertel-Mehlhorn).
 
-    At most four times as many as the fewest possible.
+    There are at most four times as many as the smallest possible number.
 
     Example:
         >>> corner = shapely.Polygon([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)])
@@ -75,7 +75,7 @@ def convex_parts(polygon: Any) -> list[Any]:
 
 
 def _merge(rings: list[Array]) -> list[Array]:
-    """Drop diagonals between two parts for as long as what remains is convex."""
+    """Remove diagonals between two parts as long as the joined part is convex."""
     parts: dict[int, list[tuple[float, float]]] = {
         number: [(float(x), float(y)) for x, y in ring] for number, ring in enumerate(rings)
     }
@@ -90,8 +90,8 @@ def _merge(rings: list[Array]) -> list[Array]:
             continue
         first, second = parts[left], parts[right]
         i, j = first.index(b), second.index(a)
-        joined = first[i:] + first[:i]  # from b round to a
-        joined += (second[j:] + second[:j])[1:-1]  # from a on to b, both left out
+        joined = first[i:] + first[:i]  # from b around to a
+        joined += (second[j:] + second[:j])[1:-1]  # from a to b, without both
         if _turns_left(joined):
             parts[left] = joined
             del parts[right]
@@ -110,8 +110,8 @@ def _turns_left(ring: list[tuple[float, float]]) -> bool:
 def inscribed_polygon(polygon: Any, seed: int = 0) -> Any:
     """Return a large convex polygon inside a polygon: the best of several grown ellipses (IRIS, in the plane).
 
-    From a centre and an ellipse, contour pieces are cut off by tangents of the growing ellipse, nearest first; the
-    polygon left gives the next ellipse by its second moments. No claim that it is the largest of all.
+    From a centre and an ellipse, pieces of the contour are cut off by tangents of the growing ellipse, the nearest
+    first. The second moments of the remaining polygon give the next ellipse. The result need not be the largest of all.
     """
     whole = max(gis.get_parts(polygon), key=lambda part: part.area)
     triangles = np.asarray(gis.get_parts(gis.constrained_delaunay_triangles(whole)))
@@ -138,7 +138,7 @@ def inscribed_polygon(polygon: Any, seed: int = 0) -> Any:
 
 
 def _cut(whole: Any, segments: Array, centre: Array, shape: Array) -> Any:
-    """Return the convex polygon left when every contour segment is cut off by a tangent of the ellipse."""
+    """Return the convex polygon that remains when a tangent of the ellipse cuts off every contour segment."""
     inverse = np.linalg.inv(shape)
     pieces = (segments - centre) @ inverse.T
     normals: list[Array] = []
@@ -170,7 +170,7 @@ def _cut(whole: Any, segments: Array, centre: Array, shape: Array) -> Any:
 
 
 def _half(normal: Array, bound: float, whole: Any) -> Any:
-    """Return a box that holds the part of a polygon's surroundings with `normal @ x <= bound`."""
+    """Return a box that contains the part with `normal @ x <= bound` of a polygon's surroundings."""
     x0, y0, x1, y1 = whole.bounds
     reach = 4.0 * float(np.hypot(x1 - x0, y1 - y0))
     middle = np.array([x0 + x1, y0 + y1]) / 2.0

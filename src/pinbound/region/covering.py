@@ -1,9 +1,10 @@
-"""What a map covers that folds, or lays a region over itself: the places of its image, each counted once.
+"""The places that the image of a region covers, each counted once, for a map that may fold or overlap itself.
 
-Cut a region along its folds. On each part the Jacobian keeps its sign, so that the winding number of the image of the
-part's contour about a place is, up to that sign, how many points of the part lie there: the part covers the places
-where it is not zero, however often the image overlaps itself. The images of all contours and folds together cut the
-plane into faces, in each of which no winding number changes, and one point a face decides. `docs/workspace.md`.
+A region is cut along its folds. On each part the Jacobian keeps its sign. So the winding number of the image of the
+part's contour about a place is, up to that sign, the number of points of the part that are mapped there. The part
+covers the places where this number is not zero, however often the image overlaps itself. The images of all contours and
+folds together divide the plane into faces. In each face no winding number changes, so one point decides.
+`docs/workspace.md`.
 """
 
 from __future__ import annotations
@@ -28,19 +29,19 @@ __all__ = ["FoldFunction", "Parts", "covered", "cut_along_folds", "subdivided"]
 
 sh = cast(Any, shapely)  # newer functions than the stubs know
 
-_FOLD = 1e-5  # rad or m: how far a fold's polyline may be from it, which moves its image by the square of that
-_GRID = 65  # points a side at which a Jacobian that is zero everywhere is told
-_LEAST_FACE = 1e-12  # of all that the contours span: smaller faces are slivers that rounding makes
+_FOLD = 1e-5  # rad or m: the largest distance of a fold's polyline from the fold; its image moves by the square of that
+_GRID = 65  # points on each side, to detect a Jacobian that is zero everywhere
+_LEAST_FACE = 1e-12  # of the area inside the contours: smaller faces are slivers from rounding
 
 
 @dataclass(frozen=True)
 class FoldFunction:
-    """The determinant `det(x) = n . (p_1 x p_2)` of a planar map, as `contours.trace` wants it.
+    """The determinant `det(x) = n . (p_1 x p_2)` of a planar map, in the form for `contours.trace`.
 
     Attributes:
         image: The map.
         arms: Bounds of |det|, and of its first and second derivatives.
-        threshold: 0: folds are where the determinant is zero.
+        threshold: 0, because the determinant is zero on folds.
     """
 
     image: PlanarImage
@@ -49,7 +50,7 @@ class FoldFunction:
 
     @property
     def scale(self) -> float:
-        """The bound of |det|: what rounding is relative to."""
+        """The bound of |det|; rounding is relative to it."""
         return self.arms.length
 
     @classmethod
@@ -100,7 +101,7 @@ class Parts:
     """A region cut along the folds of a map.
 
     Attributes:
-        lines: (k, 2) each: all contours and folds, cut where they meet.
+        lines: (k, 2) each: all contours and folds, cut at their crossings.
         polygons: The parts, in each of which the determinant keeps its sign.
         is_flat: Whether the determinant is zero everywhere: the image is a curve, and covers no area.
     """
@@ -143,18 +144,18 @@ def cut_along_folds(image: PlanarImage, polygon: Any) -> Parts:
 
 
 def _lies_in(line: Any, polygon: Any) -> bool:
-    """Return whether a line that crosses no contour is part of it, or inside."""
+    """Return whether a line that crosses no contour is part of one, or inside."""
     return bool(polygon.intersects(line.interpolate(0.5, normalized=True).buffer(REDUCTION)))
 
 
 def covered(image: PlanarImage, parts: Parts, chord: float, finer: int = 1) -> tuple[Any, float]:
-    """Return what the image of a region covers, as a `shapely` geometry [m], and the area left undecided [m^2].
+    """Return the area that a region's image covers, as a `shapely` geometry [m], and the undecided area [m^2].
 
     Args:
         image: The map.
         parts: The region, cut along its folds.
-        chord: How far the image of an edge may be from its polyline [m].
-        finer: By how many times as many chords to go beyond that.
+        chord: The largest distance of the image of an edge from its polyline [m].
+        finer: The factor by which the number of chords is then increased.
     """
     if parts.is_flat:
         return shapely.Polygon(), 0.0
@@ -197,7 +198,7 @@ def _is_left(ring: Array) -> bool:
 def _winding(ring: Array, places: Array) -> Ints:
     """Return how often a closed polyline winds about each place (N,): crossings of the ray to the right of it.
 
-    Edges are sorted by their lower ends, so that each place looks at those alone that may be as high as it is.
+    Edges are sorted by their lower ends, so that each place examines only the edges that may reach its height.
     """
     a, b = ring[:-1], ring[1:]
     low = np.minimum(a[:, 1], b[:, 1])

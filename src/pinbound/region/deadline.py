@@ -1,4 +1,4 @@
-"""A time budget for work on regions: it ends in an error that says what is left, never in a wrong answer."""
+"""A time limit for work on regions: it ends in an error that says what remains, never in a wrong answer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 class Deadline:
-    """When to stop, and what was to be done.
+    """The time limit, and the work that it is for.
 
     Example:
         >>> deadline = Deadline(60.0, "tracing")
@@ -48,7 +48,7 @@ class Deadline:
             )
 
     def each(self, items: Iterable[T]) -> Iterator[T]:
-        """Iterate, looking at the clock before each item and keeping the names of those that are left."""
+        """Iterate; check the clock before each item, and keep the names of the remaining items."""
         todo = list(items)
         for index, item in enumerate(todo):
             names = [str(getattr(one, "name", one)) for one in todo[index : index + 4]]

@@ -1,8 +1,8 @@
-"""Folds of a planar map: where the Jacobian's determinant changes its sign, with a proof where it does not.
+"""Folds of a planar map: the places where the determinant of the Jacobian changes its sign, or a proof of none.
 
-On a box with centre c and half-sides h, `|det(x) - det(c)| <= sum_k D_k h_k`, D being the Lipschitz bounds. A box where
-|det(c)| is larger has one sign. Others are cut in four, those outside the region are left out, up to a budget; what is
-left then is reported as undecided, and counts as a fold.
+On a box with centre c and half-sides h, `|det(x) - det(c)| <= sum_k D_k h_k`, where D are the Lipschitz bounds. If
+|det(c)| is larger, the box has one sign. Other boxes are cut in four, up to a budget, and those outside the region are
+left out. The remaining boxes are reported as undecided, and count as a fold.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 @dataclass(frozen=True, eq=False)
 class Folds(Value):
-    """What is known of the sign of the determinant over a region.
+    """The proven sign of the determinant over a region.
 
     Attributes:
         sign: 1 or -1 if proven over the whole region, else 0.
         margin: [m^2/rad^2]. With a proven sign, a lower bound of |det| over the region; else 0.
-        points: (k, 2) centres [rad] of the boxes that were left undecided: they line the fold.
-        boxes: How many boxes were looked at.
+        points: (k, 2) centres [rad] of the undecided boxes: they follow the fold.
+        boxes: The number of boxes examined.
     """
 
     sign: int
@@ -55,7 +55,7 @@ def triangulate(polygon: Any) -> Array:
 
 
 def find_folds(image: PlanarImage, polygon: Any) -> Folds:
-    """Return the sign of the determinant over a polygon, proven, or the places where it is not."""
+    """Return the proven sign of the determinant over a polygon, or the places where it is not proven."""
     west, south, east, north = polygon.bounds
     centres, half = np.array([[west + east, south + north]]) / 2, np.array([east - west, north - south]) / 2
     margin, signs, looked_at = np.inf, set[int](), 0

@@ -1,4 +1,4 @@
-"""Convex cells as intersections of named half-planes, vertices from the pair of lines that meet there."""
+"""Convex cells as intersections of named half-planes; each vertex is computed from the two lines that meet there."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ __all__ = ["HalfPlane", "Support", "intersect", "support"]
 
 @dataclass(frozen=True, eq=False)
 class HalfPlane(Value):
-    """`normal @ x <= bound` in the plane of two coordinates.
+    """`normal @ x <= bound` in a slice of two coordinates.
 
     Attributes:
-        source: The boundary or the joint that it comes from.
-        name: What people read, e.g. ``"beta_4"`` or ``"q2 upper"``.
+        source: The boundary or the joint that gives it.
+        name: The name for people, e.g. ``"beta_4"`` or ``"q2 upper"``.
         normal: (2,), not zero; not a unit vector in general.
         bound: [rad or m].
         is_contact: True for a boundary, False for a joint limit.
@@ -34,9 +34,9 @@ class HalfPlane(Value):
     is_contact: bool
 
     def allows(self, X: Array) -> Flags:
-        """Return whether points (N, 2) keep it: a contact is open; a limit may be passed by its rule's tolerance.
+        """Return whether points (N, 2) keep it: a contact is open; a limit may be passed by the tolerance of its rule.
 
-        The rounding of the sums is granted twice: what a joint's limit allows exactly is for `coupling.Intervals`.
+        Twice the rounding of the sums is allowed. `coupling.Intervals` has the exact decision about a joint's limit.
         """
         value = X @ self.normal
         if self.is_contact:
@@ -45,18 +45,18 @@ class HalfPlane(Value):
         return np.asarray(value <= self.bound + 2.0 * LIMIT + rounding, dtype=bool)
 
     def inset(self, distance: float, factors: ArrayLike = (1.0, 1.0)) -> HalfPlane:
-        """Return the half-plane moved inwards by a Euclidean distance, coordinates times factors (2,)."""
+        """Return the half-plane moved inwards by a Euclidean distance of coordinates multiplied by factors (2,)."""
         bound = self.bound - distance * float(np.linalg.norm(self.normal / np.asarray(factors)))
         return HalfPlane(self.source, self.name, self.normal, bound, self.is_contact)
 
 
 @dataclass(frozen=True)
 class Support:
-    """How a half-plane lies to a convex cell.
+    """The position of a half-plane relative to a convex cell.
 
     Attributes:
         slack: `(bound - max normal @ x) / |normal|` over the cell [rad or m]; zero for an edge, positive if implied.
-        by: The edges whose combination implies it, none if it is an edge itself.
+        by: The edges whose combination implies it; empty if it is an edge itself.
     """
 
     slack: float
@@ -70,8 +70,8 @@ def intersect(half_planes: Sequence[HalfPlane]) -> tuple[Array, tuple[HalfPlane,
         half_planes: Half-planes; the first four must form a box around the cell.
 
     Returns:
-        Vertices (k, 2), counter-clockwise, and the k half-planes of the edges; edge i runs from vertex i to
-        vertex i + 1. Both empty if the cell is empty or flat.
+        Vertices (k, 2), counter-clockwise, and the k half-planes of the edges; edge i goes from vertex i to vertex i +
+        1. Both are empty if the cell is empty or flat.
 
     Example:
         >>> sides = {"right": (1.0, 0.0), "top": (0.0, 1.0), "left": (-1.0, 0.0), "low": (0.0, -1.0)}
@@ -97,7 +97,7 @@ def _meet(a: HalfPlane, b: HalfPlane) -> Array:
 
 
 def _clip(vertices: list[Array], edges: list[HalfPlane], half_plane: HalfPlane) -> tuple[list[Array], list[HalfPlane]]:
-    """Cut a convex polygon by one half-plane; new vertices are solved from the two lines, not interpolated."""
+    """Cut a convex polygon by one half-plane; new vertices are computed from the two lines, not interpolated."""
     inside = [float(half_plane.normal @ vertex) <= half_plane.bound for vertex in vertices]
     if all(inside) or not any(inside):
         return (vertices, edges) if any(inside) else ([], [])
@@ -127,7 +127,7 @@ def _without_short_edges(vertices: list[Array], edges: list[HalfPlane]) -> tuple
 def support(
     vertices: Array, edges: Sequence[HalfPlane], half_plane: HalfPlane, factors: ArrayLike = (1.0, 1.0)
 ) -> Support:
-    """Return a half-plane's slack over a cell, coordinates times factors (2,), and which edges imply it.
+    """Return a half-plane's slack over a cell (coordinates times factors (2,)), and the edges that imply it.
 
     At the vertex where `normal @ x` is largest, `normal = l_1 n_1 + l_2 n_2` with the normals of the two edges that
     meet there and `l >= 0` (Farkas): the edges with `l > 0` imply the half-plane.

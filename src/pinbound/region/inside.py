@@ -1,13 +1,13 @@
-"""Which points a region holds, and how far inside they are.
+"""Which points are in a region, and how far inside.
 
 Three questions are answered in this order, each in one place:
 
-    order:  are the numbers a configuration of the robot, or a point of the plane? (`read_points`)
-    slice:  does the plane, held at `at`, say anything of this configuration? (`Reading.elsewhere`)
-    inside: within all limits, by the one rule of `coupling.Intervals`, out of all contacts, and connected
-            (`in_half_planes`, `in_polygon`).
+    order:  are the numbers a configuration of the robot, or a point of the slice? (`read_points`)
+    slice:  do all fixed coordinates of this configuration have their values of `at`? (`Reading.elsewhere`)
+    inside: is it within all limits (rule of `coupling.Intervals`), out of all contacts, and connected?
+            (`in_half_planes`, `in_polygon`)
 
-A region is closed towards limits and open towards contacts, as `limits` and `certify` read both.
+A region is closed at limits and open at contacts, as in `limits` and `certify`.
 """
 
 from __future__ import annotations
@@ -54,13 +54,13 @@ _TURN = 2.0 * np.pi
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """Points of the plane, and what the other coordinates of their configurations say.
+    """Points of the slice, and the other coordinates of their configurations.
 
     Attributes:
         points: (N, 2) [rad or m].
-        elsewhere: (N, n) whether a held coordinate, on which some boundary or limit depends, is not as in the slice;
-            False for points of the plane.
-        within: (N,) whether all limits of held coordinates are kept.
+        elsewhere: (N, n) whether a fixed coordinate that a boundary or limit depends on differs from the slice; False
+            for points of the slice.
+        within: (N,) whether all limits of fixed coordinates are kept.
         finite: (N,) whether all numbers of the row are finite.
     """
 
@@ -71,16 +71,16 @@ class Reading:
 
 
 def read_points(slice_: Slice, Q: ArrayLike, order: Order | None = None) -> Reading:
-    """Read configurations (n,) or (N, n), or points of the plane (2,) or (N, 2).
+    """Read configurations (n,) or (N, n), or points of the slice (2,) or (N, 2).
 
     Args:
-        slice_: The plane.
+        slice_: The slice.
         Q: The numbers.
-        order: ``"robot"``: configurations; ``"region"``: points in the order of the plane's coordinates; None: told
-            by the length of the last axis.
+        order: ``"robot"``: configurations; ``"region"``: points in the order of the slice's coordinates; None: the
+            length of the last axis decides.
 
     Raises:
-        DimensionError: If the last axis fits neither, or both: a robot of two coordinates, whose plane has them in
+        DimensionError: If the last axis fits neither, or both: a robot of two coordinates whose slice has them in
             another order.
         UnknownNameError: If there is no such order.
     """
@@ -112,10 +112,10 @@ def read_points(slice_: Slice, Q: ArrayLike, order: Order | None = None) -> Read
 
 
 def refuse_elsewhere(slice_: Slice, reading: Reading) -> None:
-    """Raise if some row is of another slice.
+    """Raise if a row belongs to another slice.
 
     Raises:
-        DimensionError: Naming the coordinate, its two values, and a boundary or limit that depends on it.
+        DimensionError: It names the coordinate, its two values, and a boundary or limit that depends on it.
     """
     rows = np.flatnonzero(np.any(reading.elsewhere, axis=1))
     if not len(rows):
@@ -130,20 +130,20 @@ def refuse_elsewhere(slice_: Slice, reading: Reading) -> None:
 
 
 def in_half_planes(slice_: Slice, half_planes: Sequence[HalfPlane], points: Array) -> Flags:
-    """Return whether points (N, 2), finite, keep half-planes: limits belong to them, contacts do not."""
+    """Return whether finite points (N, 2) keep half-planes; limits belong to them, contacts do not."""
     kept, near = slice_.within(points), np.zeros(len(points), dtype=bool)
     for side in half_planes:
         kept &= side.allows(points)
         if side.is_contact:
             near |= side.bound - points @ side.normal < ON_CONTOUR
-    near &= kept  # next to contact, rounding decides: as the clearances do
+    near &= kept  # near contact, rounding decides, as it does for the clearances
     if np.any(near):
         kept[near] = slice_.robot.boundaries.free(slice_.lift(points[near]))
     return kept
 
 
 def in_polygon(slice_: Slice, polygon: Any, points: Array) -> Flags:
-    """Return whether points (N, 2), finite, are in a traced polygon and free: limits belong to it, contacts do not."""
+    """Return whether finite points (N, 2) are in a traced polygon and free; limits belong to it, contacts do not."""
     gis.prepare(polygon)
     moved, inside = _off_limits(slice_, points), np.zeros(len(points), dtype=bool)
     rows = np.flatnonzero(gis.contains_xy(polygon, moved))
@@ -152,15 +152,15 @@ def in_polygon(slice_: Slice, polygon: Any, points: Array) -> Flags:
 
 
 def _off_limits(slice_: Slice, X: Array) -> Array:
-    """Return points, those on limits moved inwards by `tolerances.ON_CONTOUR`: a polygon does not hold its border."""
+    """Return points, those on limits moved inwards by `tolerances.ON_CONTOUR`: polygons exclude their borders."""
     moved = X.copy()
     ends = [(obstacle.end, obstacle.conditions) for obstacle in slice_.obstacles if obstacle.end is not None]
-    for _ in range(2):  # twice: in a corner, moving off one limit may move onto the other
+    for _ in range(2):  # twice: in a corner, a move off one limit may end on the other
         for side, conditions in (*((side, ()) for side in (*slice_.box, *slice_.limits)), *ends):
             normal = side.normal * slice_.scales
             depth, size = _depth(side, moved, slice_), float(np.linalg.norm(normal))
             near = (depth < ON_CONTOUR) & (depth > -ON_CONTOUR)
-            for condition in conditions:  # a rule's end is a limit where its conditions hold
+            for condition in conditions:  # a rule's end is a limit where its conditions are satisfied
                 near &= _depth(condition, moved, slice_) > -ON_CONTOUR
             moved[near] -= (ON_CONTOUR - depth[near])[:, None] * (normal / size) * slice_.scales
     return moved
@@ -172,7 +172,7 @@ def _depth(side: HalfPlane, X: Array, slice_: Slice) -> Array:
 
 
 def _same_side(slice_: Slice, X: Array, moved: Array) -> Flags:
-    """Return whether no contact of one effective angle lies between two points, however thin it is."""
+    """Return whether there is no contact of one effective angle between two points, however thin."""
     same = np.ones(len(X), dtype=bool)
     for strip in slice_.strips:
         turns = [np.floor((points @ strip.normal - strip.angle) / _TURN) for points in (X, moved)]
@@ -181,17 +181,17 @@ def _same_side(slice_: Slice, X: Array, moved: Array) -> Flags:
 
 
 def metric(slice_: Slice, weights: Weights | None, what: str) -> Array:
-    """Return the factors (2,) of the plane's coordinates in a distance; ones where both have one unit.
+    """Return the factors (2,) of the slice's coordinates in a distance; ones if both have the same unit.
 
     Args:
-        slice_: The plane.
-        weights: By coordinate, how much one radian or metre of it counts, e.g. a lever arm in metres for an angle and 1
-            for a prismatic joint; the distance is then in that unit.
-        what: What is asked, for people.
+        slice_: The slice.
+        weights: The weight of one radian or metre of each coordinate, by name, e.g. a lever arm in metres for an angle
+            and 1 for a prismatic joint; the distance is then in that unit.
+        what: The requested quantity, for the error message.
 
     Raises:
-        DimensionError: If radians and metres would be added, or the weights are no positive numbers for both.
-        UnknownNameError: If they name another coordinate.
+        DimensionError: If radians and metres would be added, or the weights are not two positive numbers.
+        UnknownNameError: If the weights name another coordinate.
     """
     if weights is None:
         if slice_.units[0] == slice_.units[1]:
@@ -226,7 +226,7 @@ def depths_in_half_planes(A: Array, b: Array, polygon: Any, points: Array, facto
     Args:
         A: (k, 2).
         b: (k,).
-        polygon: The same, as a shape with its coordinates times the factors.
+        polygon: The same set as a shape, with its coordinates times the factors.
         points: (N, 2), finite.
         factors: (2,).
     """
@@ -239,7 +239,7 @@ def depths_in_half_planes(A: Array, b: Array, polygon: Any, points: Array, facto
 
 
 def depths_in_polygon(polygon: Any, points: Array, factors: Array) -> Array:
-    """Return how far points (N, 2), finite, are inside a polygon, coordinates times factors (2,); negative outside."""
+    """Return how far finite points (N, 2) are inside a polygon, coordinates times factors (2,); negative outside."""
     drawn = weighted(polygon, factors)
     gis.prepare(drawn)
     away = np.asarray(gis.distance(gis.points(points * factors), drawn.boundary), dtype=np.float64)

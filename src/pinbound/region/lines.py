@@ -1,4 +1,4 @@
-"""Lines and traced curves in the plane, and which of them a polygon's side came from."""
+"""Lines and traced curves in a slice, and the line that each side of a polygon belongs to."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
 @dataclass(frozen=True, eq=False)
 class Line(Value):
-    """A straight line or a traced curve, with the function that is zero on it; None of a wall around what is open."""
+    """A straight line or a traced curve, with the function that is zero on it; None for a wall (undecided place)."""
 
     name: str
     source: str
@@ -53,7 +53,7 @@ def vertex_owners(lines: Sequence[Line]) -> tuple[Any, Ints]:
 
 
 def segment_owners(lines: Sequence[Line], keys: Any, owners: Ints, ring: Array) -> Ints:
-    """Return which line each segment of a ring came from: that of both its ends, else the nearest to its middle."""
+    """Return the line of each segment of a ring: the line of both its ends, or else the nearest to its middle."""
     z = ring[:, 0] + 1j * ring[:, 1]
     left, right = np.searchsorted(keys, z, side="left"), np.searchsorted(keys, z, side="right")
     known = right > left

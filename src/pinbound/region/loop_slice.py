@@ -1,7 +1,8 @@
-"""What bounds a plane through loops that are not parallelograms, told apart from what stays linear in the plane.
+"""The limits and boundaries of a slice that go through loops that are not parallelograms, and those that do not.
 
-The robot over z is an ordinary one (`docs/loops.md`). A limit, a rule or a boundary of it is through a loop in a plane
-if it uses a coordinate of z that the plane's two move; anything else is as it would be without loops.
+The robot over z is an ordinary robot (`docs/loops.md`). One of its limits, rules or boundaries goes through a loop if
+it uses a coordinate of z that the slice's two coordinates move through the loop. All others are as they would be
+without loops.
 """
 
 from __future__ import annotations
@@ -30,12 +31,12 @@ __all__ = ["curves_through", "is_needless", "lifted_plane", "moved_columns", "ov
 
 
 def over(robot: Robot, q: Array) -> tuple[Robot, Array]:
-    """Return a robot whose limits and paths are linear in its coordinates, and q in them: itself, or the one over z."""
+    """Return a robot whose limits and paths are linear in its coordinates (itself, or the one over z), and its q."""
     return (robot.opened, robot.lift(q)) if isinstance(robot, LoopRobot) else (robot, q)
 
 
 def moved_columns(robot: Robot, indices: Sequence[int]) -> Flags:
-    """Return which coordinates of `over` follow the plane's two through a loop."""
+    """Return which coordinates of `over` depend on the slice's two coordinates through a loop."""
     found = np.zeros(len(over(robot, robot.home)[0].coordinates), dtype=np.bool_)
     if isinstance(robot, LoopRobot):
         moves = set(indices)
@@ -47,7 +48,7 @@ def moved_columns(robot: Robot, indices: Sequence[int]) -> Flags:
 
 
 def is_needless(robot: Robot, limit: LinearLimit) -> bool:
-    """Return whether a transmission's limit is said otherwise: in closed form over q, or of a turn by its cut."""
+    """Return whether a transmission's limit has another form: a closed form over q, or the cut of a turn."""
     n = len(robot.coordinates)
     if not isinstance(robot, LoopRobot) or limit.joint not in robot.lift.toggle_names():
         return False
@@ -60,7 +61,7 @@ def is_needless(robot: Robot, limit: LinearLimit) -> bool:
 def curves_through(
     robot: LoopRobot, moved: Flags, boundaries: Iterable[Boundary], plane: LiftedPlane, margin: float
 ) -> list[LoopContact | LoopLimit]:
-    """Return all that bounds a plane through loops: limits, rules, and these boundaries."""
+    """Return all limits, rules, and boundaries of these that bound a slice through loops."""
     whole = robot.opened
     found: list[LoopContact | LoopLimit] = []
     for limit in whole.linear_limits:
@@ -73,7 +74,7 @@ def curves_through(
 
 
 def lifted_plane(robot: LoopRobot, at: Array, indices: Sequence[int], window: Array) -> LiftedPlane:
-    """Return what takes points of a plane to z, with what rounding leaves of its loops in a window (2, 2)."""
+    """Return the map from points of the slice to z, with the rounding of its loops in a window (2, 2)."""
     lower, upper = at.copy(), at.copy()
     lower[list(indices)], upper[list(indices)] = window
     errors = loop_errors(robot, lower, upper, 1)

@@ -48,7 +48,7 @@ gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 gis_affinity = cast(Any, affinity)
 Loops = tuple[tuple[Edge, ...], ...]
 
-_ARC_SEGMENTS = 64  # a quarter turn around a reflex corner
+_ARC_SEGMENTS = 64  # for a quarter turn around a reflex corner
 _ROUNDS = 60
 _MOST_BOXES = 50_000
 
@@ -86,7 +86,7 @@ def check_scaled(polygon: Any, factor: float, slice_: Slice, accuracy: float) ->
     beyond = gis.get_coordinates(scaled.difference(polygon))
     if not len(beyond):
         return
-    # what sticks out may be an island that the polygon has a hole for: look at its inside too
+    # the part outside may be an island in a hole of the polygon: test its inside too
     parts = np.asarray(gis.get_parts(scaled.difference(polygon)))
     beyond = np.concatenate((gis.get_coordinates(gis.point_on_surface(parts)), beyond))
     away = gis.distance(gis.points(beyond), polygon)
@@ -126,7 +126,7 @@ def _unscaled(loops: Loops, factors: Array) -> Loops:
 def named_loops(polygon: Any, edges: Sequence[Edge]) -> Loops:
     """Return the loops of a polygon; each segment has the name of the nearest given edge."""
     polygon = gis.orient_polygons(polygon)
-    # one entry a segment of an edge, not one an edge: a tree over few long curves would measure every one of them
+    # an entry for each segment of an edge: a tree over few long curves would measure all of them
     segments = np.concatenate([np.stack((edge.points[:-1], edge.points[1:]), axis=1) for edge in edges])
     edge_of = np.repeat(np.arange(len(edges)), [len(edge.points) - 1 for edge in edges])
     tree = gis.STRtree(gis.linestrings(segments))
@@ -186,7 +186,7 @@ def smallest_clearance(slice_: Slice, polygon: Any, gap: float) -> SmallestClear
             if upper < best.upper:
                 best = SmallestClearance(lower, upper, boundary.name, slice_.lift(point[None])[0])
             continue
-        rule = boundary.rule  # in the region a stop's signed clearance is its size
+        rule = boundary.rule  # inside the region, a stop's signed clearance is its absolute value
         path = restrict_path(rule.size_path if rule.stop else boundary.path, at, indices)
         threshold = 0.0 if rule.stop else rule.distance
         chain = path.minimal
@@ -196,7 +196,7 @@ def smallest_clearance(slice_: Slice, polygon: Any, gap: float) -> SmallestClear
             least, upper, point = _one_angle(chain, threshold, polygon, *found)
         else:
             least, upper, point = _branch_and_bound(bounds, threshold, polygon, gap, best.upper)
-        off = 0.5 * rule.stop.amplitude * rule.stop.play if rule.stop else 0.0  # the gap is narrower than the arms say
+        off = 0.5 * rule.stop.amplitude * rule.stop.play if rule.stop else 0.0  # the gap is narrower by the play
         lower = min(lower, least - off)
         if upper < best.upper:
             best = SmallestClearance(lower, upper, boundary.name, slice_.lift(point[None])[0])
@@ -260,7 +260,7 @@ class _SeparationBounds:
         self.path = path
 
     def one_angle(self, threshold: float) -> None:
-        """Return None: strips of bodies are left to the search."""
+        """Return None: the search finds the strips of bodies."""
 
     def over(self, reach: Array) -> None:
         self.bundle = swept_bundle([self.path], -reach, reach)

@@ -1,8 +1,8 @@
-"""What rules with conditions forbid in a plane of two coordinates: convex polygons with straight, named edges.
+"""The sets that rules with conditions forbid in a slice of two coordinates: convex polygons with straight, named edges.
 
-A rule's end and its conditions are half-planes once the other coordinates are held. What it forbids is the
-intersection of the conditions, which are closed, and of what lies beyond the end. So the region loses convex pieces: it
-keeps straight edges and exact corners, and is not convex in general.
+If the other coordinates are fixed, the end and the conditions of a rule are half-planes. The forbidden set is the
+intersection of the conditions, which are closed, and of the half-plane beyond the end. So the region loses convex
+pieces. It keeps straight edges and exact corners, and in general it is not convex.
 """
 
 from __future__ import annotations
@@ -28,12 +28,13 @@ _PLANE = 2
 
 @dataclass(frozen=True, eq=False)
 class Obstacle(Value):
-    """What one end of a rule forbids in the plane: the intersection of half-planes.
+    """The set that one end of a rule forbids in the slice: an intersection of half-planes.
 
     Attributes:
         name: The rule and its end, e.g. ``"front lower"``.
-        end: The half-plane that would keep the rule; None where the end is broken whatever the two coordinates are.
-        conditions: Where it is asked for, closed half-planes, named after the rule and the condition.
+        end: The half-plane in which the rule is kept; None if the end is violated for all values of the two
+            coordinates.
+        conditions: The conditions of the rule as closed half-planes, named after the rule and the condition.
     """
 
     name: str
@@ -42,7 +43,7 @@ class Obstacle(Value):
 
     @property
     def sides(self) -> tuple[HalfPlane, ...]:
-        """All its sides; it lies where each of them allows it."""
+        """All its sides; the obstacle is the set that all of them allow."""
         beyond = () if self.end is None else (replace(self.end, normal=-self.end.normal, bound=-self.end.bound),)
         return (*beyond, *self.conditions)
 
@@ -50,16 +51,16 @@ class Obstacle(Value):
 def obstacle_of(
     one: GuardedLimit, at: Array, indices: Sequence[int], coordinates: Sequence[str]
 ) -> Obstacle | tuple[HalfPlane, ...]:
-    """Return what a guarded end forbids in the plane through `at`; half-planes to keep if every condition holds there.
+    """Return the set that a guarded end forbids in the slice through `at`; half-planes, if all conditions hold there.
 
     Args:
         one: The end.
         at: (n,) the values of the other coordinates.
-        indices: Of the plane's two coordinates.
+        indices: Indices of the slice's two coordinates.
         coordinates: Names of all coordinates.
 
     Returns:
-        An obstacle; or the half-planes that q must keep, none if the end binds nowhere in the plane.
+        An obstacle; or the half-planes that q must keep, which are none if the end never applies in the slice.
     """
     sides: list[HalfPlane] = []
     for condition in one.where:
@@ -80,7 +81,7 @@ def obstacle_of(
 
 
 def _half(limit: LinearLimit, at: Array, indices: Sequence[int], name: str) -> HalfPlane:
-    """Return the half-plane of a limit with one finite end, in the plane through `at`."""
+    """Return the half-plane of a limit with one finite end, in the slice through `at`."""
     normal = limit.coefficients[list(indices)]
     rest = limit.offset + float(limit.coefficients @ at) - float(normal @ at[list(indices)])
     if math.isfinite(limit.upper):
@@ -97,8 +98,8 @@ def obstacle_sides(obstacle: Obstacle, wide: Array, scales: Array) -> list[tuple
         scales: (2,) units of the two coordinates.
 
     Raises:
-        UnsupportedError: If it is thinner than a vertex can be told from another: a motion crosses it, and no region
-            could show it.
+        UnsupportedError: If it is thinner than the smallest distance between vertices: a motion crosses it, and no
+            region could show it.
     """
     box = [
         HalfPlane("", "", side * np.eye(_PLANE)[axis], side * float(wide[(1 if side > 0.0 else 0), axis]), False)
