@@ -1,14 +1,15 @@
-"""Where a boundary of several effective angles comes into contact: curves of one smooth function, or of several.
+"""Curves at which contact of a boundary of several angles begins: zeros of one smooth function, or of several.
 
-Two points, a point across a line and a height above a plane have one smooth contact function, whose zeros are traced
-(`contours`). The distance of segments is smooth in pieces: that of a point to an end, or to the whole line of a segment
-where the foot lies between the ends. Each piece is traced as a whole, together with the curves at which the foot is at
-an end; between all these curves contact or freedom does not change, so that one exact evaluation a face decides, and
-the contour of the faces in contact is the contact curve. `docs/segments.md` says why no feature is missing. Bodies that
-only slide against each other have one convex curve, whatever they are (`sliding`).
+Two points, a point and a line, and a height above a plane have one smooth contact function, whose zeros are traced
+(`contours`). The distance of segments is piecewise smooth: each piece is the distance of a point from an end, or from
+the whole line of a segment if the foot lies between the ends. Each piece is traced as a whole, and so are the curves on
+which the foot is at an end. Between all these curves the state (contact or free) does not change, so one exact
+evaluation in each face decides. The contour of the faces in contact is the contact curve. `docs/segments.md` proves
+that no feature is missing. Bodies that only translate relative to each other have one convex curve, for all kinds of
+bodies (`sliding`).
 
-All is done in units of `Slice.scales`: a chain over `y = x / s` has those of the chain over x times s as its
-slides and coefficients.
+All lengths are in units of `Slice.scales`: a chain over `y = x / s` is the chain over x with its slides and
+coefficients multiplied by s.
 """
 
 from __future__ import annotations
@@ -44,20 +45,20 @@ from pinbound.typing import Array, Ints
 
 __all__ = ["Outline", "check_turns", "is_searched", "outline"]
 
-_INSET = 0.015  # of the window's side: more than a bump that tracing may miss (BUMP), less than the rim around the box
+_INSET = 0.015  # of the window's side: more than a bump that tracing may miss (BUMP), less than the margin
 _FEW = 16  # vertices above a plane that are traced one by one
-_MOST_TURNS = 100  # periods of the angles in the window: beyond, tracing would only run out of its budget of boxes
+_MOST_TURNS = 100  # periods of the angles in the window: with more, tracing would only use up its budget of boxes
 
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """The contact curves of one boundary in a window.
+    """The curves in a window at which contact of one boundary begins.
 
     Attributes:
         lines: Their pieces, each with the function that is zero on it.
-        chord_error: No point of a curve is further than this from its polyline.
+        chord_error: The largest distance of a curve from its polyline.
         unresolved: (u, 2) centres of tiny boxes in which a curve may cross itself.
         step: (2,) sides of these boxes.
     """
@@ -69,7 +70,7 @@ class Outline:
 
 
 def outline(slice_: Slice, curve: Curve, window: Array, accuracy: float, deadline: Deadline | None = None) -> Outline:
-    """Return where contact of a curve begins, in a window (2, 2), to an accuracy, all in units of `Slice.scales`.
+    """Return the curves in a window (2, 2) at which contact begins, to an accuracy, in units of `Slice.scales`.
 
     Raises:
         UnsupportedError: If a curve is degenerate (`contours.trace`), the window holds too many turns, or time is up.
@@ -96,10 +97,11 @@ def outline(slice_: Slice, curve: Curve, window: Array, accuracy: float, deadlin
 
 
 def is_searched(slice_: Slice, curve: Curve | LoopContact | LoopLimit) -> bool:
-    """Return whether no smooth functions are known whose zeros hold the contact curves: bodies may meet edge to edge.
+    """Return whether the contact curves are not among the zeros of known smooth functions, because edges may meet.
 
-    So it is of boxes, prisms and skew segments that turn by several angles; they are left to `cells`. So is what goes
-    through loops that are not parallelograms, whose derivatives have no bound for the whole window.
+    This holds for boxes, prisms and skew segments that rotate by several angles; `cells` handles them. It also holds
+    for boundaries through loops that are not parallelograms, because their derivatives have no bound for the whole
+    window.
     """
     if not isinstance(curve, Curve):
         return True
@@ -125,14 +127,14 @@ _SEARCHED: Mapping[Case, Callable[[RelativePath, Sequence[Mark]], bool]] = {
 
 
 def _segments(boundary: Boundary) -> list[Mark]:
-    """Return those of a boundary's two marks that are segments."""
+    """Return the marks of a boundary that are segments."""
     return [mark for mark in (boundary.point_a, boundary.point_b) if mark.shape.is_segment]
 
 
 def _near_contact(slice_: Slice, curve: Curve, centres: Array, step: Array) -> Array:
-    """Return those of the boxes in which contact may begin: curves at which a foot is at an end cross elsewhere too.
+    """Return the boxes in which contact may begin; curves with a foot at an end also cross at other places.
 
-    The separation changes by no more than a lever arm from the middle of a box to its corner.
+    From the middle of a box to its corner, the separation changes by at most the lever arms.
     """
     if not len(centres):
         return centres
@@ -147,7 +149,7 @@ def _near_contact(slice_: Slice, curve: Curve, centres: Array, step: Array) -> A
 
 
 def check_turns(slice_: Slice, curve: Curve | LoopContact | LoopLimit) -> None:
-    """Raise if a window holds so many turns that the contacts, which repeat every turn, cannot all be drawn."""
+    """Raise if a window contains so many turns that the contacts, which repeat every turn, cannot all be drawn."""
     most = (
         curve.fastest
         if not isinstance(curve, Curve)
@@ -165,13 +167,13 @@ def check_turns(slice_: Slice, curve: Curve | LoopContact | LoopLimit) -> None:
 
 
 def _scaled(slice_: Slice, chain: Chain) -> Chain:
-    """Return a chain over the plane's coordinates as one over these coordinates in units of its scales."""
+    """Return a chain over the slice's coordinates as a chain over these coordinates in units of its scales."""
     s = slice_.scales
     return replace(chain, slides=chain.slides * s, coefficients=chain.coefficients * s)
 
 
 def _functions(slice_: Slice, curve: Curve, window: Array) -> list[Traced]:
-    """Return the smooth functions whose zeros hold all contact curves, and all places where one takes over."""
+    """Return the smooth functions whose zeros include all contact curves, and all places where the feature changes."""
     return _FUNCTIONS[curve.path.case](slice_, curve, window)
 
 
@@ -186,7 +188,7 @@ def _heights(slice_: Slice, curve: Curve, window: Array) -> list[Traced]:
 
 
 def _features(slice_: Slice, curve: Curve, window: Array) -> list[Traced]:
-    """Return the distances of the ends of segments from each other and from lines, and where a foot is at an end."""
+    """Return the distances of ends of segments from each other and from lines, and the places with a foot at an end."""
     path, T = curve.path, curve.threshold
     boundary = slice_.robot.boundaries[curve.name]
     segments = _segments(boundary)
@@ -201,7 +203,7 @@ def _features(slice_: Slice, curve: Curve, window: Array) -> list[Traced]:
             end = Point("", other.link, tuple(xyz))
             line = _seen(slice_, LineMark("", segment.link, tuple(first.tolist()), along), end)
             found.append(ContactFunction.over(_scaled(slice_, line.minimal), T, window, line.projection))
-            for foot in (first, last):  # the foot on the line passes an end of the segment
+            for foot in (first, last):  # the foot on the line is at an end of the segment
                 plane = _seen(slice_, PlaneMark("", segment.link, tuple(foot.tolist()), along), end)
                 found.append(_height(plane, _scaled(slice_, plane.minimal), 0.0, window))
     return [function for function in found if function.chain.coordinates]
@@ -216,7 +218,7 @@ _FUNCTIONS: Mapping[Case, Callable[[Slice, Curve, Array], list[Traced]]] = {
 
 
 def _seen(slice_: Slice, mark: Mark, end: Point) -> RelativePath:
-    """Return the path between a line or plane and a point, in the plane of the two coordinates."""
+    """Return the path between a line or plane and a point, in the slice."""
     robot, at = over(slice_.robot, slice_.at)
     path = relative_path(robot.tree, robot.coupling, mark, end)
     return restrict_path(path, at, [robot.coordinates.index(name) for name in slice_.coordinates])
@@ -227,15 +229,15 @@ def _height(path: RelativePath, chain: Chain, threshold: float, window: Array) -
 
 
 def _is_flat(path: RelativePath) -> bool:
-    """Return whether two segments stay normal to the one axis of all rotations: their lines are as far apart always."""
+    """Return whether two segments stay normal to the axis of all rotations, so that their lines keep a distance."""
     chain = path.minimal
     along = [float(np.abs(np.sum(edge, axis=0) @ chain.axes[0])) for edge in path.difference.directions]
     return chain.is_planar and max(along) <= REDUCTION
 
 
 def _between(slice_: Slice, curve: Curve, lines: tuple[Line, ...], window: Array) -> tuple[Line, ...]:
-    """Return the pieces of lines that part contact from freedom."""
-    rim = window + _INSET * (window[1] - window[0]) * np.array([[1.0], [-1.0]])  # which traced curves cross properly
+    """Return the pieces of lines that separate contact from free."""
+    rim = window + _INSET * (window[1] - window[0]) * np.array([[1.0], [-1.0]])  # traced curves cross it completely
     (x, y), (u, v) = rim
     frame = gis.linestrings([(x, y), (u, y), (u, v), (x, v), (x, y)])
     noded = gis.union_all([frame, *(gis.linestrings(line.points) for line in lines)])
@@ -252,7 +254,7 @@ def _between(slice_: Slice, curve: Curve, lines: tuple[Line, ...], window: Array
 
 
 def _pieces(lines: tuple[Line, ...], points: Array, owner: Ints, rim: Array) -> list[Line]:
-    """Cut a polyline where its owner changes, and leave out what runs along the rim."""
+    """Cut a polyline where its owner changes, and leave out the pieces along the margin."""
     middle = 0.5 * (points[1:] + points[:-1])
     at_rim = np.any(np.abs(middle[:, None] - rim) <= REDUCTION * (1.0 + np.abs(rim)), axis=(1, 2))
     kind = np.where(at_rim, -1, owner)

@@ -1,15 +1,15 @@
-"""The map from a plane of two coordinates to the plane in which a frame moves, with bounds of its derivatives.
+"""The map from a slice of two coordinates to the plane in which a frame moves, with bounds of its derivatives.
 
-With all other coordinates held, and if all rotations that are left turn about one direction n, the frame's position is
+If the other coordinates are fixed, and all remaining rotations are about one direction n, the frame's position is
 
     p(x) = sum_i R(n, g_i . x) (s_i + L_i x) + const,   det(x) = n . (dp/dx_1 x dp/dx_2),
 
-which stays in a plane normal to n. Lengths only grow by rotation to at most `B_i = |s_i| + sum_k |L_ik| max |x_k|`, so
+which stays in a plane normal to n. The length of a term is at most `B_i = |s_i| + sum_k |L_ik| max |x_k|`, so
 
     |dp/dx_k| <= sum_i |g_ik| B_i + |L_ik|,
     |d2p/dx_j dx_k| <= sum_i |g_ij g_ik| B_i + |g_ij| |L_ik| + |g_ik| |L_ij|,
 
-and the third likewise.
+and similarly for the third derivatives.
 
 `docs/workspace.md` derives both.
 """
@@ -34,14 +34,14 @@ _PLANE = 2
 
 @dataclass(frozen=True)
 class PlanarImage:
-    """Where a frame is, in a plane of space, as a function of two coordinates.
+    """The position of a frame in a plane of space, as a function of two coordinates.
 
     Attributes:
-        chain: Over the two coordinates.
+        chain: The chain over the two coordinates.
         origin: (3,) origin of the plane's own frame, in the root link's frame [m].
         u: (3,) first unit vector of the plane.
         v: (3,) second unit vector; `n = u x v` is the plane's normal.
-        most: (2,) largest absolute value of each coordinate that will be asked for [rad or m], for the bounds.
+        most: (2,) the largest absolute value of each coordinate that occurs [rad or m], for the bounds.
     """
 
     chain: Chain
@@ -113,10 +113,10 @@ class PlanarImage:
 
 
 def _normal(chain: Chain) -> Array:
-    """Return the unit normal of the plane in which a chain moves: the axis of its rotations, or across two slides.
+    """Return the unit normal of the plane in which a chain moves: the axis of its rotations, or normal to two slides.
 
     Raises:
-        UnsupportedError: If it moves along a line at most.
+        UnsupportedError: If it moves at most along a line.
     """
     if chain.rotations:
         return chain.axes[0]
@@ -133,7 +133,7 @@ def planar_image(chain: Chain, upright: Array, foot: Array, most: Array, middle:
     """Return the planar map of a chain over two coordinates.
 
     Args:
-        chain: Over two coordinates.
+        chain: The chain over two coordinates.
         upright: (3,) direction that the plane's second axis v should have, if it lies in the plane.
         foot: (3,) origin of the plane's own frame.
         most: (2,) see `PlanarImage`.
@@ -150,7 +150,7 @@ def planar_image(chain: Chain, upright: Array, foot: Array, most: Array, middle:
             "others"
         )
     across = upright - normal * float(normal @ upright)
-    if float(np.linalg.norm(across)) <= np.sqrt(REDUCTION):  # looking along the axis: take any direction
+    if float(np.linalg.norm(across)) <= np.sqrt(REDUCTION):  # the view is along the axis: take any direction
         across = np.eye(3)[int(np.argmin(np.abs(normal)))]
         across = across - normal * float(normal @ across)
     v = across / np.linalg.norm(across)

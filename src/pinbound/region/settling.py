@@ -1,8 +1,9 @@
-"""Faces of a drawing whose contact curves are known to within tubes: what of them is proven, and what stays open.
+"""Faces of a drawing whose contact curves are known to within tubes: what is proven, and what is undecided.
 
-The plane is drawn again with finer cells wherever the tubes leave open whether two parts are connected, or if there
-is an island, until those cells are a hundredth of the stated width. What is then still open is told, and closed by a
-wall where the drawing had it open: the region is the reading in which parts are apart. `docs/regions-cells.md`.
+The slice is drawn again with finer cells wherever the tubes do not decide whether two parts are connected, or whether
+there is an island, until these cells are a hundredth of the stated width. What is then still undecided is reported. If
+the drawing connects the parts there, a wall separates them: the region is the one in which the parts are separate.
+`docs/regions-cells.md`.
 """
 
 from __future__ import annotations
@@ -25,22 +26,22 @@ Block = tuple[Any, str]
 Draw = Callable[[Sequence[Line], Sequence[Block]], "tuple[Any, ...] | None"]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
-_CUTS = 2  # how often doubtful cells are cut before the plane is drawn again
+_CUTS = 2  # rounds of cuts of undecided cells before the slice is drawn again
 _DRAWINGS = 24
 _TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """The faces of a plane, its tubes cut as far as that helped.
+    """The faces of a slice, after its tubes were cut as far as this helped.
 
     Attributes:
-        faces: The free faces, the start's first, in units of `Slice.scales`, as all that follows.
-        lines: Searched contours, and walls around what stays open.
-        blocks: What stays open: a polygon and the boundary's name.
-        error: No point of a searched contour is further than this from the lines.
+        faces: The free faces, the start's first, in units of `Slice.scales` (as all fields).
+        lines: Searched contours, and walls around undecided places.
+        blocks: The undecided places: a polygon and the boundary's name.
+        error: The largest distance of a searched contour from the lines.
         tubes: The undecided cells.
-        parts: What is proven of the faces.
+        parts: The parts of the faces that are proven free.
     """
 
     faces: tuple[Any, ...]
@@ -51,14 +52,15 @@ class Settled:
     parts: tuple[Part, ...]
 
     def areas(self, index: int, chord_error: float) -> tuple[float, float]:
-        """Return proven bounds of the area of the component that one face stands for.
+        """Return proven bounds of the area of the component that one face represents.
 
-        At least the largest proven part, that with the start in the first face; at most all faces that tubes may
-        connect with it, and those tubes. Smooth curves, if there are any, may be off by `chord_error` all along.
+        The lower bound is the largest proven part, for the first face the part with the start. The upper bound is all
+        faces that tubes may connect with it, and these tubes. Smooth curves may have an error of `chord_error` along
+        their whole length.
 
         Args:
             index: The face.
-            chord_error: Of the curves that are not searched for.
+            chord_error: The error of the curves that need no search.
         """
         slice_ = self.tubes.searched.slice
         room, start = _room(slice_), gis.Point(slice_.start / slice_.scales)
@@ -74,11 +76,11 @@ class Settled:
 
 
 def settle(tubes: Tubes, draw: Draw) -> Settled | None:
-    """Draw the faces, and cut cells further wherever that may settle what they connect.
+    """Draw the faces, and cut cells further if this may decide what they connect.
 
     Args:
         tubes: The undecided cells; they are cut.
-        draw: Returns the free faces between searched lines, of which blocks are no part; None if the start is in none.
+        draw: Returns the free faces between searched lines, without the blocks; None if the start is in no face.
 
     Raises:
         UnsupportedError: If time is up.
@@ -118,18 +120,18 @@ def settle(tubes: Tubes, draw: Draw) -> Settled | None:
 
 
 def _merged(blocks: Sequence[Block]) -> tuple[Block, ...]:
-    """Return places that do not overlap, each with the name of the first of those that it holds."""
+    """Return places that do not overlap, each with the name of the first given place inside it."""
     places = gis.get_parts(gis.union_all([shape for shape, _ in blocks])) if blocks else ()
     return tuple((place, next(name for shape, name in blocks if shape.intersects(place))) for place in places)
 
 
 def _room(slice_: Slice) -> Any:
-    """Return what the limits and the window leave, as a polygon in units of `Slice.scales`."""
+    """Return the set within the limits and the window, as a polygon in units of `Slice.scales`."""
     return gis.Polygon(intersect((*slice_.box, *slice_.limits))[0] / slice_.scales)
 
 
 def _sides(slice_: Slice, faces: Sequence[Any]) -> list[tuple[int, ...]]:
-    """Return on which sides of the exact lines of one-angle contacts each face lies."""
+    """Return for each face its sides of the exact lines of one-angle contacts."""
     places = gis.get_coordinates(gis.point_on_surface(np.array(faces))) * slice_.scales
     turns = [np.floor((places @ strip.normal - strip.angle) / _TURN).astype(int) for strip in slice_.strips]
     return [tuple(int(turn[i]) for turn in turns) for i in range(len(faces))]

@@ -1,16 +1,18 @@
-"""A plane of two coordinates: what bounds it, and which of its points are free.
+"""A slice of two coordinates: its limits and contacts, and which of its points are free.
 
-Held at the other coordinates, each boundary is one of three things in the plane, after its chain has been reduced
+With the other coordinates fixed, each boundary is one of three things in the slice, after its chain has been reduced
 again (`path/restriction`):
 
-    constant:   it does not depend on the plane; it only has to be free where the others are held;
-    strip:      one effective angle; contact is `c . x in [phi* - w, phi* + w]`, every turn: straight lines, exact;
-    curve:      anything else; contact is `|r(x)| <= T`, T being the contact rule's distance (`pinbound.contact`).
+        constant:   it does not depend on the two coordinates; it must be free at the values of the others;
+        strip:      one effective angle; contact is `c . x in [phi* - w, phi* + w]`, every turn: straight lines, exact;
+        curve:      anything else; contact is `|r(x)| <= T`, with the distance T of the contact rule
+    (`pinbound.contact`).
 
-A strip of zero width, of a stop, is a line that cuts. A curve's T is never below the contact tolerance: two points that
-could meet at zero threshold meet in isolated points of the plane, data are rounded, and so a disc is kept around each.
+The strip of a stop has zero width: it is a line that cuts the slice. A curve's T is at least the contact tolerance. The
+reason: two points with zero threshold would meet only in isolated points of the slice, and data are rounded. So a disc
+is kept around each such point.
 
-The plane is closed towards limits and open towards contacts: a point belongs to it if it passes no limit by more than
+The slice is closed at limits and open at contacts: a point belongs to it if it passes no limit by more than
 `tolerances.LIMIT`, and is in no contact.
 """
 
@@ -48,13 +50,13 @@ _TURN = 2.0 * math.pi
 
 @dataclass(frozen=True, eq=False)
 class Strips(Value):
-    """Contact of a boundary of one effective angle in the plane.
+    """Contact of a boundary of one effective angle in the slice.
 
     Attributes:
         name: The boundary.
         normal: (2,) c.
         angle: phi* [rad].
-        half_width: w [rad], 0 for a line that cuts.
+        half_width: w [rad], 0 for a line that cuts the slice.
     """
 
     name: str
@@ -63,7 +65,7 @@ class Strips(Value):
     half_width: float
 
     def free(self, X: Array) -> Flags:
-        """Return whether points (N, 2) are out of contact; a line of zero width holds no point."""
+        """Return whether points (N, 2) are out of contact; a line of zero width contains no point."""
         away = np.abs(np.remainder(X @ self.normal - self.angle + math.pi, _TURN) - math.pi)
         return away > self.half_width
 
@@ -84,7 +86,7 @@ class Strips(Value):
 
 @dataclass(frozen=True, eq=False)
 class Curve(Contact):
-    """Contact `|r(x)| <= threshold` of a boundary of several effective angles; its path is over the plane's two."""
+    """Contact `|r(x)| <= threshold` of a boundary of several effective angles; its path is over the two coordinates."""
 
     def free(self, X: Array) -> Flags:
         """Return whether points (N, 2) are out of contact."""
@@ -93,21 +95,21 @@ class Curve(Contact):
 
 @dataclass(frozen=True, eq=False)
 class Slice(Value):
-    """Two coordinates of a robot, the others held, and everything that bounds them.
+    """Two coordinates of a robot, with the others fixed, and all limits and contacts in their plane.
 
     Attributes:
         robot: The robot.
         coordinates: The two coordinates.
-        at: (n,) where the others are held, and the start point.
-        box: What bounds each coordinate alone, as right, top, left, low half-planes: its joint's limit, the limit of
+        at: (n,) the values of the others, and the start point.
+        box: The bounds of each coordinate alone, as right, top, left, low half-planes: its joint's limit, the limit of
             a mimic joint, or the window, whichever is tightest.
-        limits: All other limits of joints, mimic joints or not, that bind the two.
-        strips: Boundaries of one effective angle in the plane.
+        limits: All other limits of joints, also of mimic joints, that depend on the two.
+        strips: Boundaries of one effective angle in the slice.
         curves: Boundaries of several; and boundaries, limits and rules through loops that are not parallelograms.
-        fixed: Held coordinates that some boundary or limit depends on.
+        fixed: Fixed coordinates on which a boundary or limit depends.
         margin: [m] added to every threshold.
-        obstacles: What rules forbid that bind where conditions hold.
-        lifted: What takes points of the plane through loops that are not parallelograms, if its coordinates move any.
+        obstacles: The sets that rules with conditions forbid.
+        lifted: The map from points of the slice through loops that are not parallelograms, if its coordinates move any.
     """
 
     robot: Robot
@@ -134,15 +136,15 @@ class Slice(Value):
 
     @cached_property
     def units(self) -> tuple[str, str]:
-        """The unit of each coordinate: ``"rad"``, or ``"m"`` of a prismatic joint."""
+        """The unit of each coordinate: ``"rad"``, or ``"m"`` for a prismatic joint."""
         first, second = ("rad" if self.robot.turns(name) else "m" for name in self.coordinates)
         return first, second
 
     @cached_property
     def scales(self) -> Array:
-        """(2,) the length [rad or m] of each coordinate that accuracies are relative to.
+        """(2,) the length [rad or m] to which accuracies of each coordinate are relative.
 
-        One, or the width of the window where that is less, rounded down to a power of two so that scaling is exact.
+        It is one, or the width of the window if that is less, rounded down to a power of two so that scaling is exact.
         """
         width = self.window[1] - self.window[0]
         return read_only(np.minimum(1.0, np.exp2(np.floor(np.log2(width)))))
@@ -158,7 +160,7 @@ class Slice(Value):
         return self.robot.intervals
 
     def keeps_held(self, Q: Array) -> Flags:
-        """Return which configurations (N, n) keep all limits on which the plane's two coordinates have no influence."""
+        """Return which configurations (N, n) keep all limits that do not depend on the slice's two coordinates."""
         indices = [self.robot.coordinates.index(name) for name in self.coordinates]
         whole, moved = over(self.robot, self.at)[0], moved_columns(self.robot, indices)
         moved[indices] = True
@@ -172,7 +174,7 @@ class Slice(Value):
         return found
 
     def users(self, index: int) -> list[str]:
-        """Return which boundaries, rules and limits depend on a coordinate of q, for people."""
+        """Return the boundaries, rules and limits that depend on a coordinate of q, as text."""
         whole = over(self.robot, self.at)[0]
         found = [one.name for one in self.robot.boundaries if self.robot.coordinates[index] in one.coordinates]
         rules = [one for one in whole.guarded_limits if index in _inputs(self.robot, one.uses)]
@@ -201,7 +203,7 @@ def _ends(box: Sequence[HalfPlane]) -> Array:
 
 
 def _half_planes(whole: Robot, place: Array, indices: Sequence[int], moved: Flags) -> list[HalfPlane]:
-    """Return the limits that bind the plane's two coordinates through no loop."""
+    """Return the limits that depend on the slice's two coordinates without loops."""
     found: list[HalfPlane] = []
     for limit in whole.linear_limits:
         c = limit.coefficients[list(indices)]
@@ -212,13 +214,13 @@ def _half_planes(whole: Robot, place: Array, indices: Sequence[int], moved: Flag
 
 
 def _of_the_plane(whole: Robot, moving: Flags) -> list[Array | Flags]:
-    """Return what each limit uses on which the plane has an influence, and each guarded one."""
+    """Return the coefficients of each limit that depends on the slice, and of each guarded limit."""
     limits = [one.coefficients for one in whole.linear_limits if np.any(one.coefficients[moving])]
     return [*limits, *(one.uses for one in whole.guarded_limits)]
 
 
 def _inputs(robot: Robot, uses: Array | Flags) -> set[int]:
-    """Return the coordinates of q that something depends on that uses coordinates (n,), or of z (n + k,)."""
+    """Return the coordinates of q behind used coordinates, given as flags or coefficients of q (n,) or z (n + k,)."""
     used = set(np.flatnonzero(uses).tolist())
     if isinstance(robot, LoopRobot):
         for one, columns in zip(reversed(robot.lift.linkages), reversed(robot.lift.columns), strict=True):

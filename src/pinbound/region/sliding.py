@@ -1,10 +1,10 @@
-"""Contact curves of bodies that only slide against each other in the plane: one convex curve, found by rays.
+"""Contact curves of bodies that only translate relative to each other in the slice: one convex curve, found by rays.
 
-Held rotations are constant, so in a plane of prismatic joints `r(x, t) = w + W x + sum_i t_i e_i` with constant w, W
-and e_i. The separation `f(x) = min_t |A r(x, t)|` is the distance of the origin from a convex body that moves
-linearly with x: f is convex, and so is the contact `f <= T`. Of a convex set that holds c, every ray from c meets the
-border once. Between two border points the border lies in the triangle of their chord and their two tangents, so its
-height over the chord bounds the distance of the two: rays are added until it is within the accuracy.
+Fixed rotations are constant. So in a slice of prismatic joints `r(x, t) = w + W x + sum_i t_i e_i` with constant w, W
+and e_i. The separation `f(x) = min_t |A r(x, t)|` is the distance of the origin from a convex body that moves linearly
+with x. So f is convex, and so is the set of contact `f <= T`. From a point c of a convex set, every ray crosses the
+border once. Between two border points, the border lies in the triangle of their chord and their two tangents. So the
+triangle's height over the chord bounds their distance. Rays are added until it is within the accuracy.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from pinbound.typing import Array, Flags
 
 __all__ = ["SlidingFunction", "only_slides", "sliding_curves"]
 
-_FIRST = 64  # rays to begin with
+_FIRST = 64  # rays at the start
 _ROUNDS = 40
 _MOST_RAYS = 200_000
 _CENTRING = 3
 _BISECTIONS = 60
-_NEAR = 1e-13  # relative: how well a border point is known; the separation is no better
-_AT_RIM = 2e-3  # of the window's side: how near to the rim a curve that leaves the window is followed
+_NEAR = 1e-13  # relative: the accuracy of a border point; that of the separation is no better
+_AT_RIM = 2e-3  # of the window's side: the distance from the window's border to which a curve is followed
 
 
 def only_slides(path: RelativePath) -> bool:
-    """Return whether two bodies, one of them more than a point, slide against each other and never turn."""
+    """Return whether two bodies, one of them more than a point, translate and never rotate relative to each other."""
     return not path.minimal.rotations and bool(path.difference.directions) and not path.is_signed
 
 
 class SlidingFunction(SeparationFunction):
-    """`f(x) - T` of bodies that only slide, over the plane in units of its scales: convex."""
+    """`f(x) - T` of bodies that only translate, over the slice in units of its scales: convex."""
 
     def lowest(self, window: Array) -> Array:
-        """Return the point (2,) of a window at which f is least: a nearest-point problem with two more edge vectors."""
+        """Return the point (2,) of a window with the least f: a nearest-point problem with two more edge vectors."""
         chain, path = self.path.minimal, self.path
         low, width = window[0] * self.scales, (window[1] - window[0]) * self.scales
         start = chain.offsets[0] + chain.slides[0] @ low
@@ -47,7 +47,7 @@ class SlidingFunction(SeparationFunction):
         measured = path.counted(np.array([start, *edges]))
         if path.difference.is_zonotope:
             t = nearest(measured[:1], measured[1:, None, :])[0]
-        else:  # the window is a square, and so a part of the one body
+        else:  # the window is a square, so it counts as a part of one body
             mine, others = path.difference.corners
             square = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
             both = np.hstack((np.repeat(square, len(mine), axis=0), np.tile(mine, (4, 1))))
@@ -58,11 +58,10 @@ class SlidingFunction(SeparationFunction):
 def sliding_curves(
     function: SlidingFunction, window: Array, accuracy: float, deadline: Deadline | None = None
 ) -> tuple[tuple[Array, ...], float]:
-    """Return the border of contact in a window (2, 2) as polylines (k, 2), and the proven error of their chords.
+    """Return the border of the contact in a window (2, 2) as polylines (k, 2), and the proven error of their chords.
 
-    A closed curve repeats its first point; one that leaves the window ends near its rim. Nothing if there is no contact
-    in the window. Where bodies touch at the threshold over an area, as faces do that slide on each other, it is
-    contact.
+    A closed curve repeats its first point. A curve that leaves the window ends near its border. Without contact in the
+    window, the result is empty. If bodies touch at the threshold over an area, as sliding faces do, this is contact.
 
     Raises:
         UnsupportedError: If time is up.
@@ -110,9 +109,10 @@ def _directions(angles: Array) -> Array:
 
 
 def _shoot(function: SlidingFunction, centre: Array, directions: Array, window: Array) -> tuple[Array, Flags]:
-    """Return where rays from a point in contact leave contact, or the window if that comes first, and which is it.
+    """Return where rays from a point in contact leave contact, or the window if it ends first, and which of the two.
 
-    f is convex along a ray, so a tangent from outside never passes the border: Newton and bisection in one bracket.
+    f is convex along a ray, so a tangent from outside never passes the border. So Newton steps and bisection share a
+    bracket.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         gaps: Array = np.asarray(np.where(directions > 0.0, window[1] - centre, window[0] - centre), dtype=np.float64)
@@ -130,7 +130,7 @@ def _shoot(function: SlidingFunction, centre: Array, directions: Array, window: 
             step = value / np.einsum("na,na->n", gradient, directions[live])
         reached: Array = np.asarray(high[live] - step, dtype=np.float64)
         newton: Array = np.where((reached >= low[live]) & (reached <= high[live]), reached, high[live])
-        near = _NEAR * (1.0 + newton)  # Newton has the border within this, on either side: close the bracket around it
+        near = _NEAR * (1.0 + newton)  # the border is this near to Newton's point: close the bracket around it
         for asked in (newton, newton + near, newton - near, 0.5 * (low[live] + high[live])):
             guess = np.clip(asked, low[live], high[live])
             inside = function.value(centre + guess[:, None] * directions[live]) <= 0.0
@@ -143,7 +143,7 @@ def _shoot(function: SlidingFunction, centre: Array, directions: Array, window: 
 
 
 def _heights(function: SlidingFunction, points: Array, on_curve: Flags) -> tuple[Array, Array]:
-    """Return how high the triangle of the two tangents stands over each chord, and the chords' lengths."""
+    """Return the height of the triangle of two tangents over each chord, and the lengths of the chords."""
     following = np.roll(points, -1, axis=0)
     along = following - points
     length = np.asarray(np.linalg.norm(along, axis=1), dtype=np.float64)
@@ -161,7 +161,7 @@ def _heights(function: SlidingFunction, points: Array, on_curve: Flags) -> tuple
 
 
 def _runs(points: Array, on_curve: Flags) -> tuple[Array, ...]:
-    """Return the runs of points on the curve; the whole of it closed, if nothing leaves the window."""
+    """Return the runs of points on the curve; one closed run if no point leaves the window."""
     if np.all(on_curve):
         return (np.concatenate((points, points[:1])),)
     if not np.any(on_curve):

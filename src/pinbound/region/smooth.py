@@ -1,4 +1,4 @@
-"""What can be traced in the plane of two coordinates."""
+"""The interface of functions that can be traced in a slice of two coordinates."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ class Smooth(Protocol):
 
     @property
     def arms(self) -> LeverArms:
-        """Bounds over the window: of what the threshold is taken from, and its first and second derivatives."""
+        """Bounds over the window: of the quantity compared with the threshold, and its first and second derivatives."""
         ...
 
     @property
     def scale(self) -> float:
-        """What rounding is relative to: the length of the path."""
+        """The length of the path; rounding is relative to it."""
         ...
 
     @property
     def threshold(self) -> float:
-        """What `parts`' third value is on the curve."""
+        """The value of `parts`' third result on the curve."""
         ...
 
     def value(self, X: Array) -> Array:
@@ -37,7 +37,7 @@ class Smooth(Protocol):
         ...
 
     def parts(self, X: Array) -> tuple[Array, Array, Array, Array]:
-        """Return g, its gradient, what the threshold is taken from, and the sizes of the latter's slopes."""
+        """Return g, its gradient, the quantity compared with the threshold, and the sizes of its slopes."""
         ...
 
     def curvature(self, length: Array, slopes: Array, half: Array) -> Array:

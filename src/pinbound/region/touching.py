@@ -1,4 +1,4 @@
-"""Which parts of two bodies touch along an edge of a region: a vertex, an edge or a face of each."""
+"""The parts of two bodies that touch along an edge of a region: a vertex, an edge or a face of each."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ __all__ = ["Touch", "touches"]
 
 @dataclass(frozen=True, eq=False)
 class Touch(Value):
-    """A stretch of an edge along which the same parts of two bodies are nearest.
+    """An interval of an edge along which the same parts of two bodies are nearest.
 
     Attributes:
-        first: Position in `edge.points` at which it begins.
-        last: Position at which it ends, itself included.
+        first: Index in `edge.points` of its first point.
+        last: Index of its last point.
         a: The part of the boundary's first mark.
         b: The part of its second mark.
     """
@@ -41,13 +41,13 @@ class Touch(Value):
 
 
 def touches(slice_: Slice, edge: Edge, contacts: Sequence[str]) -> tuple[Touch, ...]:
-    """Return the stretches of an edge, in its order; points where the bodies overlap to rounding are left out.
+    """Return the intervals of an edge, in its order; points where the bodies overlap up to rounding are left out.
 
-    An edge is a polyline within the region's `accuracy` of contact: each of its points is asked, so that a stretch
-    shorter than the distance of two points can be missed.
+    An edge is a polyline within the region's `accuracy` of contact. Each of its points is tested. So an interval
+    between two neighbouring points can be missed.
 
     Raises:
-        UnknownNameError: If the edge is no contact: a limit of a joint, or a rule.
+        UnknownNameError: If the edge is not a contact, but a limit of a joint, or a rule.
     """
     if not edge.is_contact:
         raise UnknownNameError("contact edge", edge.name, contacts)

@@ -1,9 +1,9 @@
-"""The tubes of undecided cells around searched contact curves: the curves traced in them, and what they may connect.
+"""Tubes of undecided cells around searched contact curves: the curves in them, and the parts that they may connect.
 
-In an undecided cell the signs of `f - T` at the corners tell where its contour passes; where it crosses a side is found
-to rounding. What is proven does not rest on that: outside the tubes all is free or in contact as the drawing says. So a
-face of the drawing less the tubes is free, and two parts of it that only a tube connects are not proven to be connected
-(`Tubes.doubts`): there cells are cut further, as long as that helps.
+In an undecided cell the signs of `f - T` at the corners show where the contour passes. The crossing of a side is found
+to rounding. No proof depends on these curves: outside the tubes every point is free or in contact, as the drawing says.
+So a face of the drawing without the tubes is free. Two parts of it that only a tube connects are not proven to be
+connected (`Tubes.doubts`). There cells are cut further, as long as this helps.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ __all__ = ["Doubts", "Part", "Tubes"]
 gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 csgraph = cast(Any, sparse.csgraph)
 
-_ROUNDS = 20  # of finding a crossing within its bracket
-_HALVING = 5  # of them that guess
-_NEAR = (2e-3, 3e-5)  # of a side: how far from a guess its two sides are tried
-_BRACKET = 1e-4  # of a side: how well a crossing is known
-_DEEPER = 7  # levels beyond the width, to which places are halved where two parts may be connected
+_ROUNDS = 20  # rounds of the search for a crossing in its bracket
+_HALVING = 5  # rounds of these that use a guess
+_NEAR = (2e-3, 3e-5)  # of a side: the distances from a guess at which its two sides are tried
+_BRACKET = 1e-4  # of a side: the accuracy of a crossing
+_DEEPER = 7  # levels beyond the width, down to which cells are halved where two parts may be connected
 _MOST_DOUBTFUL = 20_000  # cells that are cut further at a time
-_CRUMB = 16.0  # cells of the stated width: no part smaller than this is told of
-_SHORTEST = 12  # cells that a curve passes: one that passes fewer is traced in finer cells
-_TOUCH = 1e-3  # of a cell's side: what is nearer than this touches
+_CRUMB = 16.0  # cells of the stated width: smaller parts are not reported
+_SHORTEST = 12  # cells that a curve passes: a shorter curve is traced in finer cells
+_TOUCH = 1e-3  # of a cell's side: shapes nearer than this touch
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,15 +57,15 @@ class Doubts:
     """Cells in which it is undecided whether two parts are connected.
 
     Attributes:
-        within: (k,) of parts of one face: the drawing says that they are.
-        between: (k,) of parts of two faces: the drawing says that they are not.
+        within: (k,) cells between parts of one face: the drawing connects them.
+        between: (k,) cells between parts of two faces: the drawing separates them.
     """
 
     within: Ints
     between: Ints
 
     def __bool__(self) -> bool:
-        """Return whether there is any."""
+        """Return whether there are such cells."""
         return bool(len(self.within) or len(self.between))
 
 
@@ -73,7 +73,7 @@ class Tubes:
     """Undecided cells, which change as they are cut."""
 
     def __init__(self, searched: Searched, width: float, deadline: Deadline | None, adapts: bool = False) -> None:
-        """Cut the plane into cells of the stated width, or of as many times that as is enough if it `adapts`."""
+        """Divide the slice into cells of the stated width; if it `adapts`, of a multiple that gives enough cells."""
         self.searched, self.deadline = searched, deadline
         self.cells, self.grid = pave(searched, deadline, adapts)
         self.width = width * 2.0 ** (searched.grid.level - self.grid.level)
@@ -86,8 +86,8 @@ class Tubes:
     def lines(self) -> list[Line]:
         """Return the contours of all boundaries within their undecided cells.
 
-        `hidden` has the cells next to no contour whose corners are all free, where there may be an island or nothing,
-        and those of the shortest curves.
+        `hidden` gets the cells without a contour whose corners are all free, which may contain an island, and the cells
+        of the shortest curves.
         """
         found: list[Line] = []
         hidden: list[Ints] = []
@@ -103,7 +103,7 @@ class Tubes:
     def _trace(
         self, which: int, function: SeparationFunction | LoopFunction, corners: Ints, sizes: Ints
     ) -> tuple[tuple[Array, ...], Flags]:
-        """Return the contours of one boundary, and whether there is one next to each of its cells, or contact."""
+        """Return the contours of one boundary, and whether each of its cells is next to one, or to contact."""
         if self.deadline is not None:
             self.deadline.check()
         nodes, cell, end = box_sides(corners, sizes)
@@ -123,8 +123,8 @@ class Tubes:
         turned = contact[pieces[:, 0]]
         free, hit = (np.where(turned == side, pieces[:, 1], pieces[:, 0]) for side in (True, False))
         points = self._crossings(which, function, nodes[free], nodes[hit])
-        # Around each cell, counter-clockwise: a crossing out of contact is joined to the next one into it, so that
-        # where two curves pass a cell, the free places between them are parted.
+        # Around each cell, counter-clockwise: a crossing out of contact is connected to the next one into it. So
+        # the free areas between two curves that pass through a cell are separate.
         middle = self.grid.places(corners) + 0.5 * self.grid.step * sizes[:, None]
         first = self.grid.places(np.stack((nodes // STRIDE, nodes % STRIDE), axis=-1)[end[:, 0]]) - middle[cell]
         last = self.grid.places(np.stack((nodes // STRIDE, nodes % STRIDE), axis=-1)[end[:, 1]]) - middle[cell]
@@ -156,7 +156,7 @@ class Tubes:
         return values[np.searchsorted(known, nodes)]
 
     def _crossings(self, which: int, function: SeparationFunction | LoopFunction, free: Ints, hit: Ints) -> Array:
-        """Return where contact begins between free corners and those in contact: points (N, 2) that are free still."""
+        """Return where contact begins between free corners and those in contact: points (N, 2), still free."""
         keys = _short(free) + 1j * _short(hit)
         known, points = self._roots.get(which, (np.empty(0, dtype=complex), np.empty((0, 2))))
         new = ~np.isin(keys, known)
@@ -172,14 +172,14 @@ class Tubes:
     # ------------------------------------------------------------------ what they connect
 
     def boxes(self, cells: Ints | slice = slice(None), grown: float = 0.0) -> Any:
-        """Return some of the cells as polygons, each grown by a share of its side."""
+        """Return some of the cells as polygons, each enlarged by a share of its side."""
         low, high = self.grid.boxes(self.cells)
         spare = grown * (high - low)[cells]
         low, high = low[cells] - spare, high[cells] + spare
         return gis.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
 
     def outline(self) -> Any:
-        """Return the union of all cells: equal cells in a row are put together first."""
+        """Return the union of all cells; equal cells in a row are merged first."""
         sizes, corners = self.cells.sizes, self.cells.corners
         order = np.lexsort((corners[:, 0], corners[:, 1], sizes))
         sizes, corners = sizes[order], corners[order]
@@ -197,21 +197,21 @@ class Tubes:
         return [Part(int(i), piece) for i, piece in zip(face[kept], pieces[kept], strict=True)]
 
     def _graph(self) -> tuple[Any, int]:
-        """Return the graph of cells and their corners: two steps lead from a cell to one that touches it."""
+        """Return the graph of cells and their corners: two steps lead from a cell to a touching cell."""
         nodes, cell, end = box_sides(self.cells.corners, self.cells.sizes)
         return _incidence(len(self.cells), len(nodes), cell, end), len(self.cells)
 
     def doubts(
         self, faces: Sequence[Any], sides: Sequence[Any], parts: Sequence[Part], start: Array, room: Any
     ) -> Doubts:
-        """Return the cells along the shortest ways that may connect the part that holds the start with others.
+        """Return the cells along the shortest chains that may connect the start's part with other parts.
 
         Args:
             faces: The free faces, the start's first.
-            sides: Of each face what tells on which sides of exact lines it is: faces that differ are not connected.
-            parts: What is proven of them.
+            sides: For each face, its sides of the exact lines; faces with different sides are not connected.
+            parts: The proven parts of the faces.
             start: (2,).
-            room: What limits leave, as a polygon.
+            room: The set within the limits, as a polygon.
         """
         none = np.empty(0, dtype=np.int64)
         if not len(self.cells):
@@ -242,27 +242,27 @@ class Tubes:
         return Doubts(within, between)
 
     def deeper(self, doubtful: Ints) -> Ints:
-        """Return those of some cells that may be cut further."""
+        """Return the cells, of those given, that may be cut further."""
         finest = max(self.grid.size >> _DEEPER, 1)
         found = doubtful[self.cells.sizes[doubtful] > finest]
         return found if len(found) <= _MOST_DOUBTFUL else np.empty(0, dtype=np.int64)
 
     def around(self, point: Array) -> Ints:
-        """Return the cells that touch a point, as far as they can be cut."""
+        """Return the cells that touch a point, if they can be cut."""
         low, high = self.grid.boxes(self.cells)
         spare = _TOUCH * (high - low)
         touches = np.all((low - spare <= point) & (point <= high + spare), axis=1) & (self.cells.sizes > 1)
         return np.flatnonzero(touches)
 
     def cut(self, chosen: Ints) -> None:
-        """Cut some cells into four, and keep what is undecided."""
+        """Cut some cells into four, and keep the undecided ones."""
         mask = np.zeros(len(self.cells), dtype=bool)
         mask[chosen] = True
         finer = decided(self.searched, self.cells.take(mask).quarters(), self.deadline)
         self.cells = self.cells.take(~mask).with_more(finer)
 
     def blocks(self, chosen: Ints) -> list[tuple[Any, str]]:
-        """Return polygons around some cells, those that touch together, and a boundary that is open there."""
+        """Return polygons around some cells, one for each touching group, and a boundary that is undecided there."""
         if not len(chosen):
             return []
         tree_of = gis.get_parts(gis.union_all(self.boxes(chosen, grown=_TOUCH)))
@@ -274,12 +274,12 @@ class Tubes:
             mine = chosen[owner[0][owner[1] == number]]
             which: Ints = self.cells.which[np.isin(self.cells.cell, mine)]
             open_: list[int] = np.unique(which).tolist()
-            first = min(open_, key=lambda which: curves[which].is_contact)  # a limit that is open: it ends all there is
+            first = min(open_, key=lambda which: curves[which].is_contact)  # a limit comes first: it ends the region
             found.append((polygon, curves[first].name))
         return found
 
     def network(self, faces: Sequence[Any], index: int, sides: Sequence[Any], room: Any) -> tuple[Ints, list[int]]:
-        """Return all cells that may belong to the component of a face, and the faces that they may connect with it."""
+        """Return all cells that may belong to the component of a face, and the faces that they may connect to it."""
         if not len(self.cells):
             return np.empty(0, dtype=np.int64), [index]
         tree = gis.STRtree(self.boxes(grown=_TOUCH))
@@ -299,7 +299,7 @@ class Tubes:
         return np.flatnonzero(open_ & np.isin(tube, list(reached))), sorted(joined)
 
     def farthest(self, lines: Sequence[Line], room: Any, closed: Sequence[Any]) -> float:
-        """Return a bound of how far a contour may be from the lines, outside places that are closed."""
+        """Return a bound of the distance of a contour from the lines, outside closed places."""
         if not len(self.cells) or not lines:
             return 0.0
         boxes = self.boxes()
@@ -313,33 +313,33 @@ class Tubes:
 
 
 def _incidence(count: int, corners: int, cell: Ints, end: Ints) -> Any:
-    """Return the graph of cells and corners, one after the other: an edge where a corner is on a cell's border."""
+    """Return the graph of cells and corners, numbered in this order: an edge if a corner is on a cell's border."""
     rows, columns = np.concatenate((cell, cell)), np.concatenate((end[:, 0], end[:, 1])) + count
     size = count + corners
     return sparse.csr_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(size, size))
 
 
 def _restricted(graph: Any, usable: Flags) -> Any:
-    """Return the graph without the edges of what is not usable."""
+    """Return the graph without the edges of unusable nodes."""
     whole = graph.tocoo()
     kept = usable[whole.row] & usable[whole.col]
     return sparse.csr_matrix((whole.data[kept], (whole.row[kept], whole.col[kept])), shape=graph.shape)
 
 
 def _crumbs(pairs: Ints, count: int) -> Flags:
-    """Return which pairs (P, 2) of `count` crossings are of curves so short that cells hardly see them."""
+    """Return which pairs (P, 2) of `count` crossings belong to curves of very few cells."""
     graph = sparse.csr_matrix((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     curve: Ints = csgraph.connected_components(graph, directed=False)[1][pairs[:, 0]]
     return np.bincount(curve)[curve] <= _SHORTEST if len(pairs) else np.zeros(0, dtype=bool)
 
 
 def _short(nodes: Ints) -> Any:
-    """Return keys of corners as numbers that a float64 holds: coordinates are at most 2^26."""
+    """Return keys of corners as numbers that a float64 can represent: coordinates are at most 2^26."""
     return ((nodes // STRIDE) * ((1 << 26) + 1) + nodes % STRIDE).astype(np.float64)
 
 
 def _between(graph: Any, count: int, allowed: Flags, sources: Ints, targets: Ints) -> Ints:
-    """Return the cells on the shortest ways (and those two cells longer) from some cells to others; none if no way."""
+    """Return the cells on the shortest chains (and on those two cells longer) between cells; none without a chain."""
     usable = np.ones(graph.shape[0], dtype=bool)
     usable[:count] = allowed
     sources, targets = sources[allowed[sources]], targets[allowed[targets]]
@@ -359,9 +359,9 @@ def _between(graph: Any, count: int, allowed: Flags, sources: Ints, targets: Int
 def _first_contact(function: SeparationFunction | LoopFunction, free: Array, hit: Array) -> Array:
     """Return the free end of a bracket of contact between free points and points in contact, (N, 2) each.
 
-    Beyond contact f may stay at zero, so guesses come from the free side: by Newton, then by a secant through the last
-    two free points. A little beyond the guess and a little before it are tried, so that the bracket closes on it; where
-    a guess does not help, as at a kink, the bracket is halved.
+    Beyond contact f may stay at zero. So guesses come from the free side: by Newton's method, then by a secant through
+    the last two free points. A point slightly beyond the guess and one slightly before it are tried, so that the
+    bracket closes around it. If a guess does not help, as at a kink, the bracket is halved.
     """
     along = hit - free
     low, high = np.zeros(len(free)), np.ones(len(free))

@@ -1,9 +1,9 @@
-"""Where the angle of a loop's X is cut, in a plane of two coordinates: walls that limits `"LOOP turn"` stand on.
+"""The cuts of the angle of a loop's X, in a slice of two coordinates: the walls of the limits `"LOOP turn"`.
 
-Where X can go round zero, its angle is taken within half a turn of home's, and passive joints jump by a turn across the
-cut `Im(X e^(-i r)) = 0, Re(X e^(-i r)) < 0`, r being the reference. `Im(X e^(-i r))` is a sum of
-sines of linear forms, whose derivatives have bounds over the whole window, so that its zeros are traced as other smooth
-curves (`contours`).
+If X can go around zero, its angle is taken within half a turn of home's angle. Then passive joints jump by a full turn
+across the cut `Im(X e^(-i r)) = 0, Re(X e^(-i r)) < 0`, where r is the reference. `Im(X e^(-i r))` is a sum of sines of
+linear forms. Its derivatives have bounds over the whole window, so its zeros are traced like other smooth curves
+(`contours`).
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ gis = cast(Any, shapely)  # its stubs know only part of what its functions take
 
 @dataclass(frozen=True, eq=False)
 class TurnFunction:
-    """`g(x) = Im(X(x) e^(-i r))` over the plane in units of its scales.
+    """`g(x) = Im(X(x) e^(-i r))` over the slice in units of its scales.
 
     `X = sum_k (v_k + L_k x) e^(i (c_k x + p_k))`.
 
     Attributes:
         rates: (m, 2) c.
-        phases: (m,) p [rad], less r.
+        phases: (m,) p [rad], minus r.
         vectors: (m,) complex v [m].
         slides: (m, 2) complex L [m].
         arms: Bounds over the window.
@@ -71,7 +71,7 @@ class TurnFunction:
 
     @property
     def scale(self) -> float:
-        """The largest length of X [m]: what rounding is relative to."""
+        """The largest length of X [m]; rounding is relative to it."""
         return self.arms.length
 
     def _parts(self, X: Array) -> tuple[Array, Array]:
@@ -110,8 +110,8 @@ class Cut:
     Attributes:
         name: ``"LOOP turn"``.
         points: (k, 2), in units of the scales.
-        function: What is zero on it.
-        chord_error: No point of it is further than this from the polyline.
+        function: The function that is zero on it.
+        chord_error: The largest distance of the cut from the polyline.
     """
 
     name: str
@@ -126,7 +126,7 @@ def cuts_of(
     """Return the cuts in a window (2, 2), in units of the scales, to an accuracy.
 
     Raises:
-        UnsupportedError: If another loop moves X, and its angle may reach the cut in the window; or time is up.
+        UnsupportedError: If another loop moves X, and its angle may reach the cut in the window; or if time is up.
     """
     found: list[Cut] = []
     lower, upper = plane.configurations(window * scales)
@@ -153,10 +153,10 @@ def cuts_of(
 
 @dataclass(frozen=True, eq=False)
 class Slit(Value):
-    """A wall that ends inside a region: on its two sides passive joints differ by a turn, and no motion crosses it.
+    """A wall that ends inside a region: across it passive joints differ by a full turn, so no motion crosses it.
 
     Attributes:
-        name: ``"LOOP turn"``, the limit that a motion across it would pass.
+        name: ``"LOOP turn"``, the limit that a motion across it would violate.
         points: (k, 2) [rad or m].
     """
 
@@ -171,11 +171,11 @@ def slits_in(
 
     Args:
         plane: The plane.
-        scales: (2,), as of `Slice.scales`.
-        window: (2, 2), as of `Slice.window`.
+        scales: (2,), as in `Slice.scales`.
+        window: (2, 2), as in `Slice.window`.
         polygon: The region.
         edges: The edges of the polygon that are cuts, by name.
-        accuracy: How far the polygon's edges may be from where they are.
+        accuracy: The largest error of the polygon's edges.
     """
     found: list[Slit] = []
     for cut in cuts_of(plane, scales, window / scales, REGION_ACCURACY):
@@ -190,7 +190,7 @@ def slits_in(
 
 
 def _reaches(moves: Sequence[int], plane: LiftedPlane) -> bool:
-    """Return whether one of the plane's coordinates moves X, by itself or through another loop."""
+    """Return whether one of the slice's coordinates moves X, directly or through another loop."""
     moved = set(plane.indices)
     for one, columns in zip(plane.lift.linkages, plane.lift.columns, strict=True):
         if moved & set(one.inputs):
@@ -199,7 +199,7 @@ def _reaches(moves: Sequence[int], plane: LiftedPlane) -> bool:
 
 
 def _behind(function: TurnFunction, line: Array) -> list[Array]:
-    """Return the pieces of a zero line on which X points away from the reference, each a chord longer at its ends."""
+    """Return the pieces of a zero line on which X points away from the reference, one chord longer at each end."""
     away = function.moved(line).real < 0.0
     kept = away.copy()
     kept[1:] |= away[:-1]

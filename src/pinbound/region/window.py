@@ -1,8 +1,8 @@
-"""The window of a plane: how far each of its two coordinates reaches, and what stops it there.
+"""The window of a slice: the range of each of its two coordinates, and the limits that end it.
 
-The limits of the coordinate's joint, of mimic joints that follow it, and the window that the caller gives bound one
-coordinate alone; the tightest is the side of the box. Where none of them does, a limit of both coordinates may: from
-`c_1 x_1 + c_2 x_2 <= u` and the ends of x_2 follow ends of x_1.
+The limits of the coordinate's joint, of its mimic joints, and the caller's window bound one coordinate alone. The
+tightest one is the side of the box. If none exists, a limit of both coordinates may help: from `c_1 x_1 + c_2 x_2 <= u`
+and the ends of x_2 follow ends of x_1.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from pinbound.typing import Array
 __all__ = ["box_of", "slab"]
 
 _PLANE = 2
-_ROUNDS = 4  # of propagating limits of both coordinates; each round can bound one more coordinate
-_SPARE = 0.01  # of its width: how much wider a box is made that only follows from limits of both coordinates
+_ROUNDS = 4  # of propagation of limits of both coordinates; each round can bound one more coordinate
+_SPARE = 0.01  # of its width: the margin added to a box that follows only from limits of both coordinates
 
 
 def slab(source: str, normal: Array, lower: float, upper: float) -> list[HalfPlane]:
-    """Return `normal @ x <= upper` and `normal @ x >= lower`, those of the two that are finite."""
+    """Return the half-planes `normal @ x <= upper` and `normal @ x >= lower`, if finite."""
     sides = ((f"{source} upper", normal, upper), (f"{source} lower", -normal, -lower))
     return [HalfPlane(source, name, n, bound, False) for name, n, bound in sides if math.isfinite(bound)]
 
@@ -37,13 +37,13 @@ def box_of(
 
     Args:
         names: The two coordinates.
-        limits: Every limit that binds one or both of them.
-        window: Ends by coordinate, as the caller gave them.
+        limits: Every limit that depends on one or both of them.
+        window: The caller's ends, by coordinate.
 
     Raises:
         UnknownNameError: If the window names another coordinate.
-        DimensionError: If the window holds no two numbers in order, or a coordinate is without limits (an end beyond
-            `tolerances.WIDEST_WINDOW` is none), or has no room.
+        DimensionError: If the window does not have two ordered numbers, if a coordinate is without limits (an end
+            beyond `tolerances.WIDEST_WINDOW` does not count), or if its range is empty.
     """
     given = _checked(names, window)
     usable = [side for side in limits if _end(side) <= WIDEST_WINDOW]
@@ -91,7 +91,7 @@ def _checked(names: Sequence[str], window: Mapping[str, tuple[float, float]]) ->
 
 
 def _only_axis(side: HalfPlane) -> int | None:
-    """Return the one coordinate that a half-plane bounds, or None if it bounds both together."""
+    """Return the one coordinate that a half-plane bounds; None if it bounds both together."""
     used = np.flatnonzero(side.normal)
     return int(used[0]) if len(used) == 1 else None
 
@@ -101,19 +101,19 @@ def _at(side: HalfPlane, axis: int) -> float:
 
 
 def _end(side: HalfPlane) -> float:
-    """Return how far from zero the line of a half-plane is along its steepest axis."""
+    """Return the distance from zero of a half-plane's line, along its steepest axis."""
     return abs(side.bound) / float(np.max(np.abs(side.normal)))
 
 
 def _too_far(name: str, limits: Sequence[HalfPlane]) -> str:
-    """Return which limits of a coordinate are too far out to count, for people."""
+    """Return the limits of a coordinate that are too far out to count, as text."""
     far = [side for side in limits if side.source == name and _end(side) > WIDEST_WINDOW]
     ends = " and ".join(f"{side.name} of {side.bound * (-1 if side.name.endswith('lower') else 1):.6g}" for side in far)
     return f" within {WIDEST_WINDOW:.0e} of zero ({ends}: too far out to count)" if far else ""
 
 
 def _propagate(ends: dict[tuple[int, int], HalfPlane], sides: Sequence[HalfPlane]) -> None:
-    """Bound coordinates without ends by limits of both coordinates, a little wider than they say."""
+    """Bound coordinates without ends by limits of both coordinates, with a small margin."""
     found: dict[tuple[int, int], tuple[float, HalfPlane]] = {}
     for _ in range(_ROUNDS):
         for side in sides:

@@ -42,8 +42,8 @@ sh = cast(Any, shapely)  # newer functions than the stubs know
 
 _NODES = 20
 _HALVINGS = 12
-_COVER_CHORD = 1e-7  # relative to how far the image moves a unit of a coordinate, where all edges are straight
-_COVER_CHORDS = 1e-8, 1e-4  # the least and the most of a quarter of the accuracy of curved edges
+_COVER_CHORD = 1e-7  # relative to the motion of the image for a unit of a coordinate, if all edges are straight
+_COVER_CHORDS = 1e-8, 1e-4  # the least and the largest value for a quarter of the accuracy of curved edges
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ class Section(Value):
 
     @cached_property
     def _contour_error(self) -> float:
-        """[m^2] of the image that the region's accuracy leaves open: |det| along its curved edges, times that."""
+        """[m^2], the error of the image's area: |det| along the region's curved edges, times its accuracy."""
         total = 0.0
         for edge in self.region.edges if self.region.accuracy else ():
             if len(edge.points) > 2:
@@ -239,7 +239,7 @@ class Section(Value):
         return shapely.Polygon(rings[0], rings[1:])
 
     def _boundary_integral(self, integrand: Integrand, density: float) -> Measure:
-        """Integrate along the image of the contour; the error is what doubling the nodes changes, and rounding."""
+        """Integrate along the image of the contour; the error is the change with twice the nodes, and rounding."""
         rings, scale = self._rings(), 0.0
         starts, ends = np.vstack([r[:-1] for r in rings]), np.vstack([r[1:] for r in rings])
         value = error = math.nan
@@ -319,7 +319,7 @@ def workspace_section(
 
 
 def _turn(robot: Robot, chain: Chain, indices: Sequence[int], region: Region, name: str) -> Turn:
-    """Return the axis of a coordinate, if all that moves in the region comes after it and it is used once."""
+    """Return the axis of a coordinate, if everything that moves in the region comes after it and it is used once."""
     if name not in robot.coordinates:
         raise UnknownNameError("coordinate", name, robot.coordinates)
     index = robot.coordinates.index(name)
