@@ -80,6 +80,10 @@ def test_region_names_its_edges() -> None:
         (("info", "nothing.urdf"), "neither a file nor a packaged robot"),
         (("limits", "minervabot_v3", "--at", "q9=1"), "q1, q2, q3"),
         (("limits", "minervabot_v3", "--at", "q2=nan"), "finite"),
+        (("limits", "minervabot_v3", "--at", "q2=1_0"), "finite"),
+        (("limits", "minervabot_v3", "--at", "q2=0.1,q2=0.2"), "'q2' is given twice"),
+        (("region", "minervabot_v3", "--window", "q2=0..1,q2=0..0.5"), "'q2' is given twice"),
+        (("info", "minervabot_v3", "--xacro-arg", "bridge=a", "--xacro-arg", "bridge=b"), "'bridge' is given twice"),
         (("region", "minervabot_v3", "--coordinates", "q2"), "two coordinates"),
         (("region", "minervabot_v3", "--at", "q2=-0.5"), "beta_10"),
         (("info", "minervabot_v3", "--xacro-arg", "bridge"), "NAME=VALUE"),
@@ -205,3 +209,8 @@ def test_a_folder_that_is_not_there_is_made_and_a_file_in_its_place_is_told(comm
     said = run(*command.split(), "--out", str(tmp_path / "taken" / name), code=2)
     assert "is a file, not a folder. Give another folder." in said
     assert (tmp_path / "taken").read_text() == "mine"
+
+
+def test_a_negative_seed_is_no_traceback() -> None:
+    result = CliRunner().invoke(app, ["crosscheck", "minervabot_v3", "--seed", "-1"])
+    assert (result.exit_code, "--seed" in result.output) == (2, True)

@@ -46,6 +46,7 @@ CASES: list[tuple[str, int, str]] = [
     ("derive", 0, "derive ARM"),
     ("derive", 2, "derive ARM --annotations HERE/none.yaml"),
     ("limits", 0, "limits ARM --at a=0.1"),
+    ("limits", 1, "limits ARM --at a=2"),
     ("limits", 2, "limits ARM --at a=far"),
     ("region", 0, "region ARM"),
     ("region", 1, "region ARM --require-coverage"),
@@ -91,7 +92,6 @@ ELSEWHERE = {
 NEVER = {
     ("info", 1),
     ("derive", 1),
-    ("limits", 1),
     ("export", 1),
     ("reproduce", 1),
     ("view", 1),

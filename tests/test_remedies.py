@@ -684,6 +684,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield csv("Give a number", "lift,reach\n0,wide\n")
     yield csv("Give one cell per column", "lift,reach\n0\n")
     yield csv("Keep one of each", "lift,reach,lift\n0,0.1,0\n")
+    yield csv("Give a line of column names first", "0,0\n0,0.1\n")
     yield csv("Give at least one configuration", "lift,reach\n")
     yield csv(HINT, "lift,reech\n0,0.1\n")
     yield csv("Give one column per coordinate: {}", "lift\n0\n")
@@ -769,9 +770,12 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield commands("Give one of --in, --grid, --random, --sobol", "batch CRANE --out HERE/o", JOB)
     yield commands("Give from 0 to 10^15", JOB.replace(" 5 ", " 1" + "0" * 20 + " "), JOB)
     ends = "Write FROM:TO, two finite numbers, FROM <= TO"
-    yield commands(ends, JOB + " --within lift=1:0", JOB + " --within lift=0:1")
-    yield commands("Coordinates: {}", JOB + " --within lft=0:1", JOB + " --within lift=0:1")
     grid = "batch CRANE --out HERE/o --grid lift=0:1:"
+    yield commands(ends, JOB + " --within lift=1:0", JOB + " --within lift=0:1")
+    yield commands("Write {}", JOB + " --within lift=0", JOB + " --within lift=0:1")
+    yield commands("Remove it, or give --random or --sobol", f"{grid}3 --within lift=0:1", grid + "3")
+    yield commands("Keep one", "limits CRANE --at lift=0,lift=1", "limits CRANE --at lift=0")
+    yield commands("Coordinates: {}", JOB + " --within lft=0:1", JOB + " --within lift=0:1")
     yield commands("Write NAME=FROM:TO:COUNT, COUNT from 1 to 10^15", grid + "few", grid + "3")
     yield commands(
         "Remove it, or give another name",

@@ -96,6 +96,7 @@ def test_a_stray_byte_is_refused_in_any_column(least: int, tmp_path: Path, monke
         (b"\n\n# only words\n", "the file is empty"),
         (b"a;b\n1;2\n", "not separated by commas"),
         (b"a,b,a\n", "'a' are there twice"),
+        (b"0,0\n0.1,0.2\n", "numbers for names.*a line of column names first"),
         (b"a,b\n1\n", "line 2: 1 cells for 2 columns"),
         (b"a,b\n1,true\n", "line 2: b is 'true'"),
         (b"a,b\n1,0x1p3\n", "line 2: b is '0x1p3'"),

@@ -42,7 +42,9 @@ from pinbound.cli.shared import (
     hint_degrees,
     load_robot,
     millimetres,
+    number,
     print_table,
+    refuse_twice,
 )
 from pinbound.exceptions import InputError, Problem, name_hint
 from pinbound.robot.robot import Robot
@@ -154,6 +156,8 @@ def _source(
     ]
     if len(given) != 1:
         raise _bad("batch", f"{len(given)} sources of configurations", "Give one of --in, --grid, --random, --sobol")
+    if within and (file is not None or grid is not None):
+        raise _bad("--within", f"does nothing with {given[0]}", "Remove it, or give --random or --sobol")
     if file is not None:
         source = open_source(file, robot.coordinates, [deg and robot.turns(name) for name in robot.coordinates])
         if not deg and source.rows:
@@ -190,16 +194,17 @@ def _parts(robot: Robot, option: str, text: str, count: int, form: str) -> list[
         name, _, rest = part.partition("=")
         words = rest.split(":")
         if name not in robot.coordinates or len(words) != count:
-            raise _bad(option, f"{part!r} is not {form}", f"Coordinates: {name_hint(name, robot.coordinates)}")
+            hint = (
+                f"Write {form}" if name in robot.coordinates else f"Coordinates: {name_hint(name, robot.coordinates)}"
+            )
+            raise _bad(option, f"{part!r} is not {form}", hint)
+        refuse_twice([robot.coordinates[index] for index, _ in found], name, option)
         found.append((robot.coordinates.index(name), words))
     return found
 
 
 def _ends(robot: Robot, index: int, words: list[str], deg: bool, option: str) -> tuple[float, float]:
-    try:
-        low, high = float(words[0]), float(words[1])
-    except ValueError:
-        low = high = math.nan
+    low, high = number(words[0]), number(words[1])
     if not (math.isfinite(low) and math.isfinite(high) and low <= high):
         raise _bad(option, f"{':'.join(words[:2])!r} is no interval", "Write FROM:TO, two finite numbers, FROM <= TO")
     turns = deg and robot.turns(robot.coordinates[index])

@@ -51,7 +51,7 @@ def crosscheck(
     robot: RobotName,
     samples: Annotated[int, typer.Option(help="Number of random configurations for points and bodies.")] = 10_000,
     rays: Annotated[int, typer.Option(help="Number of rays for boundaries.")] = 1_000,
-    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the random numbers.", min=0)] = 0,
     levels: Annotated[str, typer.Option(help="Levels to compare, separated by commas.")] = ",".join(LEVELS),
     coordinates: Annotated[str | None, typer.Option(help="Two coordinates of the region, e.g. q2,q3.")] = None,
     window: Window = None,

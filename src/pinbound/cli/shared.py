@@ -8,7 +8,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Container, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -41,9 +41,11 @@ __all__ = [
     "hint_degrees",
     "load_robot",
     "millimetres",
+    "number",
     "parse_configuration",
     "parse_window",
     "print_table",
+    "refuse_twice",
     "typed",
     "working",
 ]
@@ -182,9 +184,29 @@ def load_robot(
         name, equals, value = text.partition("=")
         if not equals or not name:
             raise _bad("--xacro-arg", f"{text!r} is not NAME=VALUE", "Write e.g. --xacro-arg bridge=as_printed")
+        refuse_twice(mappings, name, "--xacro-arg")
         mappings[name] = value
     with working(f"reading {Path(robot).name}"):
         return load(robot, annotations or None, tuple(package_dirs or ()), mappings, trust=_trusted.get())
+
+
+def number(text: str) -> float:
+    """Return the number that a word is; NaN if it is none. Digits are 0 to 9, without `_` between them.
+
+    Example:
+        >>> number(" 1e-3 "), number("1_0"), number("far")
+        (0.001, nan, nan)
+    """
+    try:
+        return float(text) if text.isascii() and "_" not in text else math.nan
+    except ValueError:
+        return math.nan
+
+
+def refuse_twice(known: Container[object], name: str, option: str) -> None:
+    """Refuse a name that an option gives a second time: one of the two values would be lost."""
+    if name in known:
+        raise _bad(option, f"{name!r} is given twice", "Keep one")
 
 
 def _bad(option: str, message: str, remedy: str) -> InputError:
@@ -195,16 +217,15 @@ def parse_configuration(
     robot: Robot, text: str | None, deg: bool = False, option: str = "--at"
 ) -> np.ndarray[Any, Any]:
     """Return home, changed by ``"q2=0.1,q3=-0.2"`` (radians, or degrees with `deg`; slides in metres always)."""
-    q = np.array(robot.home)
+    q, given = np.array(robot.home), set[str]()
     for part in filter(None, (text or "").split(",")):
-        name, equals, number = (word.strip() for word in part.partition("="))
-        try:
-            value = float(number)
-        except ValueError:
-            value = math.nan
+        name, equals, word = (word.strip() for word in part.partition("="))
+        value = number(word)
         if not equals or name not in robot.coordinates or not math.isfinite(value):
             remedy = f"Write NAME=NUMBER, NAME one of: {', '.join(robot.coordinates)}"
             raise _bad(option, f"{part.strip()!r} is not a coordinate with a finite number", remedy)
+        refuse_twice(given, name, option)
+        given.add(name)
         q[robot.coordinates.index(name)] = math.radians(value) if deg and robot.turns(name) else value
     if not deg:
         hint_degrees(robot, q[None], option)
@@ -226,13 +247,11 @@ def parse_window(robot: Robot, text: str | None, deg: bool = False) -> dict[str,
     for part in filter(None, (text or "").split(",")):
         name, _, ends = (word.strip() for word in part.partition("="))
         low, dots, high = ends.partition("..")
-        try:
-            lower, upper = float(low), float(high)
-        except ValueError:
-            lower = upper = math.nan
+        lower, upper = number(low), number(high)
         if not dots or name not in robot.coordinates or not lower <= upper:
             remedy = f"Write NAME=LOWER..UPPER, e.g. q1=-1..1, NAME one of: {', '.join(robot.coordinates)}"
             raise _bad("--window", f"{part.strip()!r} is not a coordinate with two ends, lower first", remedy)
+        refuse_twice(window, name, "--window")
         turns = deg and robot.turns(name)
         window[name] = (math.radians(lower), math.radians(upper)) if turns else (lower, upper)
     if window and not deg:

@@ -20,8 +20,18 @@ def check_names(path: Path, names: Sequence[str]) -> None:
         InputError: If one does.
     """
     twice = sorted({name for name in names if names.count(name) > 1})
+    if twice and all(map(_is_number, names)):  # joints may be called 1 and 2, but not 0 and 0
+        raise bad(path, "the columns have numbers for names, and some twice", "Give a line of column names first")
     if twice:
         raise bad(path, f"the columns {', '.join(map(repr, twice))} are there twice", "Keep one of each")
+
+
+def _is_number(name: str) -> bool:
+    try:
+        float(name)
+    except ValueError:
+        return False
+    return True
 
 
 def bad(path: Path, message: str, remedy: str, line: int | None = None) -> InputError:
