@@ -1,9 +1,9 @@
 """The batch kernel: norms, clearances, gradients and smallest clearances of a whole set, at the speed of the hardware.
 
-`scalars` and `program` say what is computed, once for the set; `source` and `compiled` turn that into machine code by
-Numba (extra `fast`), which `object_cache` keeps for later processes; `vectorised` runs it in NumPy
-where there is no Numba, or too little work to compile for; `choice` chooses, and `engine` runs it.
-Many marked points run by tables (`balls`, `ball_kernel`).
+`scalars` and `program` define what is computed, once for the set. `source` and `compiled` turn it into machine code by
+Numba (extra `fast`), and `object_cache` keeps the code for later processes. `vectorised` runs the program in NumPy,
+without Numba or if there is too little work to compile for. `choice` chooses, and `engine` runs it. Sets of many marked
+points use tables (`balls`, `ball_kernel`).
 """
 
 from pinbound.kernel.arguments import BACKENDS, Backend, check_choices

@@ -1,7 +1,7 @@
-"""cos and sin of all angles of a program: leaves of its graph, once per distinct angle, or by angle addition.
+"""cos and sin of all angles of a program: leaves of its graph, once for each distinct angle, or by angle addition.
 
-An angle that is the sum or difference of two (or three) angles already there is taken by addition (4 operations a
-pair), provided that they hold no coordinate that it does not: a NaN in a coordinate must stay with the boundaries that
+An angle that is the sum or difference of two or three known angles is computed by addition (4 operations for each
+pair). These may only use coordinates that the angle itself uses: a NaN in a coordinate must only affect boundaries that
 depend on it.
 """
 
@@ -20,10 +20,10 @@ class Angles:
     """cos and sin of every angle of the set: primary ones as leaves, the others by angle addition."""
 
     def __init__(self, graph: Graph, wanted: Sequence[Angle]) -> None:
-        """Put the angles that are wanted into a graph, the simplest first."""
+        """Put the needed angles into a graph, the simplest first."""
         self.graph = graph
         self.known: dict[Angle, tuple[int, int]] = {}
-        self.by_first: dict[int, list[tuple[int, Angle]]] = {}  # known ones by their first coordinate, and in turn
+        self.by_first: dict[int, list[tuple[int, Angle]]] = {}  # known ones, in order, by their first coordinate
         distinct = sorted({_canonical(angle)[0] for angle in wanted if any(angle)}, key=_simplicity)
         for angle in distinct:
             if angle not in self.known:
@@ -32,7 +32,7 @@ class Angles:
                 self.by_first.setdefault(first, []).append((len(self.known), angle))
 
     def of(self, angle: Angle) -> tuple[int, int]:
-        """Return cos and sin of any wanted angle, or of its negative."""
+        """Return cos and sin of a needed angle, or of its negative."""
         if not any(angle):
             return self.graph.constant(1.0), self.graph.constant(0.0)
         canonical, sign = _canonical(angle)
@@ -40,7 +40,7 @@ class Angles:
         return cos, self.graph.mul(self.graph.constant(sign), sin)
 
     def _sum(self, angle: Angle) -> tuple[int, int] | None:
-        """Return cos and sin by the addition of two, else three, known angles; None if no sum fits."""
+        """Return cos and sin from the sum of two or three known angles; None if no sum fits."""
         begun = sorted(one for j, c in enumerate(angle) if c for one in self.by_first.get(j, ()))
         usable = [known for _, known in begun if all(a or not k for a, k in zip(angle, known, strict=True))]
         first = [(part, sign, _step(angle, part, sign)) for part in usable for sign in (1.0, -1.0)]
@@ -75,7 +75,7 @@ def _step(angle: Angle, part: Angle, sign: float) -> Angle:
 
 
 def _canonical(angle: Angle) -> tuple[Angle, float]:
-    """Return the angle with its first coefficient positive, and the sign that was taken out."""
+    """Return the angle with a positive first coefficient, and the sign that was removed."""
     sign = 1.0 if next(c for c in angle if c) > 0 else -1.0
     return tuple(sign * c + 0.0 for c in angle), sign
 

@@ -1,4 +1,4 @@
-"""What every call of a kernel brings: types, buffers, threads, and the backend by name; checked before any work."""
+"""The arguments of every call of a kernel, checked before any work: types, buffers, threads, the backend's name."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ Backend = Literal["auto", "compiled", "numpy"]
 BACKENDS = ("auto", "compiled", "numpy")
 
 _MOST_WORK = 10_000
-"""Steps of NumPy's exact test for shared memory; arrays that need more are taken to overlap."""
+"""Steps of NumPy's exact test for shared memory; arrays that need more count as overlapping."""
 
 
 def in_threads(work: Callable[[int, int], int], rows: int, threads: int) -> int:
-    """Split rows over threads, and return the sum of what the work on each range of them returns."""
+    """Split rows over threads, and return the sum of the results of the work on each range of rows."""
     count = max(1, min(threads, rows))
     if count == 1:
         return work(0, rows)
@@ -59,12 +59,12 @@ def real(dtype: Any) -> np.dtype[Any]:
 
 
 def check_choices(threads: Any, backend: Any) -> None:
-    """Refuse a number of threads or a backend that cannot be meant.
+    """Refuse an invalid number of threads or backend.
 
     Raises:
-        DimensionError: If `threads` is no whole number of 1 or more.
+        DimensionError: If `threads` is not a whole number of at least 1.
         UnknownNameError: If there is no such backend.
-        UnsupportedError: If compiled code is asked for, and Numba is not there.
+        UnsupportedError: If compiled code is requested, and Numba is not installed.
     """
     if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
         raise DimensionError(f"threads is {threads!r}; give a whole number of 1 or more")
@@ -90,7 +90,7 @@ def rows_buffer(out: Any, Q: Array, m: int, n: int, mode: str, dtype: np.dtype[A
 
 
 def take_smaller(least: Array, found: Array) -> Flags:
-    """Write what is smaller in `found` (N,) over `least` (N,), and return where; a NaN is taken, and stays."""
+    """Write values of `found` (N,) that are smaller over `least` (N,), and return where; a NaN is taken, and stays."""
     smaller: Flags = ~(found >= least) & ~np.isnan(least)
     np.copyto(least, found, where=smaller, casting="same_kind")
     return smaller
@@ -99,8 +99,8 @@ def take_smaller(least: Array, found: Array) -> Flags:
 def buffer(out: Any, shape: tuple[int, ...], dtype: np.dtype[Any], columns: bool, source: Array) -> Array:
     """Return `out` if it fits, or a new array.
 
-    Rows are written in blocks while others are still to be read, so `out` may share no memory with the configurations
-    `source`, and none of its own elements with another.
+    Rows are written in blocks while others are still to be read. So `out` must not share memory with the configurations
+    `source`, and none of its elements with another.
 
     Raises:
         DimensionError: If out has another shape or type, cannot be written, or shares memory.
@@ -131,7 +131,7 @@ def _shares(out: Array, source: Array) -> bool:
 
 
 def _overlaps_itself(out: Array) -> bool:
-    """Return whether two elements may be one: a stride is no longer than all that shorter strides span."""
+    """Return whether two elements may share memory: a stride is at most the span of all shorter strides."""
     if not out.size:
         return False
     span = out.itemsize

@@ -1,8 +1,8 @@
-"""The kernel of many spheres on few links: machine code that reads tables, pruned by clusters, and NumPy without it.
+"""The kernel of many spheres on few links: machine code that reads tables and skips clusters, or NumPy.
 
-Norms, clearances, gradients, the smallest one and `free` run over the tree of `balls`. What is asked for in float32 is
-float64's, rounded. `free` looks at all rows in float32 first. Its error is bounded, so that most rows are
-decided; the others are asked again in float64, and the answer is always float64's.
+Norms, clearances, gradients, the smallest clearance and `free` use the tree of `balls`. For float32 the float64 results
+are rounded. `free` tests all rows in float32 first. Its error has a bound, so most rows are decided. The other rows are
+tested again in float64, so the answer is always that of float64.
 """
 
 from __future__ import annotations
@@ -28,19 +28,20 @@ from pinbound.typing import Flags
 __all__ = ["BallKernel", "longest"]
 
 _TABLES = {"norms": "all", "clearances": "all", "gradients": "slopes", "smallest": "least", "least": "least"}
-"""The text that gives an answer."""
+"""The source text for each answer."""
 
 _LARGEST_ANGLE = {"free": 1e3, "least": 1e5, "all": 1e5, "slopes": 1e5}
-"""rad: rows with an angle beyond are taken from float64, and from the reference."""
+"""rad: rows with a larger angle are computed in float64, and by the reference."""
 
 _LARGEST_SLIDE = {"free": 4.0, "least": 1e3, "all": 1e3, "slopes": 1e3}
-"""m: the same for prismatic joints; the errors' bounds grow with it."""
+"""m: the same for prismatic joints; the error bounds grow with it."""
 
 _COMPILATION = {"free": 0.45, "least": 0.35, "all": 0.2, "slopes": 0.4}
-"""Seconds to compile each text, by LLVM alone, without Numba, and to write what it reads."""
+"""Seconds to compile each text, by LLVM alone, without Numba, and to write its tables."""
 
 _LOADING = {"free": 0.12, "least": 0.06, "all": 0.05, "slopes": 0.05}
-"""Seconds to load each, llvmlite's import too, and to write what it reads: `free` looks for pairs that never meet."""
+"""Seconds to load each, with llvmlite's import, and to write its tables; `free` also searches for pairs that never
+meet."""
 
 _PAIR, _BALL, _NODE, _SLOPE = 40.0, 70.0, 700.0, 120.0
 """Counted operations of one of each, in NumPy; the last of a coordinate of a pair's or a ball's slope.
@@ -50,17 +51,17 @@ on one quiet core. NumPy takes these times because one such operation goes throu
 nodes does not."""
 
 _BLOCK = 1 << 16
-"""Numbers of float64 at a time that are rounded to float32."""
+"""Numbers of float64 that are rounded to float32 at a time."""
 
 _MOST_TABLES = 8
-"""Tables of one set at most: each other pair of limits takes those without limits."""
+"""Largest number of tables of one set: further limits use the tables without limits."""
 
 _LEAST_ROWS = 8192
-"""Rows of one thread at least."""
+"""Smallest number of rows for one thread."""
 
 
 class BallKernel(Kernel):
-    """Evaluates pairs of marked points as `Kernel` does, by tables."""
+    """Evaluates pairs of marked points as `Kernel` does, from tables."""
 
     _DERIVED = "tree"
 
@@ -72,7 +73,7 @@ class BallKernel(Kernel):
         common: Callable[[], Mapping[str, CommonMark] | None],
         tree: BallTree | None = None,
     ) -> None:
-        """Hold what to evaluate: arguments as for `Kernel`; `tree` instead of the common frame's chains."""
+        """Store what to evaluate: arguments as for `Kernel`; `tree` instead of the chains of the common frame."""
         super().__init__(pairs, n, reference, common)
         if tree is not None:
             self.__dict__["tree"] = tree
@@ -80,7 +81,7 @@ class BallKernel(Kernel):
 
     @cached_property
     def tree(self) -> BallTree:
-        """The balls."""
+        """The tree of balls."""
         marks = self._common()
         assert marks is not None
         return tree_of(self.pairs, self.n, marks)
@@ -106,7 +107,7 @@ class BallKernel(Kernel):
         return (False,) * len(self.pairs)
 
     def _most(self, mode: str) -> Array:
-        """Return the largest |q_j| (n,) of a row that is no case of its own."""
+        """Return the largest |q_j| (n,) of a row that is not a special case."""
         turns = np.abs(self._angles).sum(axis=1).max(initial=1.0)
         most = np.full(self.n, _LARGEST_ANGLE[mode] / turns)
         return np.where(self._rates > 0.0, np.minimum(most, _LARGEST_SLIDE[mode]), most)
@@ -178,7 +179,7 @@ class BallKernel(Kernel):
         return irregular + int(mode != "norms" and out.dtype == np.float64 and nearest <= self._sure)
 
     def one(self, q: Array, mode: Literal["norms", "clearances"]) -> Array | None:
-        """Return norms or clearances (m,) of one configuration; None if these tables cannot tell them."""
+        """Return norms or clearances (m,) of one configuration; None if these tables do not have them."""
         if not np.all(np.abs(q) <= np.minimum(self._near, self._most("all"))):
             return None
         found = np.empty((1, len(self.pairs)))
@@ -194,12 +195,12 @@ class BallKernel(Kernel):
         return chosen
 
     def free(self, Q: NDArray[np.float64], threads: int = 1, backend: Backend = "auto") -> Flags:
-        """Return which rows (N,) have positive clearances alone."""
+        """Return which rows (N,) have only positive clearances."""
         wide = np.full(self.n, np.inf)
         return self.free_within(Q, -wide, wide, threads, backend)
 
     def free_within(self, Q: Array, low: Array, high: Array, threads: int = 1, backend: Backend = "auto") -> Flags:
-        """Return which rows (N,) have positive clearances alone, and all `low <= q <= high`, ends (n,) each."""
+        """Return which rows (N,) have only positive clearances, and satisfy `low <= q <= high`, ends (n,) each."""
         check_choices(threads, backend)
         key = ("free", True)
         is_compiled = key in self._compiled or backend == "compiled"
@@ -223,7 +224,7 @@ class BallKernel(Kernel):
         return found
 
     def _are_positive(self, Q: Array, backend: Backend) -> Flags:
-        """Return the signs (N,) of float64: few rows, so that what a call costs beside them counts."""
+        """Return the signs (N,) of float64; for few rows, so the other costs of a call matter."""
         if backend == "compiled" or ("least", False) in self._compiled:
             least = np.empty((len(Q), 1))
             if not self._table("least").run(Q, least, np.empty(0, dtype=np.int64)):
@@ -231,7 +232,7 @@ class BallKernel(Kernel):
         return self.smallest(Q, False, None, 1, backend)[0] > 0.0
 
     def _free_table(self, low: Array, high: Array) -> BallTables:
-        """Return the tables of `free` within limits; those without limits serve all, where there are many of them."""
+        """Return the tables of `free` within limits; for many sets of limits, those without limits serve all."""
         key = "free" + (low.tobytes() + high.tobytes()).hex()
         if key not in self._tables and len(self._tables) >= _MOST_TABLES:
             wide = np.full(self.n, np.inf)
@@ -243,5 +244,5 @@ class BallKernel(Kernel):
 
 
 def longest(spots: Iterable[Spot]) -> float:
-    """Return how far points may be, slides of rows that are no cases of their own included [m]; tables square it."""
+    """Return the largest distance of points, with prismatic displacements of regular rows [m]; tables square it."""
     return max((spot.scale + _LARGEST_SLIDE["least"] * spot.rate for spot in spots), default=0.0)

@@ -1,8 +1,8 @@
-"""In which order `free` looks at rows and at pairs: learned from some random rows, which are always the same ones.
+"""The order in which `free` examines rows and pairs: learned from some random rows, which are always the same ones.
 
-Rows stand in lanes, and a lane that needs a pair makes all lanes of its block look at it. So rows are sorted first,
-by one or two coordinates, such that rows that need the same pairs come together. Groups that decide most for what they
-cost are looked at first. No order changes an answer.
+Rows are in lanes. If one lane needs a pair, all lanes of its block examine it. So rows are sorted first, by one or two
+coordinates, such that rows that need the same pairs are together. Groups that decide most for their cost are examined
+first. No order changes an answer.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from pinbound.typing import AnyArray, Array, Flags, Ints
 __all__ = ["BINS", "Keys", "Sample"]
 
 BINS = 512
-"""Bins that rows are sorted into."""
+"""Number of bins for sorting rows."""
 
 _ROWS = 1024
-"""Random rows that are looked at, at most, and as a whole number of blocks."""
+"""Largest number of random rows; it is a whole number of blocks."""
 
 _NUMBERS = 1 << 19
-"""Of float64 that all places of these rows may take."""
+"""Largest number of float64 for all positions at these rows."""
 
 _TOGETHER = 16
 """Rows of one block."""
 
 _COORDINATES = 12
-"""Coordinates that may be sorted by: those that are between most pairs."""
+"""Number of coordinates that may be used for sorting: those that lie between most pairs."""
 
 _TEST, _PAIR = 10.0, 6.0
-"""Instructions of a test of two balls around others, and of a pair."""
+"""Instructions of a test of two enclosing balls, and of a pair."""
 
 _GAIN = 0.9
-"""Sorting costs a few instructions a row: what is left of the others must be less than this share."""
+"""Sorting costs a few instructions for each row, so the other instructions must decrease to less than this share."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,10 @@ class Keys:
     """One or two coordinates and their bins; `x = (q_j - low) scale`, cut off at zero and at the last bin.
 
     Attributes:
-        columns: The coordinates; the same twice where one is enough.
-        bins: Of each; one of both where rows are not sorted.
-        lows: Of q.
-        scales: Bins a unit of q.
+        columns: The coordinates; the same one twice if one is enough.
+        bins: Number of bins of each; one bin of each if rows are not sorted.
+        lows: Lower ends of q.
+        scales: Bins for each unit of q.
     """
 
     columns: tuple[int, int]
@@ -60,12 +60,12 @@ class Keys:
 
 
 class Sample:
-    """Random rows within limits, and which groups and clusters of a tree are near each other there."""
+    """Random rows within limits, and the groups and clusters of a tree that are near each other there."""
 
     def __init__(self, tree: BallTree, low: Array, high: Array, windows: Mapping[tuple[int, int], Window]) -> None:
-        """Place everything for some rows; ends (n,) may be infinite."""
+        """Place everything for some rows; the ends (n,) may be infinite."""
         self.limits = low, high
-        wide = np.where(tree.rates > 0.0, 1.0, np.pi)  # what has no limit: one turn, or a slide of 1 m each way
+        wide = np.where(tree.rates > 0.0, 1.0, np.pi)  # a coordinate without a limit: a half turn, or 1 m, each way
         self.low, self.high = np.maximum(low, -wide), np.minimum(high, wide)
         empty = self.low >= self.high
         self.low[empty], self.high[empty] = -wide[empty], wide[empty]
@@ -86,12 +86,12 @@ class Sample:
         return self._windows.get((first, last))
 
     def is_within(self, most: Array) -> bool:
-        """Return whether the limits leave no |q_j| above `most` (n,)."""
+        """Return whether the limits exclude any |q_j| above `most` (n,)."""
         low, high = self.limits
         return bool(np.all((low >= -most) & (high <= most)))
 
     def decides(self, a: int, b: int, parts: Sequence[PairOfClusters]) -> float:
-        """Return which share of rows a group of pairs finds in contact, for each instruction that it costs a row."""
+        """Return the share of rows that a group of pairs finds in contact, for each instruction that it costs a row."""
         bodies, clusters = self.tree.bodies, self.tree.clusters
         near = _near(self._bodies, (a, b), bodies, max(one.threshold for one in parts))
         self._needed.append((_TEST * len(parts), near))
@@ -113,7 +113,7 @@ class Sample:
         return float(hit.mean()) / cost
 
     def keys(self) -> Keys:
-        """Return what to sort rows by, after all groups have been asked."""
+        """Return the sort keys of rows, after all groups have been added."""
         usual = self._cost(np.arange(self.count))
         used = self._coordinates()
         one = [(self._cost(np.argsort(self.Q[:, j])), j) for j in used]
@@ -134,7 +134,7 @@ class Sample:
         return Keys(columns, bins, (lows[0], lows[1]), (scales[0], scales[1]))
 
     def _coordinates(self) -> list[int]:
-        """Return the coordinates that are between most pairs."""
+        """Return the coordinates that lie between most pairs."""
         counts = np.zeros(self.tree.n)
         hosts: AnyArray = np.array([node for node, _ in self.tree.balls])
         both = cast(list[tuple[int, int]], [(a, b) for a, b in hosts[self.tree.ends].tolist()])
@@ -152,7 +152,7 @@ class Sample:
         return np.lexsort((self.Q[:, second], bins[:, 0]))
 
     def _cost(self, order: Ints) -> float:
-        """Return the instructions of a block, rows in an order."""
+        """Return the instructions of a block, for an order of rows."""
         ends = np.arange(0, self.count, _TOGETHER)
         return sum(cost * float(np.logical_or.reduceat(some[order], ends).mean()) for cost, some in self._needed)
 

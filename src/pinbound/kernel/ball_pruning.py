@@ -1,10 +1,11 @@
-"""Pairs of balls that never meet, by proof: `free` need not look at them.
+"""Pairs of balls that are proven never to meet: `free` skips them.
 
-Between the nodes of two balls lie few rotations, often one or two. If the last one is the ball's own, its place runs
-along an arc, and the distance of a point to an arc is known in closed form. The angles of the others are covered by
-cells. From a cell's middle to its corner the distance changes by at most the sum of half-widths times lever arms, so
-that what is left at its middle is a lower bound for the whole cell (`docs/kernel.md`). A pair that is proven in all
-cells is dropped; the others are looked at where a lane is in a cell in which they are not.
+There are few rotations between the nodes of two balls, often one or two. If the last rotation belongs to the ball's own
+node, the ball moves on an arc, and the distance of a point from an arc has a closed form. The angles of the other
+rotations are covered by cells. From the middle of a cell to its corner the distance changes by at most the sum of
+half-widths times lever arms. So the distance in the middle minus this sum is a lower bound for the whole cell
+(`docs/kernel.md`). A pair that is proven in all cells is dropped. Other pairs are examined only if a lane is in a cell
+in which the pair is not proven.
 """
 
 from __future__ import annotations
@@ -23,16 +24,16 @@ from pinbound.typing import Array, Flags, Ints
 __all__ = ["Window", "meeting", "with_pairs"]
 
 _CELLS = {0: 1, 1: 256, 2: 64}
-"""Cells of each angle at most, by how many angles are covered by cells; with more, nothing is proven."""
+"""Largest number of cells of each angle, by the number of angles with cells; with more angles, nothing is proven."""
 
 _DISTANCES = 1 << 18
-"""Of one group of pairs at most: some 10 ms. Groups of many pairs have fewer cells."""
+"""Largest number of distances for one group of pairs: some 10 ms. Groups of many pairs have fewer cells."""
 
 _ROUNDED = 4e-6
-"""rad: by how much float32 may miss an angle of one turn, and so its cell: 2^-24 of 2 pi, some ten times."""
+"""rad: the largest error of an angle within one turn in float32, and so of its cell: about ten times 2^-24 of 2 pi."""
 
 _NUMBERS = 1 << 16
-"""Distances at a time: what fits L2."""
+"""Number of distances at a time: as many as fit L2."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +41,9 @@ class _Turn:
     """One rotation between two nodes.
 
     Attributes:
-        node: The node that it makes.
-        half: Half of its range of angles, pi if all are in it [rad].
-        middle: Of the range [rad].
+        node: The node of this rotation.
+        half: Half of its range of angles, pi for a full turn [rad].
+        middle: Middle of the range [rad].
     """
 
     node: int
@@ -52,15 +53,16 @@ class _Turn:
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """In which cells of one or two angles each pair of two nodes may meet.
+    """The cells of one or two angles in which each pair of two nodes may meet.
 
     Attributes:
         angles: Numbers of the angles.
-        middles: Of the range of each [rad].
+        middles: Middle of the range of each [rad].
         halves: Half of each range [rad].
-        counts: Cells of each.
-        pairs: (k,) numbers.
-        near: (k, cells) not proven to stay apart there; the last angle's cells are one after the other.
+        counts: Number of cells of each.
+        pairs: (k,) numbers of the pairs.
+        near: (k, cells) whether a pair is not proven to stay apart there; cells of the last angle are next to each
+            other.
     """
 
     angles: tuple[int, ...]
@@ -72,7 +74,7 @@ class Window:
 
     @classmethod
     def of(cls, walk: Sequence[tuple[int, _Turn]], pairs: Ints, near: Flags) -> Window:
-        """Return the window of what is known in the cells of some angles, as many of each."""
+        """Return the window from results in the cells of some angles, with the same number of cells for each."""
         count = round(near.shape[1] ** (1.0 / len(walk)))
         return cls(
             tuple(angle for angle, _ in walk),
@@ -84,12 +86,12 @@ class Window:
         )
 
     def of_kept(self, kept: Flags) -> Window:
-        """Return the window with the numbers that pairs have among those that are kept (m,)."""
+        """Return the window with the numbers that its pairs have among the kept pairs (m,)."""
         mine = kept[self.pairs]
         return replace(self, pairs=(np.cumsum(kept) - 1)[self.pairs[mine]], near=self.near[mine])
 
     def near_any(self, pairs: Sequence[int]) -> Flags:
-        """Return in which cells any of some pairs may meet; pairs that it does not know may meet in all."""
+        """Return in which cells any of some pairs may meet; pairs that it does not contain may meet in all cells."""
         places = {number: i for i, number in enumerate(self.pairs.tolist())}
         if any(number not in places for number in pairs):
             return np.ones(len(self.near.T), dtype=np.bool_)
@@ -114,7 +116,7 @@ def meeting(tree: BallTree, low: Array, high: Array) -> tuple[Flags, dict[tuple[
     groups: dict[tuple[int, int], list[tuple[int, int, int]]] = {}
     for number, (a, b) in enumerate(cast(list[list[int]], tree.ends.tolist())):
         ends = (tree.balls[a][0], a), (tree.balls[b][0], b)
-        (first, x), (last, y) = sorted(ends)  # a node stands behind the one that it stands on: the last one turns
+        (first, x), (last, y) = sorted(ends)  # a node comes after the one above it: the last one rotates
         if abs(tree.nodes[first].depth - tree.nodes[last].depth) > max(_CELLS) + 1:
             continue
         groups.setdefault((first, last), []).append((number, x, y))
@@ -137,9 +139,9 @@ def meeting(tree: BallTree, low: Array, high: Array) -> tuple[Flags, dict[tuple[
 
 
 def with_pairs(tree: BallTree, kept: Flags) -> BallTree:
-    """Return a tree of the same nodes with some of the pairs, and their balls."""
+    """Return a tree with the same nodes and some of the pairs, and the balls of these."""
     ends = tree.ends[kept]
-    balls = np.flatnonzero(np.bincount(ends.ravel()))  # `np.unique` would import masked arrays, for 10 ms
+    balls = np.flatnonzero(np.bincount(ends.ravel()))  # `np.unique` would import masked arrays, which takes 10 ms
     return replace(
         tree,
         balls=[tree.balls[ball] for ball in balls.tolist()],
@@ -155,7 +157,7 @@ def _turn(tree: BallTree, number: int, low: Array, high: Array) -> _Turn:
     ends = np.stack((c[used] * low[used], c[used] * high[used]))
     least, most = float(ends.min(axis=0).sum()), float(ends.max(axis=0).sum())
     half = 0.5 * (most - least) + 1e-9  # far above the rounding of an angle
-    if not half < np.pi - 1e-4:  # the whole turn, which closes: no cell is left beside it
+    if not half < np.pi - 1e-4:  # a full turn, which closes: the cells cover it completely
         return _Turn(number, np.pi, 0.0)
     return _Turn(number, half, 0.5 * (least + most))
 
@@ -169,9 +171,9 @@ def _gaps(
     """Return lower bounds (k, l, cells) of distances of balls on two nodes [m], and the nodes whose angles have cells.
 
     Args:
-        tree: Holds them.
-        ways: The nodes from the first up to where both ways meet, and from there down to the last.
-        turns: Of these nodes.
+        tree: The tree of the balls.
+        ways: The nodes from the first node up to where both chains meet, and from there down to the last.
+        turns: The rotations of these nodes.
         balls: The balls of the first node, and of the last.
     """
     (up, down), last = ways, ways[1][-1]
@@ -214,10 +216,10 @@ def _gaps(
 def _levers(
     tree: BallTree, ways: tuple[Sequence[int], Sequence[int]], walk: Sequence[int], balls: tuple[Array, Array]
 ) -> dict[int, Array]:
-    """Return at most how much a distance changes with each angle (k, l) [m/rad], by the node of the rotation.
+    """Return bounds of the change of a distance with each angle (k, l) [m/rad], by the node of the rotation.
 
-    With u the unit vector between the balls, it is `u . (w x (x - P))` and, since u is along x - y, also
-    `u . (w x (y - P))`: the distance of either ball from the axis bounds it.
+    With u the unit vector between the balls, it is `u . (w x (x - P))`. Because u is along x - y, it is also `u . (w x
+    (y - P))`. So the distance of either ball from the axis bounds it.
     """
     (up, down), (x, y) = ways, balls
     far = dict[int, Array]()
@@ -254,7 +256,7 @@ def _wrapped(angle: Array) -> Array:
 
 
 def _turned(tree: BallTree, number: int, x: Array, angles: dict[int, Array], sign: float) -> Array:
-    """Return points (k, 3, cells) turned by a node's rotation, or back."""
+    """Return points (k, 3, cells) rotated by a node's rotation, or back."""
     if number not in angles:
         return x
     cos, sin = np.cos(angles[number]), sign * np.sin(angles[number])

@@ -1,4 +1,4 @@
-"""Groups, pairs of clusters and rows of balls, in the order in which machine code looks at them."""
+"""Groups, pairs of clusters and rows of balls, in the order in which machine code examines them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Rows", "mean_distance"]
 
 @dataclass
 class Rows:
-    """Groups, pairs of clusters and rows of balls while they are written."""
+    """Groups, pairs of clusters and rows of balls, while they are written."""
 
     groups: list[list[int]]
     clusters: list[list[int]]
@@ -25,7 +25,7 @@ class Rows:
     windows: list[list[int]]
 
     def add(self, tree: BallTree, one: PairOfClusters, inside: set[int], spot: dict[int, int], width: int) -> None:
-        """Write the rows of a pair of clusters: a ball and others whose spots are one after the other."""
+        """Write the rows of a pair of clusters: a ball, and others with consecutive spots."""
         by_ball = dict[int, list[tuple[int, int]]]()
         for number in one.pairs:
             x, y = tree.ends[number].tolist()

@@ -1,6 +1,6 @@
-"""A tree of balls as the array that its machine code reads, and the call of that code.
+"""A tree of balls as the array that its machine code reads, and the call of this code.
 
-`machine/ball_source.py` is one text for all robots, and names what it reads, in this order and in these units.
+`machine/ball_source.py` is one text for all robots. It names what it reads, in this order and in these units.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ _SINGLE = 2.0**-24
 """Unit roundoff of float32."""
 
 _ERRORS = 80.0
-"""Unit roundoffs, relative to the reach of a tree, for each of its depths and one more; derived in `docs/kernel.md`."""
+"""Unit roundoffs, relative to the reach of a tree, for each level of depth and one more; see `docs/kernel.md`."""
 
 _SQUARES = 100.0
-"""Unit roundoffs, relative to the square of a tree's reach: what `|a|^2 + |b|^2 - 2 a . b` and a square lose."""
+"""Unit roundoffs, relative to the square of a tree's reach: the error of `|a|^2 + |b|^2 - 2 a . b` and of a square."""
 
 _FEW = 2
-"""Pairs of a group that cost less than the test whether the group can be left out."""
+"""Groups with at most this many pairs are cheaper than the test that could skip them."""
 
 _MOST_GROUPS = 256
-"""Groups up to which an order of rows and groups is learned: that takes 0.1 ms for each."""
+"""Largest number of groups for which an order of rows and groups is learned; it takes 0.1 ms for each."""
 
 _WITH_INDEX = HEAD.index("with_index")
 
 _WORDS = 8
-"""Numbers of float64 in a cache line, to which vectors are laid."""
+"""Numbers of float64 in a cache line, to which vectors are aligned."""
 
 
 def _lanes(mode: str) -> int:
@@ -57,17 +57,17 @@ def balls_source(mode: str) -> KernelSource:
 
 @cache
 def balls_code(mode: str) -> MachineCode:
-    """Compile or load it."""
+    """Compile or load the code."""
     return compile_source(balls_source(mode))
 
 
 def reach_of(tree: BallTree, most: Array) -> float:
-    """Return how far a ball may be from the root, for |q_j| up to `most` (n,) [m]."""
+    """Return the largest distance of a ball from the root, for |q_j| up to `most` (n,) [m]."""
     return tree.scale + float(tree.rates @ np.where(tree.rates > 0.0, most, 0.0))
 
 
 def single_error(tree: BallTree, most: Array) -> float:
-    """Return how far float32 may place a ball from where it is, for |q_j| up to `most` (n,) [m]."""
+    """Return the largest error of a ball's position in float32, for |q_j| up to `most` (n,) [m]."""
     depth = max(node.depth for node in tree.nodes)
     return _ERRORS * _SINGLE * (depth + 1) * reach_of(tree, most)
 
@@ -81,7 +81,7 @@ class _Writer:
         self.ints(np.zeros(len(HEAD), dtype=np.int32))
 
     def put(self, array: AnyArray) -> int:
-        """Lay an array down, and return its place in words."""
+        """Append an array, and return its position in words."""
         text = np.ascontiguousarray(array).tobytes()
         words = np.frombuffer(text + bytes(-len(text) % (8 * _WORDS)), dtype=np.float64)
         self.parts.append(words)
@@ -100,13 +100,13 @@ class _Writer:
 
 @dataclass(eq=False)
 class BallTables:
-    """What the machine code of a mode reads of a tree.
+    """The tables of a tree that the machine code of a mode reads.
 
     Attributes:
         mode: ``"free"``, ``"least"``, ``"all"`` or ``"slopes"``, as for `ball_source`.
         numbers: Head and tables.
-        room: Numbers behind them, to work in.
-        places: Of names at the head.
+        room: Numbers of working memory behind them.
+        places: Positions of the named entries of the head.
     """
 
     mode: str
@@ -124,18 +124,18 @@ class BallTables:
         less: Array | None = None,
         with_index: bool = False,
     ) -> int:
-        """Fill rows and return how many blocks hold numbers that are not finite, or not sure in sign.
+        """Fill rows and return the number of blocks with numbers that are not finite, or whose sign is not sure.
 
         Args:
             Q: (N, n), C-contiguous.
-            out: (N, columns), in the mode ``"free"`` not used.
-            index: (N,) integers; in the mode ``"free"`` a byte each, as `ball_source` says.
+            out: (N, columns), not used in the mode ``"free"``.
+            index: (N,) integers; in the mode ``"free"`` one byte each, as `ball_source` describes.
             limits: Ends of all coordinates, in the mode ``"free"``.
-            less: (m,) what is taken off the norms, in the mode ``"all"``.
+            less: (m,) what is subtracted from the norms, in the mode ``"all"``.
             with_index: Whether `index` is written, in the mode ``"least"``.
         """
         code = balls_code(self.mode)
-        try:  # room that no other thread uses now
+        try:  # memory that no other thread uses now
             s = self._spaces.pop()
         except IndexError:
             s = self._space()
@@ -151,7 +151,7 @@ class BallTables:
         return found
 
     def _space(self) -> Array:
-        """Return the tables and room behind them, which calls use one after the other, or each its own at once."""
+        """Return the tables with working memory behind them; simultaneous calls each have their own."""
         space = np.empty(len(self.numbers) + self.room + _WORDS)
         start = -(space.__array_interface__["data"][0] // 8) % _WORDS
         s = space[start : start + len(self.numbers) + self.room]
@@ -190,10 +190,10 @@ class BallTables:
         Args:
             tree: The balls.
             mode: Of `ball_source`.
-            most: (n,) the largest |q_j| of a row that is no case of its own.
-            sure: Up to which size a sign is not sure in float64 [m].
-            limits: Ends of all coordinates (n,) each, in the mode ``"free"``: only pairs that may meet between them
-                are looked at, so that the tables are for these limits or narrower ones; None: without limits.
+            most: (n,) the largest |q_j| of a row that is not a special case.
+            sure: The size below which a sign is not sure in float64 [m].
+            limits: Ends of all coordinates (n,) each, in the mode ``"free"``. Only pairs that may meet between them are
+                examined, so the tables are for these limits or narrower ones; None: without limits.
         """
         sample = None
         if mode == "free":
@@ -262,7 +262,7 @@ def _written(
 def _coordinates(
     writer: _Writer, placed: Callable[[Any], int], tree: BallTree, sizes: tuple[int, Array], head: dict[str, int]
 ) -> None:
-    """Write the angles, and room for a block's coordinates; sizes: lanes, and the largest |q_j|."""
+    """Write the angles, and memory for a block's coordinates; sizes: lanes, and the largest |q_j|."""
     lanes, most = sizes
     terms = [np.flatnonzero(angle) for angle in tree.angles]
     ends = np.cumsum([0, *(len(which) for which in terms)])
@@ -278,7 +278,7 @@ def _coordinates(
 
 
 def _room(tree: BallTree, lanes: int, start: int, head: dict[str, int]) -> int:
-    """Give the lists of `free` their places from `start` on, and return how many numbers they take."""
+    """Assign positions from `start` on to the lists of `free`, and return how many numbers they take."""
     lists = {"order": TILE + 2 * lanes, "rows_of": TILE + 2 * lanes, "chosen_bin": TILE, "counts": BINS}
     lists |= {"near_groups": head["group_count"] + 2, "near_clusters": len(tree.pairs_of(tree.clusters)) + 2}
     room = 0
@@ -289,14 +289,14 @@ def _room(tree: BallTree, lanes: int, start: int, head: dict[str, int]) -> int:
 
 
 def _sorting(writer: _Writer, keys: Keys, head: dict[str, int]) -> None:
-    """Write what rows are sorted by."""
+    """Write the sort keys of rows."""
     head["first"], head["second"] = keys.columns
     head["first_bins"], head["second_bins"] = keys.bins
     head["keys"] = writer.doubles([number for both in zip(keys.lows, keys.scales, strict=True) for number in both])
 
 
 def _walks(writer: _Writer, tree: BallTree, head: dict[str, int]) -> None:
-    """Write for each pair the nodes above its first ball alone, then those above its second one alone."""
+    """Write for each pair the nodes above only its first ball, then those above only its second one."""
     walks, ends, both = list[int](), [0], cast(list[list[int]], tree.ends.tolist())
     for a, b in both:
         for alone in tree.apart(tree.balls[a][0], tree.balls[b][0]):
@@ -308,12 +308,12 @@ def _walks(writer: _Writer, tree: BallTree, head: dict[str, int]) -> None:
 
 
 def _up(value: Any) -> float:
-    """Return a bound that stays one in float32."""
+    """Return an upper bound that is still one in float32."""
     return float(np.nextafter(np.float32(value), np.float32(np.inf))) * (1.0 + 1e-6)
 
 
 def _nodes(writer: _Writer, placed: Callable[[Any], int], tree: BallTree, lanes: int, head: dict[str, int]) -> None:
-    """Write the nodes; a rotation about a coordinate axis turns two columns and leaves one."""
+    """Write the nodes; a rotation about a coordinate axis changes two columns and keeps one."""
     rows, steps, slides, ways = list[list[int]](), list[list[float]](), list[int](), list[tuple[float, ...]]()
     for node in tree.nodes:
         axis = np.flatnonzero(node.axis)
@@ -333,7 +333,7 @@ def _nodes(writer: _Writer, placed: Callable[[Any], int], tree: BallTree, lanes:
 
 
 def _sets(writer: _Writer, bodies: Sequence[Cluster], clusters: Sequence[Cluster], head: dict[str, int]) -> None:
-    """Write what is placed together: each body's middle, its clusters' middles, each cluster's balls."""
+    """Write the sets that are placed together: each body's middle, its clusters' middles, each cluster's balls."""
     rows, at = [[body.node, i, i + 1] for i, body in enumerate(bodies)], len(bodies)
     counts = Counter(cluster.node for cluster in clusters)
     for body in bodies:
@@ -356,18 +356,18 @@ def _groups(
     head: dict[str, int],
     sample: Sample | None,
 ) -> Keys | None:
-    """Write groups of pairs of clusters, and what their middles must be apart to be left out; return the keys of rows.
+    """Write groups of pairs of clusters, and the distances beyond which they are skipped; return the sort keys.
 
-    Groups stand nearest first; or those that decide most for what they cost, where a sample tells it.
+    Groups are ordered by distance, the nearest first; or by what they decide for their cost, if there is a sample.
 
     Args:
         writer: Takes the tables.
         tree: The balls.
         mode: Of `ball_source`.
         shape: Bodies, clusters, and the spot of each ball.
-        sizes: How far float32 may be off [m], and the numbers of a spot.
-        head: Takes their places.
-        sample: Rows that tell the order, in the mode ``"free"``.
+        sizes: The error of float32 [m], and the numbers of a spot.
+        head: Gets their positions.
+        sample: Rows that give the order, in the mode ``"free"``.
     """
     (bodies, clusters, spot), (error, width) = shape, sizes
     body_of = {ball: i for i, body in enumerate(bodies) for ball in body.balls}
@@ -389,7 +389,7 @@ def _groups(
         return apart(*key) - wide
 
     def far(wide: float, always: bool) -> float:
-        """Return what lets a group out; the least clearance so far is added to it, and may be anything."""
+        """Return the distance beyond which a group is skipped; the least clearance so far is added to it."""
         if mode == "free":
             return np.inf if always else _up((wide + 2.0 * error) ** 2 * (1.0 + 16.0 * _SINGLE))
         return 1e15 if always else _up((wide + 3.0 * error) * (1.0 + 16.0 * _SINGLE))
@@ -433,11 +433,11 @@ def _groups(
 
 
 def _window(writer: _Writer, window: Window, parts: Sequence[PairOfClusters]) -> list[int]:
-    """Write a byte a cell, in which bit i is that of the pairs of clusters i, i + 8 and so on."""
+    """Write one byte for each cell; its bit i stands for the pairs of clusters i, i + 8 and so on."""
     bits = np.zeros(window.near.shape[1], dtype=np.uint8)
     for i, one in enumerate(parts):
         bits |= window.near_any(one.pairs).astype(np.uint8) << np.uint8(i % 8)
-    one = len(window.angles) == 1  # as two, the second with one cell
+    one = len(window.angles) == 1  # as two angles, the second with one cell
     angles, counts = window.angles * (1 + one), (*window.counts, 1)[:2]
     middles, halves = window.middles * (1 + one), window.halves * (1 + one)
     scales = [count / (2.0 * half) for count, half in zip(counts, halves, strict=True)]

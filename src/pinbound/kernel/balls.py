@@ -1,9 +1,10 @@
-"""Many spheres on few links as tables: nodes of rotations, balls on them, clusters of balls, and pairs by cluster.
+"""Many spheres on few links as tables: nodes of rotations, balls on nodes, clusters of balls, pairs of clusters.
 
-A ball is a marked point; what its pair must keep is the pair's threshold. All chains start at the root, so that their
-beginnings are shared: each rotation is a *node*, placed once a configuration, `W = W_above R`, `P = P_above + W_above
-(b + L q)`, and a ball is `P + W x`. The balls of one node are a body; bodies are split into clusters of a few balls.
-Two clusters whose enclosing balls are further apart than their pairs' largest threshold drop all their pairs.
+A ball is a marked point; the distance that its pair must keep is the pair's threshold. All chains start at the root, so
+that they share their beginnings. Each rotation is a *node*, placed once for each configuration, `W = W_above R`, `P =
+P_above + W_above (b + L q)`, and a ball is `P + W x`. The balls of one node are a body. Bodies are divided into
+clusters of a few balls. If the enclosing balls of two clusters are further apart than the largest threshold of their
+pairs, all these pairs are skipped.
 """
 
 from __future__ import annotations
@@ -24,36 +25,36 @@ from pinbound.typing import Array, Ints
 __all__ = ["BallTree", "Cluster", "Node", "PairOfClusters", "tree_of"]
 
 _CLUSTER = 8
-"""Balls of a cluster at most: its own test costs as much as one pair."""
+"""Largest number of balls of a cluster: the test of a cluster costs as much as one pair."""
 
 _PAIRS = 256
-"""Pairs at a time, whose gradients NumPy takes together."""
+"""Number of pairs whose gradients NumPy computes together."""
 
 _NUMPY_BYTES = 1 << 20
-"""Of one block of rows in NumPy, for slopes: what fits L2."""
+"""Memory of one block of rows in NumPy, for slopes: as much as fits L2."""
 
 _PART_BYTES = 1 << 17
-"""Of the differences that are taken together in NumPy: what stays in L2 beside all balls."""
+"""Memory of the differences that NumPy computes together: as much as stays in L2 with all balls."""
 
 _ROWS = 512
-"""Configurations of one block in NumPy: fewer, and a call costs more than its numbers."""
+"""Configurations of one block in NumPy: with fewer, a call costs more than its numbers."""
 
 _FEW_ROWS = 64
-"""Below these a call for each pair costs more than a copy of its two places."""
+"""With fewer rows, a call for each pair costs more than a copy of its two positions."""
 
 
 @dataclass(frozen=True)
 class Node:
-    """A constant step and a slide, then a rotation.
+    """A constant step and a prismatic displacement, then a rotation.
 
     Attributes:
-        above: The node that it stands on.
+        above: The node above it.
         step: (3,) [m].
-        slides: Coordinates and their directions.
-        angle: Which angle; -1: it does not turn.
+        slides: Coordinates of prismatic joints and their directions.
+        angle: The number of its angle; -1 without a rotation.
         axis: (3,) unit vector.
-        depth: Rotations down to it.
-        reach: At most how far it is from the root, without slides [m].
+        depth: Number of rotations down to it.
+        reach: Largest distance from the root, without prismatic displacements [m].
     """
 
     above: int
@@ -67,12 +68,12 @@ class Node:
 
 @dataclass(frozen=True)
 class Cluster:
-    """Some balls of one node, in a ball around all their middles.
+    """Some balls of one node, and a ball around all their centres.
 
     Attributes:
         node: The node.
-        balls: Which.
-        middle: (3,) on the node [m].
+        balls: Their numbers.
+        middle: (3,) its centre on the node [m].
         radius: [m].
     """
 
@@ -87,10 +88,10 @@ class PairOfClusters:
     """Two clusters, and the pairs of their balls.
 
     Attributes:
-        first: A cluster.
-        last: Another.
+        first: One cluster.
+        last: The other.
         pairs: Numbers of the pairs.
-        threshold: The largest of theirs [m].
+        threshold: Their largest threshold [m].
     """
 
     first: int
@@ -106,11 +107,11 @@ class BallTree:
     Attributes:
         n: Number of coordinates.
         angles: Coefficients of each angle.
-        nodes: The first is the root.
-        balls: Node of each ball, and its place on it.
+        nodes: The nodes; the first is the root.
+        balls: Node of each ball, and its position on it.
         ends: (m, 2) the balls of each pair.
         thresholds: (m,) [m].
-        scale: The longest chain [m].
+        scale: Length of the longest chain [m].
     """
 
     n: int
@@ -129,7 +130,7 @@ class BallTree:
 
     @cached_property
     def rates(self) -> Array:
-        """(n,) at most how far a unit of each coordinate slides a ball [m]."""
+        """(n,) the largest displacement of a ball for a unit of each coordinate, by prismatic joints [m]."""
         found = np.zeros((len(self.nodes), self.n))
         for number, node in enumerate(self.nodes):
             found[number] = found[node.above] if number else 0.0
@@ -144,7 +145,7 @@ class BallTree:
 
     @cached_property
     def clusters(self) -> list[Cluster]:
-        """All clusters, those of a node one after the other."""
+        """All clusters, grouped by node."""
         found: list[Cluster] = []
         for body in self.bodies:
             found += [self._enclosed(body.node, part) for part in _parts(list(body.balls), self._places)]
@@ -152,7 +153,7 @@ class BallTree:
 
     @cached_property
     def bodies(self) -> list[Cluster]:
-        """All balls of a node as one cluster, for nodes that have any."""
+        """For each node with balls, all of them as one cluster."""
         of_node: dict[int, list[int]] = {}
         for ball, (node, _) in enumerate(self.balls):
             of_node.setdefault(node, []).append(ball)
@@ -183,7 +184,7 @@ class BallTree:
     def apart(self, a: int, b: int) -> tuple[list[int], list[int]]:
         """Return the nodes at and above a that are not above b, the last first, and those of b; without the root."""
         alone: tuple[list[int], list[int]] = [], []
-        while a != b:  # a node stands behind the one that it stands on
+        while a != b:  # a node comes after the one above it
             if a > b:
                 alone[0].append(a)
                 a = self.nodes[a].above
@@ -208,7 +209,7 @@ class BallTree:
                     out[rows, n * first : n * (first + len(a))] = slopes.reshape(len(slopes), -1)
 
     def _moved(self, Q: Array) -> tuple[Array, Array]:
-        """Return the places (k, 3, N) of all balls, and how each coordinate moves them (k, 3, n, N)."""
+        """Return the positions (k, 3, N) of all balls, and their derivatives by each coordinate (k, 3, n, N)."""
         W, P = self._frames(Q)
         x = self._on(W, P, self.balls)
         moved = np.zeros((len(self.balls), 3, self.n, len(Q)))
@@ -230,7 +231,7 @@ class BallTree:
         return x, moved
 
     def clearances(self, Q: Array, out: Any, thresholds: Array) -> None:
-        """Fill `out` (N, m) with all norms less thresholds, in NumPy."""
+        """Fill `out` (N, m) with all norms minus thresholds, in NumPy."""
 
         def take(rows: slice, found: Array) -> None:
             out[rows] = found.T
@@ -238,7 +239,7 @@ class BallTree:
         self.each_block(Q, thresholds, take)
 
     def each_block(self, Q: Array, thresholds: Array, take: Callable[[slice, Array], None]) -> None:
-        """Call `take(rows, found)` for each block of rows, with all norms less thresholds (m, rows)."""
+        """Call `take(rows, found)` for each block of rows, with all norms minus thresholds (m, rows)."""
         block = min(len(Q), _ROWS)
         part = max(1, min(len(self.ends), _PART_BYTES // (8 * 3 * max(1, block))))  # pairs at a time
         all_found, apart = np.empty(len(self.ends) * block), np.empty(3 * part * block)
@@ -254,7 +255,7 @@ class BallTree:
                     if count < _FEW_ROWS:
                         a, b = self.ends[first : first + part].T
                         np.subtract(x[a], x[b], out=r)
-                    else:  # without a copy of both places
+                    else:  # without a copy of both positions
                         for (i, j), difference in zip(some, r, strict=True):
                             np.subtract(x[i], x[j], out=difference)
                     np.multiply(r, r, out=r)
@@ -265,11 +266,11 @@ class BallTree:
                 take(rows, found)
 
     def places(self, Q: Array, points: Sequence[tuple[int, Array]] | None = None) -> Array:
-        """Return places (k, 3, N) for Q (N, n), in the root's frame, of all balls, or of points on nodes."""
+        """Return positions (k, 3, N) for Q (N, n), in the root's frame, of all balls, or of points on nodes."""
         return self._on(*self._frames(Q), self.balls if points is None else points)
 
     def _frames(self, Q: Array) -> tuple[Array, Array]:
-        """Return the rotations (k, 3, 3, N) and places (k, 3, N) of all nodes."""
+        """Return the rotations (k, 3, 3, N) and positions (k, 3, N) of all nodes."""
         count = len(Q)
         W, P = np.empty((len(self.nodes), 3, 3, count)), np.empty((len(self.nodes), 3, count))
         turned = [(np.cos(x), np.sin(x)) for x in (Q @ np.array(c) for c in self.angles)]
@@ -285,7 +286,7 @@ class BallTree:
                 continue
             cos, sin = turned[node.angle]
             along, across, cross, kept = turn
-            if kept >= 0:  # a coordinate axis: two columns turn, one stays
+            if kept >= 0:  # a coordinate axis: two columns change, one stays
                 y, z = (kept + 1) % 3, (kept + 2) % 3
                 sin = node.axis[kept] * sin
                 W[number, :, kept] = up[:, kept]
@@ -297,7 +298,7 @@ class BallTree:
 
     @cached_property
     def _turning(self) -> list[tuple[Array, Array, Array, int] | None]:
-        """Of each node that turns: what stays, what turns with the cosine and with the sine, and a coordinate axis."""
+        """For each rotation: what stays, the parts with cosine and sine, and the coordinate axis if there is one."""
         found = list[tuple[Array, Array, Array, int] | None]()
         for node in self.nodes:
             u, along = node.axis, np.outer(node.axis, node.axis)[:, :, None]
@@ -309,7 +310,7 @@ class BallTree:
 
     @staticmethod
     def _on(W: Array, P: Array, points: Sequence[tuple[int, Array]]) -> Array:
-        """Return places (k, 3, N) of points on nodes."""
+        """Return positions (k, 3, N) of points on nodes."""
         x, of_node = np.empty((len(points), 3, W.shape[3])), dict[int, list[int]]()
         for number, (node, _) in enumerate(points):
             of_node.setdefault(node, []).append(number)
@@ -319,7 +320,7 @@ class BallTree:
 
 
 def _parts(balls: list[int], places: Array) -> list[list[int]]:
-    """Split balls in halves along their longest side, down to clusters."""
+    """Divide balls in halves along their longest side, down to clusters."""
     if len(balls) <= _CLUSTER:
         return [balls] if balls else []
     points = places[balls]

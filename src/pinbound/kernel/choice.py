@@ -1,15 +1,15 @@
-"""Which backend a call takes where the user leaves it open: by counted work, and by what lies in the cache.
+"""The backend of a call if the user does not choose one: it depends on counted work, and on the cache.
 
-Nothing is timed, so that the same calls always run on the same backend. The work of each call is counted as the time
-that NumPy would need for it on a common machine, and added up over the calls of a kernel:
+Nothing is timed, so the same calls always use the same backend. The work of each call is counted as the time that NumPy
+would need for it on a common machine, and summed over the calls of a kernel:
 
-1. Machine code that this process holds is used.
-2. Machine code that the cache folder holds is loaded on the second call, or on the first one that is worth it.
-3. Otherwise code is compiled when the work so far, this call included, would have paid for it `PAYS` times.
+1. Machine code that this process has loaded is used.
+2. Machine code in the cache folder is loaded on the second call, or on the first one that is worth it.
+3. Otherwise code is compiled when the work so far, with this call, is worth `PAYS` times the compilation.
 
-So a call is slower than NumPy by one loading, or one compilation, at most, once a kernel and kind of answer; the first
-call of a process only where NumPy would have needed longer than that; and all calls together never take more than
-`1 + 1 / PAYS` of NumPy's time, and one loading. `docs/kernel.md` derives the bound.
+So a call is slower than NumPy by at most one loading, or one compilation, once for each kernel and kind of answer. For
+the first call of a process this holds only if NumPy would have needed longer. All calls together take at most `1 + 1 /
+PAYS` of NumPy's time, and one loading. `docs/kernel.md` derives the bound.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from pinbound.machine.compiled import KernelSource, has_numba, is_kept
 __all__ = ["Choice", "Work", "notice_without_numba"]
 
 PAYS = 1.5
-"""How many times NumPy's work has to be worth a compilation: what the estimates below may be wrong by."""
+"""How many times NumPy's work must exceed a compilation: the allowed error of the estimates below."""
 
 _OPERATION = 2.2e-10
 """Seconds that NumPy needs for one counted operation of one row."""
 
 _CALL = 0.8e-6
-"""Seconds that NumPy needs to begin with one node, however few the rows are."""
+"""Seconds that NumPy needs to start one node, for any number of rows."""
 
 _COMPILE = 0.9
 """Seconds to compile anything: mostly Numba's import."""
 
 _COMPILE_NODE = 1.2e-3
-"""Seconds to compile one node more."""
+"""Seconds to compile each node."""
 
 _LOAD = 0.02
 """Seconds to load machine code: reading, checking and linking it."""
 
 _LOAD_NODE = 0.6e-4
-"""Seconds a node to write the source, whose hash is the name of the code, and to link it."""
+"""Seconds for each node to write the source, whose hash is the name of the code, and to link it."""
 
 _WORTH_LOADING = 1e-4
-"""Seconds of work from which a second call loads what is kept."""
+"""Seconds of work from which a second call loads code from the cache."""
 
 _logger = logging.getLogger("pinbound")
 _noticed: list[str] = []
@@ -52,14 +52,14 @@ _noticed: list[str] = []
 
 @dataclass(frozen=True)
 class Work:
-    """What one call asks for.
+    """The work of one call.
 
     Attributes:
-        rows: How many configurations.
-        cost: Counted operations a configuration.
-        nodes: How many expressions the program has.
-        code: Seconds to compile it, where that does not depend on the nodes.
-        load: Seconds to load it, the same.
+        rows: Number of configurations.
+        cost: Counted operations for one configuration.
+        nodes: Number of expressions of the program.
+        code: Seconds to compile it, if they do not depend on the nodes.
+        load: Seconds to load it, likewise.
     """
 
     rows: int
@@ -70,7 +70,7 @@ class Work:
 
     @property
     def seconds(self) -> float:
-        """About what NumPy needs for it."""
+        """An estimate of NumPy's time for it."""
         return self.rows * self.cost * _OPERATION + self.nodes * _CALL
 
     @property
@@ -86,7 +86,7 @@ class Work:
 
 @dataclass
 class Choice:
-    """Counts the work of one kernel, one entry a kind of answer."""
+    """Counts the work of one kernel, separately for each kind of answer."""
 
     spent: dict[Hashable, float] = field(default_factory=dict[Hashable, float])
     _kept: dict[Hashable, bool] = field(default_factory=dict[Hashable, bool])
@@ -95,9 +95,9 @@ class Choice:
         """Count a call, and return whether it runs compiled; no code of this kind is loaded yet.
 
         Args:
-            kind: Of answer.
-            work: Of this call.
-            source: Gives the source, whose code may be kept.
+            kind: The kind of answer.
+            work: The work of this call.
+            source: Returns the source, whose code may be in the cache.
         """
         before = self.spent.get(kind)
         total = self.spent[kind] = (before or 0.0) + work.seconds
@@ -115,7 +115,7 @@ class Choice:
 
 
 def notice_without_numba() -> None:
-    """Say once a process that Numba would make large batches faster."""
+    """Tell the user once in a process that Numba would make large batches faster."""
     text = "pinbound: large batches run in NumPy, about 6 times slower than with Numba: pip install 'pinbound[fast]'"
     if not has_numba() and text not in _noticed:
         _noticed.append(text)

@@ -1,4 +1,4 @@
-"""The kernel of a boundary set: runs a program on a backend, and takes from the reference what that cannot decide."""
+"""The kernel of a boundary set: it runs a program on a backend; the reference computes what that cannot decide."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ from pinbound.values import read_only
 __all__ = ["Kernel"]
 
 _ROWS_PER_THREAD = 4096
-"""Fewer rows than this a thread, and starting the thread costs more than it saves."""
+"""With fewer rows for each thread, starting the thread costs more than it saves."""
 
 
 class Kernel:
-    """Evaluates a set of boundaries. Made once a set; backends are compiled when first needed.
+    """Evaluates a set of boundaries. It is made once for a set; backends are compiled when first needed.
 
-    Values agree between backends, and with the reference interpreter, to rounding: 1e-12 relative, and 1e-15 of
-    the length of the paths near contact. In float64 their signs agree always: a number that rounding could have given
-    another sign is taken from the reference.
+    Values agree between backends, and with the reference interpreter, to rounding: 1e-12 relative, and 1e-15 of the
+    length of the paths near contact. In float64 their signs always agree: if rounding could change the sign of a
+    number, the reference computes it.
     """
 
-    _DERIVED = "program"  # what is kept of the pairs where a kernel goes to another process
+    _DERIVED = "program"  # the data of the pairs that is kept when a kernel is sent to another process
 
     def __init__(
         self,
@@ -54,14 +54,14 @@ class Kernel:
         common: Callable[[], Mapping[str, CommonMark] | None],
         program: Program | None = None,
     ) -> None:
-        """Hold what to evaluate.
+        """Store what to evaluate.
 
         Args:
             pairs: The boundaries.
             n: Number of active coordinates.
-            reference: Gives rows that are not finite.
+            reference: Computes rows that are not finite.
             common: Returns each mark's chains in one common frame, or None.
-            program: The expressions, where they are not those of the pairs' separations.
+            program: The expressions, if they are not those of the pairs' separations.
         """
         self.pairs, self.n = tuple(pairs), n
         self.reference, self._common = reference, common
@@ -74,7 +74,7 @@ class Kernel:
             self.__dict__["program"] = program
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave machine code out; the receiver compiles or loads its own."""
+        """Leave out machine code; the receiver compiles or loads its own."""
         return {name: getattr(self, name) for name in ("pairs", "n", "reference", self._DERIVED)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -83,11 +83,11 @@ class Kernel:
 
     @cached_property
     def program(self) -> Program:
-        """The expressions, local or common, whichever is cheaper."""
+        """The expressions, in local frames or in the common frame, whichever are cheaper."""
         return compile_program(self.pairs, self.n, self._common())
 
     def _call(self, mode: str, rows: int) -> Work:
-        """Return what a call asks for."""
+        """Return the work of a call."""
         is_slope, graph, m = mode == "gradients", self.program.graph, len(self.pairs)
         if is_slope not in self._work_of:
             outputs = list(self.program.squares)
@@ -114,11 +114,11 @@ class Kernel:
         return sorted(used)
 
     def one(self, q: NDArray[np.float64], mode: Literal["norms", "clearances"]) -> NDArray[np.float64] | None:
-        """Return norms or clearances (m,) of one configuration by plain Python; None if that cannot tell them."""
+        """Return norms or clearances (m,) of one configuration in plain Python; None if this is not possible."""
         function = self._scalar.get(mode)
         if function is None:
             namespace: dict[str, Any] = {"sqrt": math.sqrt, "cos": math.cos, "sin": math.sin}
-            exec(scalar_source(self.program, mode), namespace)  # our own text, from numbers alone
+            exec(scalar_source(self.program, mode), namespace)  # our own text, made only from numbers
             function = self._scalar[mode] = namespace["function"]
         values: list[float] = q.tolist()
         if not all(map(math.isfinite, values)):
@@ -172,7 +172,7 @@ class Kernel:
         return least, index
 
     def free(self, Q: NDArray[np.float64], threads: int = 1, backend: Backend = "auto") -> NDArray[np.bool_]:
-        """Return which rows (N,) have positive clearances alone."""
+        """Return which rows (N,) have only positive clearances."""
         return self.smallest(Q, False, None, threads, backend)[0] > 0.0
 
     def prepare(self, mode: str = "norms", dtype: Any = np.float64) -> str:
@@ -184,7 +184,7 @@ class Kernel:
         return "compiled"
 
     def _kind(self, dtype: Any, threads: int, backend: Backend) -> np.dtype[Any]:
-        """Check all choices, and return the type of the numbers."""
+        """Check all arguments, and return the type of the numbers."""
         check_choices(threads, backend)
         kind = real(dtype)
         if kind == np.float32 and self._length > LONGEST_SINGLE:
@@ -196,12 +196,12 @@ class Kernel:
 
     @cached_property
     def _length(self) -> float:
-        """The longest path before any joint slides [m]."""
+        """The length of the longest path without prismatic displacements [m]."""
         return max((pair.minimal.scale for pair in self.pairs), default=0.0)
 
     @cached_property
     def _turns(self) -> Array:
-        """(n,) the sum of all angles' |c_j|: how much a unit of each coordinate can add to the rounding of angles."""
+        """(n,) the sum of all angles' |c_j|, which bounds the rounding of angles for each unit of a coordinate."""
         return np.abs(self._angles).sum(axis=0)
 
     @cached_property
@@ -211,22 +211,22 @@ class Kernel:
 
     @cached_property
     def _scale(self) -> float:
-        """The longest path that anything is summed along [m]; zero where no sign is asked for."""
+        """The length of the longest path of a sum [m]; zero if no sign is needed."""
         return self.program.scale
 
     @cached_property
     def _signed(self) -> tuple[bool, ...]:
-        """Whether each result is a height, whose norm has a sign."""
+        """Whether each result is a height, which has a sign."""
         return self.program.signed
 
     def _unsure(self, size: Array) -> Array:
-        """Return up to which size (N,) the sign of a result is not sure, for |q| (N, n) [m]."""
+        """Return the size (N,) [m] below which the sign of a result is not sure, for |q| (N, n)."""
         length = self._scale + size @ self._rates
         return KERNEL_SIGN * length * (1.0 + len(self._angles) + size @ self._turns)
 
     @cached_property
     def _sure(self) -> float:
-        """The largest of them while no coordinate and no angle is beyond `FAR`; negative where no sign is asked for."""
+        """The largest of them while no coordinate and no angle is beyond `FAR`; negative if no sign is needed."""
         if not self._scale > 0.0:
             return -1.0
         angles = len(self._angles)
@@ -234,7 +234,7 @@ class Kernel:
 
     @cached_property
     def _near(self) -> float:
-        """Up to which |q_j| no angle is beyond `FAR`."""
+        """The largest |q_j| for which no angle is beyond `FAR`."""
         most = np.abs(self._angles).sum(axis=1).max(initial=1.0)
         return FAR / float(most)
 
@@ -243,12 +243,12 @@ class Kernel:
 
     @cached_property
     def _rates(self) -> NDArray[np.float64]:
-        """(n,) how far a unit of each coordinate can slide any path, summed over its blocks; 0 where none slides."""
+        """(n,) the largest displacement of a path for a unit of each coordinate, by prismatic joints, all blocks."""
         sums = [np.linalg.norm(pair.minimal.slides, axis=1).sum(axis=0) for pair in self.pairs]
         return np.max(np.array(sums).reshape(len(sums), self.n), axis=0, initial=0.0)
 
     def _regular(self, kind: np.dtype[Any]) -> NDArray[np.float64]:
-        """Return the largest |q_j| (used,) that the machine code may take: finite, and no square overflows."""
+        """Return the largest |q_j| (used,) for the machine code: finite, and no square overflows."""
         most = np.full(self.n, float(np.finfo(kind).max))
         slide = self._rates > 0.0
         longest = LONGEST if kind == np.float64 else LONGEST_SINGLE
@@ -274,7 +274,7 @@ class Kernel:
         """Return a function of a range of rows that fills them and returns how many numbers were not finite."""
         if self._runs_compiled(len(Q), mode, backend, is_single):
             function = self._machine_code(mode, is_single)
-            with np.errstate(over="ignore"):  # what is too large becomes infinite, and is mended
+            with np.errstate(over="ignore"):  # too large numbers become infinite, and are replaced
                 data = np.require(Q, np.float32 if is_single else np.float64, ["C", "A"])
             return lambda lo, hi: function(data[lo:hi], out[lo:hi], index[lo:hi])
         return lambda lo, hi: self._in_numpy(Q, mode, out, index, lo, hi)
@@ -318,7 +318,7 @@ class Kernel:
         is_sign, nearest = out.dtype == np.float64 and self._signs_count(mode), math.inf
 
         def one(rows: slice, k: int, square: Any, dots: list[Any]) -> None:
-            """Take one boundary's squares, and its `r . dr/dq_j`."""
+            """Take the squares of one boundary, and its `r . dr/dq_j`."""
             nonlocal nearest
             norm = square if self.program.signed[k] else np.sqrt(square)
             if is_sign and (mode != "norms" or self.program.signed[k]):
@@ -339,7 +339,7 @@ class Kernel:
                     np.copyto(index[lo:hi][rows], k, where=smaller)
 
         def several(rows: slice, squares: Any) -> None:
-            """Take all boundaries' squares."""
+            """Take the squares of all boundaries."""
             nonlocal nearest
             if mode == "norms":
                 np.sqrt(squares, out=target.T[:, rows], casting="same_kind")
@@ -365,7 +365,7 @@ class Kernel:
         return int(np.count_nonzero(~(np.abs(part[:, self._used]) <= most))) + int(is_sign and nearest <= self._sure)
 
     def _mend(self, Q: Array, mode: str, out: Array, index: Array, kind: np.dtype[Any]) -> None:
-        """Take rows from the reference: numbers that are not finite, or too large, or of a sign that is not sure."""
+        """Compute by the reference: numbers that are not finite, or too large, or whose sign is not sure."""
         size = np.abs(Q[:, self._used])
         is_bad = ~np.all(size <= self._regular(kind), axis=1)
         if kind == np.float64 and self._signs_count(mode) and self._sure >= 0.0:
@@ -398,7 +398,7 @@ class Kernel:
             index[bad] = np.where(np.any(np.isnan(clearances), axis=1), -1, np.argmin(clearances, axis=1))
 
     def _mend_signs(self, Q: Array, mode: str, out: Array, unsure: Array, is_bad: Any) -> None:
-        """Take numbers whose sign rounding could have turned from the reference, boundary by boundary."""
+        """Compute numbers whose sign rounding could have changed by the reference, boundary by boundary."""
         for k, pair in enumerate(self.pairs):
             if mode == "clearances" or self._signed[k]:
                 rows = np.flatnonzero(~is_bad & (np.abs(out[:, k]) <= unsure))
@@ -408,7 +408,7 @@ class Kernel:
 
 
 def _no_common() -> None:
-    """Return that there is no common frame."""
+    """Return None: there is no common frame."""
 
 
 _NO_INDEX = np.empty(0, dtype=np.int64)

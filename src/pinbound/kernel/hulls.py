@@ -1,9 +1,9 @@
-"""Boundaries whose nearest points are searched for, in machine code: the tables that `hull_source` reads, and its call.
+"""Boundaries whose nearest points need a search, in machine code: the tables that `hull_source` reads, and its call.
 
-A pair's chain is `b_0 + R_1(b_1 + R_2(... R_k b_k))`, and the edge vectors of its bodies are in one block each. What
-lies between is the same for all pairs of two links, and its beginning for all pairs of one: rotations are *nodes* of a
-tree that is placed once a configuration, `W = W_above R(u, c . q)`, `P = P_above + W_above b`. A pair takes from its
-last node `w = b_0 + P + W b_k`.
+A pair's chain is `b_0 + R_1(b_1 + R_2(... R_k b_k))`, and the edge vectors of each body are in one block. The middle of
+the chain is the same for all pairs of two links, and its beginning is the same for all pairs of one link. So rotations
+are *nodes* of a tree that is placed once for each configuration, `W = W_above R(u, c . q)`, `P = P_above + W_above b`.
+A pair computes `w = b_0 + P + W b_k` from its last node.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from pinbound.typing import Array, Ints
 
 __all__ = ["HullTables", "is_ready", "prepare_hulls", "tables_of"]
 
-_LANES = 8  # vertices that are looked at together
-_AGREE = 8.0 * UNIT_ROUNDOFF  # relative to the furthest vertex: both bounds differ by no more
+_LANES = 8  # vertices that are examined together
+_AGREE = 8.0 * UNIT_ROUNDOFF  # relative to the furthest vertex: the largest difference of both bounds at the end
 _ROUNDS = 100
-_KNOWN = (64.0 * UNIT_ROUNDOFF) ** 2  # squared, relative: a smaller volume has a sign by rounding alone
-_SHARP = 1e-4  # a squared sine: where a face is nearest in flatter ones, the nearest point is corrected once more
-_FLAT = 64.0 * UNIT_ROUNDOFF**2  # a squared sine: a face that is flatter is an edge
-_ROUNDING = 64.0 * UNIT_ROUNDOFF  # relative: of a bounding ball, its radius and its distance
+_KNOWN = (64.0 * UNIT_ROUNDOFF) ** 2  # squared, relative: rounding alone may decide the sign of a smaller volume
+_SHARP = 1e-4  # a squared sine: on flatter faces, the nearest point is corrected a second time
+_FLAT = 64.0 * UNIT_ROUNDOFF**2  # a squared sine: a flatter face is treated as an edge
+_ROUNDING = 64.0 * UNIT_ROUNDOFF  # relative: the rounding of a bounding ball, of its radius and its distance
 _MODES = {"norms": 0, "clearances": 1, "gradients": 2, "smallest": 3, "least": 3}
 
 
@@ -50,11 +50,11 @@ class _Node:
 
 @dataclass(frozen=True, eq=False)
 class HullTables:
-    """What the machine code reads of a set of pairs.
+    """The tables of a set of pairs that the machine code reads.
 
     Attributes:
-        numbers: Head and tables; room to work in follows them.
-        room: How many numbers of room there are.
+        numbers: Head and tables; working memory follows them.
+        room: Number of float64 of working memory.
         columns: Coordinates that occur.
     """
 
@@ -79,7 +79,7 @@ class HullTables:
 
 
 def is_ready() -> bool:
-    """Return whether the code need not be compiled first."""
+    """Return whether the code is ready without compiling."""
     return bool(_code.cache_info().currsize) or is_kept(hull_source())
 
 
@@ -89,7 +89,7 @@ def prepare_hulls() -> None:
 
 
 def tables_of(pairs: Sequence[Pair], n: int) -> HullTables | None:
-    """Return the tables of pairs; None if a body's edge vectors are not in one block, so that it is not rigid here."""
+    """Return the tables of pairs; None if a body's edge vectors are in several blocks, so that it is not rigid."""
     writer = _Writer(n)
     for pair in pairs:
         if not writer.add(pair):
@@ -129,7 +129,7 @@ class _Writer:
     length: int = 0
 
     def add(self, pair: Pair) -> bool:
-        """Take one more pair; False if it does not fit."""
+        """Add one more pair; False if it does not fit."""
         path, chain = pair.path, pair.path.minimal
         offsets = _pushed(chain)
         path_nodes = [0]
@@ -241,13 +241,13 @@ class _Writer:
             state, _AGREE, _ROUNDS, _KNOWN, OVERLAP, middles, _FLAT, 1.0 - _ROUNDING, 0, _SHARP,
         ]  # fmt: skip
         root = np.zeros(2 * len(self.angles) + STATE)
-        root[2 * len(self.angles) :][[0, 4, 8]] = 1.0  # the first node turns nothing
+        root[2 * len(self.angles) :][[0, 4, 8]] = 1.0  # the first node has no rotation
         numbers = np.concatenate((head, *parts, root))
         return HullTables(numbers, middles + 4 * len(self.pairs) - len(numbers), tuple(sorted(self.used)))
 
 
 def _counted(path: RelativePath) -> tuple[float, Array]:
-    """Return what is measured, as the search reads it, and the numbers that take it from r."""
+    """Return the kind of quantity for the search, and the numbers that compute it from r."""
     projection = path.projection
     if projection is None:
         return 0.0, np.zeros(9)
@@ -261,9 +261,9 @@ def _numbers(array: Array) -> list[float]:
 
 
 def _pushed(chain: Chain) -> Array:
-    """Return the chain's offsets, those along the axis behind them moved behind its rotation.
+    """Return the chain's offsets, with the parts along the next axis moved behind its rotation.
 
-    All but the first and the last are then the links' own, whatever is marked on the links.
+    All offsets but the first and the last then depend only on the links, and not on their marks.
     """
     offsets = chain.offsets.copy()
     for index in range(1, chain.rotations):
@@ -274,9 +274,9 @@ def _pushed(chain: Chain) -> Array:
 
 
 def _one_block(chain: Chain, edges: Sequence[Array]) -> tuple[int, Array]:
-    """Return the block that holds all edge vectors, and these (3, 3), zero where there are fewer; -1 if there is none.
+    """Return the block of all edge vectors, and these (3, 3), padded with zeros; -1 if they are in several blocks.
 
-    The reduction has moved what lies along an axis in front of its rotation; here it is moved back.
+    The reduction moved parts along an axis to the front of its rotation; here they are moved back.
     """
     matrix = np.zeros((3, max(len(edges), 3)))
     if not edges:
@@ -296,7 +296,7 @@ def _one_block(chain: Chain, edges: Sequence[Array]) -> tuple[int, Array]:
     if len(filled) > 1:
         return -1, matrix
     block = filled[0] if filled else 0
-    while 0 < block < chain.rotations:  # all of it lies along the axis, as of a capsule along a joint
+    while 0 < block < chain.rotations:  # all of it is along the axis, as for a capsule along a joint
         axis = chain.axes[block]
         if np.abs(blocks[block] - np.outer(axis, axis @ blocks[block])).max() > REDUCTION * np.abs(blocks[block]).max():
             break

@@ -1,7 +1,7 @@
-"""A set in which the nearest points of some boundaries are searched for: hulls, boxes, prisms.
+"""A set with boundaries whose nearest points need a search: hulls, boxes, prisms.
 
-The search is no straight line of code: it has machine code of its own (`hulls`), or is done by the reference
-interpreter where there is no Numba, or too little to do. All other boundaries of the set run in the kernel.
+The search has branches, so it has its own machine code (`hulls`). Without Numba, or with too little work, the reference
+interpreter does it. All other boundaries of the set run in the kernel.
 """
 
 from __future__ import annotations
@@ -37,13 +37,14 @@ __all__ = ["MANY_POINTS", "MixedKernel", "kernel_of"]
 
 
 _WORTH_LOADING, _WORTH_COMPILING = 1_000, 300_000
-"""Searches, pairs times rows, from which loading machine code (20 ms), or compiling it (some seconds), pays."""
+"""Searches (pairs times rows) from which loading machine code (20 ms), or compiling it (some seconds), saves time."""
 
 MANY_POINTS = 64
-"""Pairs of points from which tables, whose code is compiled once a machine, are better than one expression a pair."""
+"""From this number of pairs of points on, tables (compiled once on a machine) are better than expressions for each
+pair."""
 
 _FARTHEST = 1e300
-"""Larger coordinates, whose sums may overflow, are taken from the reference."""
+"""Rows with larger coordinates, whose sums may overflow, are computed by the reference."""
 
 
 def kernel_of(
@@ -63,7 +64,7 @@ def kernel_of(
 def _straight(
     pairs: Sequence[Pair], n: int, reference: Reference, common: Callable[[], Mapping[str, CommonMark] | None]
 ) -> Kernel | UnionKernel:
-    """Return the kernel of pairs of closed form; many points run by tables, all others as one program."""
+    """Return the kernel of pairs in closed form: tables for many points, one program for all others."""
     plain = np.array([pair.path.is_plain for pair in pairs], dtype=np.bool_)
     marks = common() if np.count_nonzero(plain) >= MANY_POINTS else None
     if marks is None or longest(mark.spot for mark in marks.values() if mark.spot) > LONGEST_SINGLE:
@@ -74,10 +75,10 @@ def _straight(
 
 
 class MixedKernel:
-    """Evaluates a set as `Kernel` does, the nearest points of some of its boundaries by a search."""
+    """Evaluates a set as `Kernel` does; a search finds the nearest points of some boundaries."""
 
     def __init__(self, kernel: Kernel | UnionKernel, pairs: tuple[Pair, ...], searched: Indices) -> None:
-        """Hold the kernel of all pairs but those at the places `searched`."""
+        """Store the kernel of all pairs except those with the indices `searched`."""
         self.kernel, self.pairs, self.searched = kernel, pairs, searched
         self.n = kernel.n
         self._compiled = np.setdiff1d(np.arange(len(pairs)), searched)
@@ -90,7 +91,7 @@ class MixedKernel:
 
     @cached_property
     def _hulls(self) -> HullTables | None:
-        """The searched boundaries as tables; None if some are no rigid bodies to the search."""
+        """The searched boundaries as tables; None if some of them are not rigid bodies for the search."""
         return tables_of(self._searched_pairs, self.n)
 
     @cached_property
@@ -99,7 +100,7 @@ class MixedKernel:
 
     @cached_property
     def _farthest(self) -> NDArray[np.float64]:
-        """(n,) the largest |q_j| that machine code may take: no square of a slide overflows."""
+        """(n,) the largest |q_j| for machine code: no square of a prismatic displacement overflows."""
         sums = [np.linalg.norm(pair.minimal.slides, axis=1).sum(axis=0) for pair in self._searched_pairs]
         rates = np.max(np.array(sums).reshape(len(sums), self.n), axis=0, initial=0.0)
         return np.where(rates > 0.0, LONGEST / (self.n * np.maximum(rates, 1e-100)), _FARTHEST)
@@ -117,7 +118,7 @@ class MixedKernel:
         return chosen
 
     def _runs_compiled(self, rows: int, backend: Backend) -> bool:
-        """Count searches, and say whether they go to machine code."""
+        """Count searches, and return whether they use machine code."""
         if backend == "numpy" or not rows or self._hulls is None:
             return False
         self._searches += rows * len(self.searched)
@@ -129,7 +130,7 @@ class MixedKernel:
         return has_numba() and worth
 
     def _search(self, Q: NDArray[np.float64], mode: str, threads: int, backend: Backend) -> tuple[Array, Array]:
-        """Return what `mode` asks of the searched boundaries, one row a configuration, and places for smallest ones."""
+        """Return the results of `mode` for the searched boundaries (a row for each q), and indices of the smallest."""
         found, places = np.empty((0, 0)), np.zeros(len(Q), dtype=np.int64)
         bad: Indices = np.arange(len(Q))
         if self._runs_compiled(len(Q), backend) and self._hulls is not None:
@@ -204,9 +205,9 @@ class MixedKernel:
         return least, index
 
     def free(self, Q: NDArray[np.float64], threads: int = 1, backend: Backend = "auto") -> Flags:
-        """Return which rows (N,) have positive clearances alone."""
+        """Return which rows (N,) have only positive clearances."""
         found = self.kernel.free(Q, threads, backend) if len(self._compiled) else np.ones(len(Q), dtype=np.bool_)
-        rows = np.flatnonzero(found)  # what is in contact already needs no search
+        rows = np.flatnonzero(found)  # rows in contact need no search
         if len(rows):
             clearance, _ = self._search(np.ascontiguousarray(Q[rows]), "smallest", threads, backend)
             found[rows] = clearance[:, 0] > 0.0

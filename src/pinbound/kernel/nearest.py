@@ -1,7 +1,7 @@
 """The nearest points of segments as scalar nodes: `closest.nearest`, candidate by candidate, without a branch.
 
-The parameters t are *held*: where they are least, the distance does not change with them to first order, or they cannot
-change, so that a derivative of the vector takes them for constants.
+The parameters t are *held*. At the minimum, the distance does not change with t to first order, or t cannot change. So
+derivatives treat t as constants.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ __all__ = ["cross", "lowest", "nearest"]
 
 
 def nearest(g: Graph, w: Vector, edges: Sequence[Vector], squares: Sequence[int] | None = None) -> Vector:
-    """Return `w + sum_i t_i e_i` at the t in [0, 1] at which it is shortest.
+    """Return `w + sum_i t_i e_i` at the t in [0, 1] for which it is shortest.
 
     Args:
         g: The graph.
-        w: The vector where all t are zero.
-        edges: None, one or two e_i.
-        squares: Nodes of `|e_i|^2` where they are known beforehand, as the lengths of segments are.
+        w: The vector for t = 0.
+        edges: Zero, one or two vectors e_i.
+        squares: Nodes of `|e_i|^2` if they are known, as for the lengths of segments.
     """
     if not edges:
         return w
@@ -47,7 +47,7 @@ def nearest(g: Graph, w: Vector, edges: Sequence[Vector], squares: Sequence[int]
 
 
 def lowest(g: Graph, height: int, edges: Sequence[int]) -> int:
-    """Return `height + sum_i t_i e_i` at the t in [0, 1] at which it is least: 0 or 1."""
+    """Return `height + sum_i t_i e_i` at the t for which it is least; each t is 0 or 1."""
     zero = g.constant(0.0)
     return g.total([height, *(g.pick(e, zero, e, zero) for e in edges)])
 
@@ -72,7 +72,7 @@ def _foot(g: Graph, w: Vector, edge: Vector, size: int) -> int:
 
 
 def _cut(g: Graph, above: int, below: int) -> int:
-    """Return the quotient cut to [0, 1]; 0 where the denominator is."""
+    """Return the quotient limited to [0, 1]; 0 if the denominator is 0."""
     zero, one = g.constant(0.0), g.constant(1.0)
     if g.value_of(below) == 0.0:
         return zero

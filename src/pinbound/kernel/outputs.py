@@ -1,6 +1,6 @@
-"""What a set is asked for as nodes of one graph: separations less a threshold, with square roots, and their gradients.
+"""The results of a set as nodes of one graph: separations minus thresholds, with square roots, and their gradients.
 
-A program ends at squares, because each backend takes roots in its own way. Exporters want the answer itself.
+A program ends at squares, because each backend computes roots in its own way. Exporters need the results.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ __all__ = ["separation_nodes"]
 def separation_nodes(
     pairs: Sequence[Pair], n: int, common: Callable[[], Mapping[str, CommonMark] | None], slopes: bool = True
 ) -> tuple[Graph, list[int], list[list[int]]]:
-    """Return a graph, the nodes of `separation - threshold` (m,), and of its gradients (m, n), if they are asked for.
+    """Return a graph, the nodes of `separation - threshold` (m,), and those of the gradients (m, n), if requested.
 
-    Where a distance is zero the gradient is 0 / 0.
+    At a distance of zero the gradient is 0 / 0.
 
     Args:
         pairs: The boundaries, all of closed form.

@@ -1,19 +1,19 @@
-"""A set of reduced chains as one program of scalars: what is common to them is computed once.
+"""A set of reduced chains as one program of scalars: what several chains share is computed once.
 
-Two ways lead to the vectors r, and the cheaper one (by counted operations) is taken for the whole set:
+There are two ways to compute the vectors r. The cheaper one (by counted operations) is used for the whole set:
 
-*local*: each boundary's minimal chain, seen from its cheapest frame f. A planar chain is the sum
-`r = sum_i R(u, g_i - g_f) s_i` of rotated terms; the in-plane basis is free, so it is laid along a term that turns by
-one angle, which leaves `x = p_x + |s| cos, y = p_y + |s| sin`. A spatial chain is evaluated from both ends towards f.
+*local*: each boundary's minimal chain, seen from its cheapest frame f. A planar chain is the sum `r = sum_i R(u, g_i -
+    g_f) s_i` of rotated terms. The in-plane basis is free. It is chosen along a term that rotates by one angle, which
+    gives `x = p_x + |s| cos, y = p_y + |s| sin`. A spatial chain is evaluated from both ends towards f.
 
-*common*: every marked point in the root's frame, `x = b_0 + W_1 b_1 + W_2 b_2 + ...`, with the products
-`W_i = R_1 ... R_i` shared between points of one link and between links; then r = x_a - x_b. It wins for many
-spheres on few links.
+*common*: every marked point in the root's frame, `x = b_0 + W_1 b_1 + W_2 b_2 + ...`. The products `W_i = R_1 ... R_i`
+    are shared between points of one link and between links; then r = x_a - x_b. This is cheaper for many spheres on few
+    links.
 
 cos and sin come from `angles`. `docs/kernel.md` has the counts and the error bounds.
 
-A segment brings one vector more, its direction, and r is then the shortest of a family (`nearest`); a line leaves the
-part of r across it, a plane the height along its normal.
+A segment adds one more vector, its direction, and r is then the shortest vector of a family (`nearest`). For a line, r
+is projected perpendicular to the line; for a plane, only the height along its normal is used.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ __all__ = ["CommonMark", "Pair", "Program", "Reference", "compile_program"]
 
 @dataclass(frozen=True)
 class Pair:
-    """What the kernel needs of one boundary.
+    """The data of one boundary for the kernel.
 
     Attributes:
         path: Its reduced relative path.
         threshold: [m].
-        marks: Names of its two marks, keys of the common frame's chains.
+        marks: Names of its two marks, which are keys of the common frame's chains.
     """
 
     path: RelativePath
@@ -64,9 +64,9 @@ class CommonMark:
     """A mark in the common frame.
 
     Attributes:
-        make: Makes its `chains`.
+        make: Computes its `chains`.
         flat: Whether it is a line or a plane.
-        spot: Where it is, if it is a point.
+        spot: Its position, if it is a point.
     """
 
     make: Callable[[], tuple[Chain, ...]]
@@ -75,17 +75,17 @@ class CommonMark:
 
     @cached_property
     def chains(self) -> tuple[Chain, ...]:
-        """Its point, and the ends of its edge vectors; of a line or plane, its point, and its unit direction or normal.
+        """Its point, and the ends of its edge vectors; for a line or plane, its point, and its direction or normal.
 
-        The latter is a chain of rotations alone: the difference of two points far away would round it by their
-        distance.
+        The direction or normal is a chain of rotations alone: as the difference of two far points, it would have the
+        rounding of their distance.
         """
         return self.make()
 
 
 @dataclass(frozen=True)
 class Reference:
-    """The interpreter that the kernel has to equal, asked for rows that are not finite: that of separations.
+    """The interpreter whose results the kernel must equal; it computes the separations of rows that are not finite.
 
     Attributes:
         norms: (N,) norms, or signed heights, of a path at Q (N, n).
@@ -103,12 +103,12 @@ class Program:
     Attributes:
         graph: The graph.
         vectors: Each boundary's r up to a rotation, three nodes each.
-        squares: Each `|r|^2`, summed from components; of a signed one the height itself.
+        squares: Each `|r|^2`, summed from components; for a signed quantity the height itself.
         signed: Whether each is a height above a plane.
         thresholds: (m,) [m].
         n: Number of active coordinates.
-        is_common: Whether the common frame was the cheaper one.
-        scale: The longest path that r is summed along, before any joint slides [m]; zero where no sign is asked for.
+        is_common: Whether the common frame was cheaper.
+        scale: The longest path of a sum for r, without prismatic displacements [m]; zero if no sign is needed.
     """
 
     graph: Graph
@@ -126,9 +126,9 @@ class Program:
         return len(self.squares)
 
     def gradients(self) -> list[list[int]]:
-        """Return the nodes of `r . dr/dq_j`, one list of n a boundary; divided by the norm it is the gradient.
+        """Return the nodes of `r . dr/dq_j`, n for each boundary; divided by the norm it is the gradient.
 
-        Of a signed boundary they are the gradient itself.
+        For a signed boundary they are the gradient itself.
         """
         return [self._slopes(k) for k in range(self.size)]
 
@@ -149,7 +149,7 @@ def compile_program(pairs: Sequence[Pair], n: int, common: Mapping[str, CommonMa
     Args:
         pairs: The boundaries.
         n: Number of active coordinates.
-        common: Each mark in one common frame; None where there is no such frame.
+        common: Each mark in one common frame; None if there is no such frame.
     """
     local = _local_program(pairs, n)
     if common is None or len(pairs) < 2:
@@ -193,7 +193,7 @@ def _planar_angles(chain: Chain, frame: int) -> list[Angle]:
 
 
 def _local_vector(angles: Angles, path: RelativePath) -> Vector:
-    """Return r, or what counts of it, in the frame at position f; of a signed path the height, first of three."""
+    """Return r, or its measured part, in the frame at position f; for a signed path the height and two zeros."""
     g, f, chain = angles.graph, path.frame, path.minimal
     chains = [chain, *path.difference.turned]
     basis = np.eye(3)
@@ -205,7 +205,7 @@ def _local_vector(angles: Angles, path: RelativePath) -> Vector:
     else:
         w, *edges = (_spatial(angles, one, f) for one in chains)
     projection = path.projection
-    if projection is None:  # a segment keeps its length, so that q = 0 tells it
+    if projection is None:  # a segment keeps its length, so q = 0 gives it
         squares = [g.constant(float(np.sum(np.sum(edge, axis=0) ** 2))) for edge in path.difference.directions]
         return nearest(g, w, edges, squares)
     rows = np.zeros((3, 3))
@@ -215,7 +215,7 @@ def _local_vector(angles: Angles, path: RelativePath) -> Vector:
 
 
 def _height(g: Graph, w: Vector, edges: Sequence[Vector]) -> Vector:
-    """Return the height, first of three."""
+    """Return the height as the first of three nodes."""
     zero = g.constant(0.0)
     return lowest(g, w[0], [edge[0] for edge in edges]), zero, zero
 
@@ -240,7 +240,7 @@ def _planar(angles: Angles, chain: Chain, frame: int, basis: Array) -> Vector:
 
 
 def _basis(axis: Array, along: Array) -> Array:
-    """Return a right-handed orthonormal basis (e1, e2, axis) as columns, e1 towards `along` where that has length."""
+    """Return a right-handed orthonormal basis (e1, e2, axis) as columns; e1 is towards `along` if that is not zero."""
     first = along - axis * (axis @ along)
     if not np.linalg.norm(first) > 0.0:
         unit = np.eye(3)[int(np.argmin(np.abs(axis)))]
@@ -250,7 +250,7 @@ def _basis(axis: Array, along: Array) -> Array:
 
 
 def _clean(vector: Array, scale: float) -> Array:
-    """Return the vector with entries that rounding alone could have made set to zero."""
+    """Return the vector, with entries set to zero that are only rounding."""
     return np.where(np.abs(vector) <= KERNEL_CONSTANT * scale, 0.0, vector)
 
 
@@ -271,7 +271,7 @@ def _spatial(angles: Angles, chain: Chain, frame: int) -> Vector:
 
 
 def _end(angles: Angles, chain: Chain, rotations: range, sign: float) -> Vector:
-    """Return one end of a chain, rotated inwards; the vector is carried in the basis of the last axis."""
+    """Return one end of a chain, rotated inwards; the vector is expressed in the basis of the last axis."""
     g = angles.graph
     zero = g.constant(0.0)
     vector: Vector = (zero, zero, zero)
@@ -298,7 +298,7 @@ def _frame(axis: Array) -> tuple[Array, int, float]:
 
 
 def _change(g: Graph, vector: Vector, matrix: Array) -> Vector:
-    """Return `matrix @ vector`; entries that only rounding keeps from 0 or +-1 are made so."""
+    """Return `matrix @ vector`; entries that differ from 0 or +-1 only by rounding are set to these values."""
     rounded = np.round(matrix)
     exact = np.where(np.abs(matrix - rounded) <= KERNEL_CONSTANT, rounded, matrix)
     x, y, z = (
@@ -313,7 +313,7 @@ def _added(g: Graph, a: Vector, b: Vector) -> Vector:
 
 
 def _turned(g: Graph, vector: Vector, axis: int, cos: int, sin: int) -> Vector:
-    """Return the vector turned about a coordinate axis."""
+    """Return the vector rotated about a coordinate axis."""
     result = list(vector)
     i, j = (axis + 1) % 3, (axis + 2) % 3
     x, y = vector[i], vector[j]
@@ -342,7 +342,7 @@ def _common_program(pairs: Sequence[Pair], n: int, common: Mapping[str, CommonMa
 def _common_vector(
     g: Graph, pair: Pair, marks: Mapping[str, CommonMark], placed: Mapping[str, Sequence[Vector]]
 ) -> Vector:
-    """Return r, or what counts of it, in the common frame."""
+    """Return r, or its measured part, in the common frame."""
     kinds = [marks[name].flat for name in pair.marks]
     a, b = (placed[name] for name in pair.marks)
     w, edges, squares = _less(g, a[0], b[0]), list[Vector](), list[int]()
@@ -366,7 +366,7 @@ def _less(g: Graph, a: Vector, b: Vector) -> Vector:
 
 
 def _position(angles: Angles, chain: Chain, scale: float) -> Vector:
-    """Return `b_0 + W_1 b_1 + ...` of a point, its offsets pushed to the tail so that the heads are shared."""
+    """Return `b_0 + W_1 b_1 + ...` of a point, with offsets moved to the tail so that the heads are shared."""
     g = angles.graph
     offsets, slides = chain.pushed_behind()
     quantum = KERNEL_CONSTANT * 2.0 ** np.ceil(np.log2(scale)) if scale else 1.0
@@ -378,7 +378,7 @@ def _position(angles: Angles, chain: Chain, scale: float) -> Vector:
         frame, k, flip = _frame(axis)
         rows = [_change(g, row, frame.T @ basis) for row in zip(*columns, strict=True)]
         cos, sin = angles.of(_key(flip * chain.coefficients[index]))
-        # A product W R(phi) turns the columns i and j: w_i cos + w_j sin, w_j cos - w_i sin.
+        # A product W R(phi) rotates the columns i and j: w_i cos + w_j sin, w_j cos - w_i sin.
         rows = [_turned(g, row, k, cos, g.mul(g.constant(-1.0), sin)) for row in rows]
         columns = [(rows[0][c], rows[1][c], rows[2][c]) for c in range(3)]
         basis = frame

@@ -1,7 +1,7 @@
-"""Scalar expressions over q, each built once: what a set of chains computes, before any language is chosen.
+"""Scalar expressions over q, each built once: the computation of a set of chains, for any output language.
 
-An expression is a node of a directed acyclic graph, known by its number. Building the same node twice gives the same
-number, so that everything two boundaries share is computed once. Zeros, ones and constants fold while building.
+An expression is a node of a directed acyclic graph, identified by its number. Building the same node twice gives the
+same number. So what two boundaries share is computed once. Zeros, ones and constants are simplified while building.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ COSTS = {
 """Cost of a node by kind, in vector instructions; cos and sin of one angle come as a pair."""
 
 LEAVES = ("constant", "coordinate", "cos", "sin")
-"""Kinds whose `args` are no nodes."""
+"""Kinds whose `args` are not nodes."""
 
 Vector = tuple[int, int, int]
 
@@ -39,8 +39,8 @@ class Node:
 
     Attributes:
         kind: A key of `COSTS`.
-        args: Numbers of the operands; of a coordinate its index in q, of cos and sin the index of the angle. A pick
-            (a, b, x, y) is x where a < b, else y; a hold is its operand, and a constant for derivatives.
+        args: Numbers of the operands; for a coordinate its index in q, for cos and sin the index of the angle. A pick
+            (a, b, x, y) is x where a < b, else y; a hold is its operand, but a constant for derivatives.
         value: The constant's value.
     """
 
@@ -51,7 +51,7 @@ class Node:
 
 @dataclass
 class Graph:
-    """The nodes, in an order in which operands come before what uses them.
+    """The nodes, ordered such that operands come before the nodes that use them.
 
     Attributes:
         nodes: The nodes.
@@ -95,7 +95,7 @@ class Graph:
         return self._make(Node("cos", (index,))), self._make(Node("sin", (index,)))
 
     def value_of(self, number: int) -> float | None:
-        """Return the value of a constant; None of anything else."""
+        """Return the value of a constant; None for other nodes."""
         node = self.nodes[number]
         return node.value if node.kind == "constant" else None
 
@@ -154,7 +154,7 @@ class Graph:
         return x if x == y else self._make(Node("pick", (a, b, x, y)))
 
     def hold(self, x: int) -> int:
-        """Return x, whose derivatives are zero."""
+        """Return x as a node whose derivatives are zero."""
         return x if self.value_of(x) is not None else self._make(Node("hold", (x,)))
 
     def total(self, terms: Iterable[int]) -> int:

@@ -1,8 +1,8 @@
 """Python source of a program: tiled loops that Numba and LLVM turn into vector code, and one scalar function.
 
-One tile is a few hundred configurations, so that all rows of scratch stay in L1. Every statement of a tile is a loop
-over configurations with neither branch nor call, which LLVM vectorises. Values that several loops need are rows of
-scratch; all others live in registers. Nothing is reassociated: LLVM may only contract `a * b + c` into one rounding.
+One tile is a few hundred configurations, so that all temporary rows stay in L1. Every statement of a tile is a loop
+over configurations without branches and calls, which LLVM vectorises. Values that several loops need are temporary rows
+(scratch); all others stay in registers. Nothing is reassociated: LLVM may only contract `a * b + c` into one rounding.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from pinbound.machine.sincos import REGULAR, REGULAR32, SINCOS, SINCOS32
 __all__ = ["FAR", "MODES", "kernel_source", "scalar_source"]
 
 FAR = 100.0
-"""rad or m: rows with an angle, or a coordinate, beyond this are looked at by themselves where a sign counts."""
+"""rad or m: rows with a larger angle or coordinate are examined separately if a sign is needed."""
 
 MODES = ("norms", "clearances", "gradients", "smallest", "least")
-"""What a kernel writes; `least` is the smallest clearance without its boundary."""
+"""What a kernel writes; `least` is the smallest clearance without the name of its boundary."""
 
 _SCRATCH = 30_000
-"""Bytes of scratch: what leaves room in an L1 cache of 32 or 48 KiB for input and output."""
+"""Bytes of scratch: this leaves space in an L1 cache of 32 or 48 KiB for input and output."""
 
 _ROWS_PER_LOOP = 24
-"""Output rows a loop: more would spill, fewer would reload what boundaries share."""
+"""Output rows for each loop: more would spill, fewer would reload what boundaries share."""
 
 _NODES_PER_LOOP = 250
-"""New nodes a loop: LLVM's time grows faster than the length of a loop, so that it is bounded."""
+"""New nodes for each loop, limited because LLVM's time grows faster than the length of a loop."""
 
 _LANES = 16
-"""Tiles are filled up to a multiple of this, so that vector loops have no scalar rest."""
+"""Tiles are filled up to a multiple of this, so that vector loops have no scalar remainder."""
 
 _TURNING = ("cos", "sin")
 _GIVEN = ("constant", "coordinate")
@@ -49,16 +49,16 @@ _FORMS = {
 def kernel_source(program: Program, mode: str, single: bool = False, sure: float = -1.0) -> KernelSource:
     """Return the source of `kernel(Q, out, row, column, index, w, count)`.
 
-    It takes pointers: Q to (count, n) numbers without gaps; out to numbers `row` and `column` apart, counted in
-    numbers; index to count integers in mode `smallest`; w to scratch. It returns how many values were not finite, or
-    not sure in sign.
+    It takes pointers: Q to (count, n) numbers without gaps; out to numbers with the strides `row` and `column`, counted
+    in numbers; index to count integers in mode `smallest`; w to scratch. It returns the number of values that were not
+    finite, or whose sign is not sure.
 
     Args:
         program: The program.
         mode: One of `MODES`.
         single: float32 instead of float64.
-        sure: Up to which size the sign of a result is not sure while no angle is beyond `FAR` [m]; below zero: no sign
-            counts. Angles beyond it are counted, too.
+        sure: The size below which the sign of a result is not sure while no angle is beyond `FAR` [m]; negative: no
+            sign is needed. Rows with angles beyond it are counted, too.
     """
     return _Writer(program, mode, single, sure).source()
 
@@ -74,7 +74,7 @@ class _Writer:
         self.groups = list(_groups(program, mode))
         if mode not in ("smallest", "least"):
             for slot in range(max(len(members) for _, members in self.groups) * self._width):
-                self.row(("out", slot))  # one after the other
+                self.row(("out", slot))  # consecutive rows
         self.shared = self._shared_nodes()
 
     def row(self, key: object) -> int:
@@ -84,7 +84,7 @@ class _Writer:
         return f"F({value!r})" if self.single else repr(float(value))
 
     def _shared_nodes(self) -> set[int]:
-        """Return what more than one loop needs."""
+        """Return the nodes that more than one loop needs."""
         seen, shared = set[int](), set[int]()
         for outputs, _ in self.groups:
             needed = {n for n in self.graph.reachable(outputs) if self.graph.nodes[n].kind not in _GIVEN}
@@ -120,10 +120,10 @@ class _Writer:
         self.lines.append("    " * (depth - 1) + text)
 
     def _load(self, coordinates: set[int], angles: Sequence[int]) -> None:
-        """Load coordinates and angles, bring far angles near, and count what is not finite.
+        """Load coordinates and angles, reduce large angles, and count values that are not finite.
 
-        An angle beyond the polynomials' range is replaced by libm's `atan2(sin x, cos x)`, which is as good as an
-        argument reduction of any length and, for the rare element that needs it, cheap enough.
+        An angle beyond the polynomials' range is replaced by libm's `atan2(sin x, cos x)`. This is as good as an
+        argument reduction of any length, and cheap enough for the rare element that needs it.
         """
         words: dict[int, str] = {self.row(("q", j)): self._input(j) for j in sorted(coordinates)}
         for angle in angles:
@@ -198,7 +198,7 @@ class _Writer:
             self._store(members)
 
     def _needed(self, outputs: Iterable[int], done: set[int]) -> list[int]:
-        """Return the nodes that a loop computes or loads: nothing below what is done already."""
+        """Return the nodes that a loop computes or loads, without the nodes below finished ones."""
         needed, stack = set[int](), list(outputs)
         while stack:
             number = stack.pop()
@@ -230,7 +230,7 @@ class _Writer:
             self.line(f"w[{self.row(('out', slot))}, i] = norm{less}")
 
     def _keep_nearest(self, index: int, members: Sequence[int]) -> None:
-        """Keep the least square of all values whose sign counts."""
+        """Keep the least square of all values whose sign is needed."""
         row = self.row("nearest")
         self.line(f"nearest = {'INFINITY' if not index else f'w[{row}, i]'}")
         for slot, k in enumerate(members):
@@ -241,7 +241,7 @@ class _Writer:
         self.line(f"w[{row}, i] = nearest")
 
     def _count_unsure(self) -> None:
-        """Count the rows in which a sign is not sure."""
+        """Count the rows with a sign that is not sure."""
         if self.sure < 0.0:
             return
         word = f"w[{self.row('best')} * TILE + i]"
@@ -260,7 +260,7 @@ class _Writer:
         self.line(f"copy_columns({places}, {len(members) * self._width}, n)")
 
     def _minimum(self, index: int, members: Sequence[int]) -> None:
-        """Take the least square of each threshold, one root a threshold; sqrt and the subtraction are monotone."""
+        """Take the least square of each threshold, with one root for each; sqrt and the subtraction are monotone."""
         with_index = self.mode == "smallest"
         best, which = self.row("best"), self.row("which") if with_index else -1
         self.line(f"best = {'INFINITY' if not index else f'w[{best}, i]'}")
@@ -303,7 +303,7 @@ def _runs(values: Sequence[tuple[bool, float]]) -> Iterator[tuple[int, int]]:
 
 
 def _groups(program: Program, mode: str) -> Iterator[tuple[list[int], list[int]]]:
-    """Yield, loop by loop, the nodes that are needed and the boundaries that they belong to."""
+    """Yield for each loop the nodes that it needs and the boundaries that they belong to."""
     order = list(range(program.size))
     if mode in ("smallest", "least"):
         order.sort(key=lambda k: (program.signed[k], program.thresholds[k]))

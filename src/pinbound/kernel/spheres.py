@@ -1,4 +1,4 @@
-"""A small ball around points: what bounds of many points at once start from."""
+"""A small ball around points, for bounds of many points at once."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SHRINKS = 200
 """Steps towards the centre of the least ball."""
 
 _FEW = 48
-"""Points up to which plain numbers take less time than arrays."""
+"""Largest number of points for which plain numbers are faster than arrays."""
 
 
 def middle_of(points: Array) -> Array:
@@ -35,7 +35,7 @@ def middle_of(points: Array) -> Array:
 
 
 def _by_hand(points: list[list[float]], x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return what `middle_of` does, from the centre (x, y, z) on."""
+    """Return the result of `middle_of`, from the centre (x, y, z) on."""
     best, least = (x, y, z), math.inf
     for step in range(_SHRINKS):
         most, ahead = -1.0, (0.0, 0.0, 0.0)

@@ -20,10 +20,10 @@ __all__ = ["UnionKernel"]
 
 
 class UnionKernel:
-    """Evaluates a set as `Kernel` does, by parts."""
+    """Evaluates a set as `Kernel` does, in parts."""
 
     def __init__(self, pairs: Sequence[Pair], parts: Sequence[tuple[Kernel, Indices]]) -> None:
-        """Hold all pairs, and kernels with the places of theirs; each place has one kernel."""
+        """Store all pairs, and kernels with the indices of their pairs; each pair has one kernel."""
         self.pairs, self.parts = tuple(pairs), tuple(parts)
         self.n, self.reference = parts[0][0].n, parts[0][0].reference
 
@@ -33,7 +33,7 @@ class UnionKernel:
         return read_only(np.array([pair.threshold for pair in self.pairs]))
 
     def one(self, q: NDArray[np.float64], mode: Literal["norms", "clearances"]) -> NDArray[np.float64] | None:
-        """Return norms or clearances (m,) of one configuration; None if a part cannot tell them."""
+        """Return norms or clearances (m,) of one configuration; None if a part cannot compute them."""
         result = np.empty(len(self.pairs))
         for kernel, places in self.parts:
             found = kernel.one(q, mode)
@@ -83,7 +83,7 @@ class UnionKernel:
         return least, index
 
     def free(self, Q: NDArray[np.float64], threads: int = 1, backend: Backend = "auto") -> Flags:
-        """Return which rows (N,) have positive clearances alone."""
+        """Return which rows (N,) have only positive clearances."""
         found = np.ones(len(Q), dtype=np.bool_)
         for kernel, _ in self.parts:
             found &= kernel.free(Q, threads, backend)

@@ -1,11 +1,11 @@
 """A program in plain NumPy: chunk by chunk, so that all buffers stay in L2.
 
-Either each node is one ufunc into a reused buffer, or, where the components of all vectors are linear in few products
-of cosines and sines, one matrix product makes them from those features.
+Either each node is one ufunc into a reused buffer. Or, if the components of all vectors are linear in few products of
+cosines and sines, one matrix product computes them from these features.
 
-Where `np.tan` of float64 is vector code and `np.sin` is not (AVX-512), cos and sin come from `t = tan(x / 2)`:
-`cos x = 2 / (1 + t^2) - 1`, `sin x = t 2 / (1 + t^2)`, to 4e-16. NumPy is asked for its dispatch once; nothing is
-timed, so that one machine always gives the same bits.
+If `np.tan` of float64 is vector code and `np.sin` is not (AVX-512), cos and sin come from `t = tan(x / 2)`: `cos x = 2
+/ (1 + t^2) - 1`, `sin x = t 2 / (1 + t^2)`, to 4e-16. NumPy's dispatch is read once. Nothing is timed, so one machine
+always gives the same bits.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from pinbound.typing import Array
 __all__ = ["LinearProgram", "VectorisedProgram", "has_fast_tan"]
 
 _L2_BYTES = 1 << 20
-"""A common L2 cache; measured, half and twice as much are slower."""
+"""The size of a common L2 cache; half and twice as much were measured to be slower."""
 
 _DENSE = 12
-"""A matrix entry costs that much less than a ufunc on one term, so that sparser matrices than 1 in 12 do not pay."""
+"""An entry of a matrix costs this much less than a ufunc on one term; sparser matrices than 1 in 12 do not pay."""
 
 
 def _pick(a: Any, b: Any, x: Any, y: Any, out: Any = None) -> Any:
@@ -71,7 +71,7 @@ class VectorisedProgram:
     """Evaluates squares, or squares and gradients, of a program."""
 
     def __init__(self, program: Program, gradients: bool = False) -> None:
-        """Order the nodes, boundary by boundary, and find where each is used last."""
+        """Order the nodes, boundary by boundary, and find the last use of each."""
         self.program = program
         inner: Sequence[Sequence[int]] = program.gradients() if gradients else [()] * len(program.squares)
         self.outputs = [[square, *row] for square, row in zip(program.squares, inner, strict=True)]
@@ -148,7 +148,7 @@ class VectorisedProgram:
 
 
 class LinearProgram:
-    """Evaluates all squares by one matrix product a chunk: `X = A F`, F (features, rows), A (3 m, features)."""
+    """Evaluates all squares by one matrix product for each chunk: `X = A F`, F (features, rows), A (3 m, features)."""
 
     def __init__(self, program: Program) -> None:
         """Find the features and the matrix."""
@@ -206,7 +206,7 @@ class LinearProgram:
 
 
 def _linear_form(graph: Graph, number: int) -> dict[int, float]:
-    """Return a node as coefficients over features: nodes that are no sum and no multiple; a constant counts as one."""
+    """Return a node as coefficients over features: nodes that are not sums or multiples; constants count as one."""
     node = graph.nodes[number]
     if node.kind == "constant":
         return {graph.constant(1.0): node.value} if node.value else {}
@@ -225,7 +225,7 @@ def _linear_form(graph: Graph, number: int) -> dict[int, float]:
 
 
 class _Columns(dict[int, Any]):
-    """Contiguous columns of Q, and cos and sin of angles, made when first asked for."""
+    """Contiguous columns of Q, and cos and sin of angles, made when first needed."""
 
     def __init__(self, Q: Array) -> None:
         super().__init__()
