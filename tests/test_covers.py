@@ -429,19 +429,19 @@ def test_a_section_is_closed_over_the_body_alone() -> None:
     group, up = mesh.vertices[mesh.triangles], np.array([0.0, 0.0, 1.0])
     for turned in (group, group[:, ::-1]):  # inside out, too
         for side in cut_by_plane(turned, up, 0.04):
-            assert flat_area(side, 0.04) == pytest.approx(0.05, rel=1e-9)
+            assert flat_area(side.triangles, 0.04) == pytest.approx(0.05, rel=1e-9)
     square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     outer, inner = (prism(size * square + at, [(0, 1, 2), (0, 2, 3)]) for size, at in ((0.3, 0.0), (0.1, 0.1)))
     tube = np.concatenate((outer.vertices[outer.triangles], inner.vertices[inner.triangles][:, ::-1]))
-    assert flat_area(cut_by_plane(tube, up, 0.04)[0], 0.04) == pytest.approx(0.08, rel=1e-9)
+    assert flat_area(cut_by_plane(tube, up, 0.04)[0].triangles, 0.04) == pytest.approx(0.08, rel=1e-9)
     overlapping = np.concatenate((outer.vertices[outer.triangles], inner.vertices[inner.triangles]))
-    assert flat_area(cut_by_plane(overlapping, up, 0.04)[0], 0.04) == pytest.approx(0.09, rel=1e-9)
+    assert flat_area(cut_by_plane(overlapping, up, 0.04)[0].triangles, 0.04) == pytest.approx(0.09, rel=1e-9)
     wide = prism(2.0 * corner, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)])
     step = np.concatenate((group, wide.vertices[wide.triangles] + (0.0, 0.0, 0.1)))
     below, above = cut_by_plane(step, up, 0.1)
-    assert below[..., 0].max() == pytest.approx(0.3)
-    assert above[..., 0].max() == pytest.approx(0.6)
-    assert above[..., 2].min() == pytest.approx(0.1)
+    assert below.triangles[..., 0].max() == pytest.approx(0.3)
+    assert above.triangles[..., 0].max() == pytest.approx(0.6)
+    assert above.triangles[..., 2].min() == pytest.approx(0.1)
 
 
 def flat_area(group: Any, at: float) -> float:

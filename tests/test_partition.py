@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from pinbound.annotations import Hull
-from pinbound.coverage import mesh_covers
+from pinbound.coverage import mesh_covers, partition
 from pinbound.coverage.excess import excess_of
 from pinbound.coverage.mesh_covers import cover_meshes
 from pinbound.coverage.mesh_proof import NONE, prove, unheld
+from pinbound.coverage.near import Near
 from pinbound.coverage.partition import Partition
+from pinbound.coverage.solids import Group
 from pinbound.meshes import Mesh
 from test_covers import prism
 
@@ -130,7 +132,11 @@ def test_a_gap_that_rounding_left_asks_for_a_ball_and_no_more() -> None:
 
 def test_what_no_piece_mends_is_taken_in_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where pieces that are taken in do not help, whole triangles do."""
-    monkeypatch.setattr(mesh_covers, "unheld", lambda *asked: {row: [] for row in unheld(*asked)})
+
+    def nothing(*asked: Any) -> dict[int, list[Any]]:
+        return {row: [] for row in unheld(*asked)}
+
+    monkeypatch.setattr(mesh_covers, "unheld", nothing)
     work = Partition("m", "l", star(5), "hulls", 0.005)
     work.cut()
     small = replace(work.parts[1].mark, vertices=tuple(map(tuple, (0.9 * work.parts[1].mark.shape.vertices).tolist())))
@@ -156,3 +162,70 @@ def test_whole_triangles_are_taken_in_only_where_a_piece_is_not_held(monkeypatch
     touching = np.any(np.all(work.mesh.vertices[work.mesh.triangles] == corner, axis=2), axis=1)
     assert set(missing) <= set(np.flatnonzero(touching).tolist())
     assert 0 < len(missing) < len(open_rows)
+
+
+def test_what_closes_a_cut_is_known_to_be_no_surface() -> None:
+    """Two cuts through a box: the first lid is cut by the second plane, and its pieces stay what they are."""
+    plan = np.array([(0.0, 0.0), (0.3, 0.0), (0.3, 0.2), (0.0, 0.2)])
+    group = Partition("m", "l", prism(plan, [(0, 1, 2), (0, 2, 3)], 0.1), "hulls", 0.005).parts[0].group
+    assert group.is_surface.all()
+    left, _ = group.cut(np.array([1.0, 0.0, 0.0]), 0.1)
+    front, back = left.cut(np.array([0.0, 1.0, 0.0]), 0.05)
+    for part, lids in ((left, 0.02), (front, 0.015), (back, 0.025)):
+        closing = part.triangles[~part.is_surface]
+        assert np.all((closing[..., 0] == 0.1).all(axis=1) | (closing[..., 1] == 0.05).all(axis=1))
+        ends = closing[:, 1:] - closing[:, :1]
+        assert 0.5 * np.linalg.norm(np.cross(ends[:, 0], ends[:, 1]), axis=1).sum() == pytest.approx(lids)
+    again = front.joined(back).with_more(np.zeros((1, 3, 3)))
+    assert np.count_nonzero(~again.is_surface) == np.count_nonzero(~front.is_surface) + np.count_nonzero(
+        ~back.is_surface
+    )
+
+
+def leaves(piece: Group) -> Any:
+    """Return what cuts a piece off, and leaves the group as it is."""
+
+    def cut(group: Group, *_: Any) -> tuple[Group, Group]:
+        return group, piece
+
+    return cut
+
+
+@pytest.mark.parametrize(("at", "kept"), [((0.05, 0.05, 0.02), 3), ((0.2, 0.2, 0.02), 2)])
+def test_a_piece_without_surface_is_a_part_only_inside_the_body(
+    at: tuple[float, float, float], kept: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Lids may reach over the pocket of an angle: a piece of these alone holds nothing, and is not of the body."""
+    plan = np.array([(0.0, 0.0), (0.3, 0.0), (0.3, 0.1), (0.1, 0.1), (0.1, 0.3), (0.0, 0.3)])
+    work = Partition("m", "l", prism(plan, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)], 0.05), "hulls", 0.005)
+    work.cut()
+    whole = work.parts[0].group
+    piece = 0.01 * np.array([[(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 0, 0), (0, 1, 0), (0, 0, 1)]]) + at
+    nothing = Group(piece, np.zeros(2, np.int64), np.zeros(2, np.bool_), whole.hollows)
+    monkeypatch.setattr(partition, "best_cut", leaves(nothing))
+    work.parts = [replace(part, excess=replace(part.excess, bound=0.1)) for part in work.parts]
+    work.cut()
+    assert len(work.parts) == kept
+
+
+def test_a_cut_that_only_leaves_something_out_and_does_not_help_is_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    work = Partition("m", "l", star(5), "hulls", 0.005)
+    nothing = Group(np.ones((1, 3, 3)), np.zeros(1, np.int64), np.zeros(1, np.bool_), np.zeros((0, 4)))
+    monkeypatch.setattr(partition, "best_cut", leaves(nothing))
+    assert work.can_be_cut
+    work.cut()
+    assert len(work.parts) == 1
+    assert not work.can_be_cut
+
+
+def test_a_place_is_inside_a_closed_surface_whichever_way_it_is_turned() -> None:
+    plan = np.array([(0.0, 0.0), (0.3, 0.0), (0.3, 0.1), (0.1, 0.1), (0.1, 0.3), (0.0, 0.3)])
+    mesh = prism(plan, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)], 0.05)
+    turned = replace(mesh, triangles=mesh.triangles[:, ::-1].copy())
+    random = np.random.default_rng(1)
+    for x, y, z in random.uniform((-0.05, -0.05, -0.02), (0.35, 0.35, 0.07), size=(200, 3)).tolist():
+        inside = 0.0 < z < 0.05 and x > 0.0 and y > 0.0 and ((x < 0.3 and y < 0.1) or (x < 0.1 and y < 0.3))
+        for one in (mesh, turned):
+            assert Near(one).is_inside(np.array([x, y, z])) == inside
+    open_one = replace(mesh, triangles=mesh.triangles[4:], polygons=mesh.polygons[4:])
+    assert not Near(open_one).is_inside(np.array([0.05, 0.05, -0.01]))

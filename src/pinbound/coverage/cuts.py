@@ -7,19 +7,23 @@ proven.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pinbound.tolerances import SAME_BODY
+from pinbound.values import Value
 
-__all__ = ["cut_by_plane", "on_plane"]
+__all__ = ["NO_ROW", "Side", "cut_by_plane", "on_plane"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
+NO_ROW = -1
+"""In place of a triangle's number: it closes a cut."""
 _FLUSH = 1e-7  # of a surface's extent: corners this near to a plane are on it, because files have seven digits
 _MOST_PAIRS = 4_000_000  # pairs of a point and a side of a section that are examined; larger sections use the hull
 
@@ -30,7 +34,20 @@ def on_plane(height: Array) -> Array:
     return np.where(np.abs(height) <= least, 0.0, height)
 
 
-def cut_by_plane(group: Array, axis: Array, at: float) -> tuple[Array, Array]:
+@dataclass(frozen=True, eq=False)
+class Side(Value):
+    """What is on one side of a plane.
+
+    Attributes:
+        triangles: (n, 3, 3) [m].
+        rows: (n,), the triangle that each was cut from; `NO_ROW` for those that close the cut.
+    """
+
+    triangles: Array
+    rows: Ints
+
+
+def cut_by_plane(group: Array, axis: Array, at: float) -> tuple[Side, Side]:
     """Cut triangles (n, 3, 3) by the plane `axis . x = at`; return those below and above it, with the cut closed.
 
     Triangles in the plane belong to the side of which they are the surface.
@@ -38,8 +55,8 @@ def cut_by_plane(group: Array, axis: Array, at: float) -> tuple[Array, Array]:
     Example:
         >>> corner = np.array([[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]])
         >>> below, above = cut_by_plane(corner, np.array([1.0, 0.0, 0.0]), 1.0)
-        >>> float(below[..., 0].max()), float(above[..., 0].min()), len(above)
-        (1.0, 1.0, 1)
+        >>> float(below.triangles[..., 0].max()), float(above.triangles[..., 0].min()), above.rows.tolist()
+        (1.0, 1.0, [0])
     """
     height = on_plane(group @ axis - at)
     below, above = np.all(height <= 0.0, axis=1), np.all(height >= 0.0, axis=1)
@@ -64,13 +81,14 @@ def cut_by_plane(group: Array, axis: Array, at: float) -> tuple[Array, Array]:
     up = np.zeros(len(group), dtype=np.bool_)
     up[lying] = normals @ axis > 0.0
     own = below & (~lying | up), above & (~lying | ~up)
-    lids = (
-        _lids(np.concatenate((sides, _edges(group, height, flags & ~lying, axis))), axis) for flags in (below, above)
-    )
-    return (
-        np.concatenate((group[own[0]], tips[low], rest[~both], next(lids))),
-        np.concatenate((group[own[1]], tips[~low], rest[both], next(lids))),
-    )
+    cut = np.flatnonzero(across)
+    found: list[Side] = []
+    for flags, whole, tip, other in ((below, own[0], low, ~both), (above, own[1], ~low, both)):
+        lid = _lids(np.concatenate((sides, _edges(group, height, flags & ~lying, axis))), axis)
+        triangles = np.concatenate((group[whole], tips[tip], rest[other], lid))
+        source = np.flatnonzero(whole), cut[tip], np.tile(cut, 2)[other], np.full(len(lid), NO_ROW)
+        found.append(Side(triangles, np.concatenate(source)))
+    return found[0], found[1]
 
 
 def _crossing(a: Array, b: Array, p: Array, q: Array) -> Array:

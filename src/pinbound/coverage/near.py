@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -78,6 +79,15 @@ class Near:
         away = self.exactly(points[chosen], rough[chosen], which[chosen])[0]
         best = int(np.argmax(away))
         return int(chosen[best]), float(away[best])
+
+    def is_inside(self, place: Array) -> bool:
+        """Return whether the surface is closed around a place (3,): its solid angle there is about a whole sphere."""
+        a, b, c = (self.triangles.corners[:, corner] - place for corner in range(3))
+        p, q, r = (np.linalg.norm(one, axis=1) for one in (a, b, c))
+        dots = [np.einsum("ni,ni->n", *pair) for pair in ((a, b), (b, c), (c, a))]
+        volume = np.einsum("ni,ni->n", a, np.cross(b, c))
+        angle = 2.0 * np.arctan2(volume, p * q * r + dots[0] * r + dots[1] * p + dots[2] * q)
+        return abs(float(angle.sum())) > 2.0 * math.pi
 
     def nearest(self, points: Array) -> Array:
         """Return points (N, 3) of the mesh that are about the nearest to other points (N, 3)."""

@@ -149,7 +149,10 @@ class Partition:
         if sides is None:
             self.stuck = True
             return
-        self._change([worst], [self._part(side) for side in sides])
+        kept = [side for side in sides if side.has_surface or self.near.is_inside(side.triangles.mean(axis=(0, 1)))]
+        before = self.bound
+        self._change([worst], [self._part(side) for side in kept])
+        self.stuck = len(kept) < len(sides) and self.bound >= before
 
     def _change(self, old: Sequence[Part], new: Sequence[Part]) -> None:
         """Replace parts by others, and estimate the excess of the new parts and their neighbours."""

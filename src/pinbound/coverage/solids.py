@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pinbound.coverage.cuts import cut_by_plane
+from pinbound.coverage.cuts import NO_ROW, cut_by_plane
 from pinbound.meshes import Mesh, pieces
 from pinbound.values import Value
 
@@ -37,12 +37,19 @@ class Group(Value):
     Attributes:
         triangles: (n, 3, 3) [m].
         solids: (n,), the number of the closed surface that each belongs to.
+        is_surface: (n,), whether each is a triangle of the mesh, or a piece of one; the others close cuts.
         hollows: (k, 4), points on edges at which the surface is concave [m], and the weight of each.
     """
 
     triangles: Array
     solids: Ints
+    is_surface: Flags
     hollows: Array
+
+    @property
+    def has_surface(self) -> bool:
+        """Whether any of it is of the mesh: a part of what closes cuts alone would hold nothing."""
+        return bool(np.any(self.is_surface))
 
     def __len__(self) -> int:
         """Return the number of triangles."""
@@ -50,35 +57,47 @@ class Group(Value):
 
     def of_solids(self, chosen: Flags) -> tuple[Group, Group]:
         """Return two groups: the chosen triangles, and the others; both keep the concave edges."""
-        return (
-            Group(self.triangles[chosen], self.solids[chosen], self.hollows),
-            Group(self.triangles[~chosen], self.solids[~chosen], self.hollows),
+        one, other = (
+            Group(self.triangles[rows], self.solids[rows], self.is_surface[rows], self.hollows)
+            for rows in (chosen, ~chosen)
         )
+        return one, other
 
     def joined(self, other: Group) -> Group:
         """Return this share and another of the same mesh as one."""
         return Group(
             np.concatenate((self.triangles, other.triangles)),
             np.concatenate((self.solids, other.solids)),
+            np.concatenate((self.is_surface, other.is_surface)),
             np.unique(np.concatenate((self.hollows, other.hollows)), axis=0),
         )
 
     def with_more(self, triangles: Array) -> Group:
         """Return it with more triangles (n, 3, 3); they count as part of the closed surface of its first triangle."""
         owner = np.repeat(self.solids[:1], len(triangles))
-        return Group(np.concatenate((self.triangles, triangles)), np.concatenate((self.solids, owner)), self.hollows)
+        return Group(
+            np.concatenate((self.triangles, triangles)),
+            np.concatenate((self.solids, owner)),
+            np.concatenate((self.is_surface, np.ones(len(triangles), dtype=np.bool_))),
+            self.hollows,
+        )
 
     def cut(self, axis: Array, at: float) -> tuple[Group, Group]:
         """Return the parts below and above the plane `axis . x = at`; closed surfaces are cut and closed one by one."""
         numbers: list[int] = np.unique(self.solids).tolist()
-        cuts = [cut_by_plane(self.triangles[self.solids == number], axis, at) for number in numbers]
+        flags = [self.solids == number for number in numbers]
+        cuts = [cut_by_plane(self.triangles[rows], axis, at) for rows in flags]
         height = self.hollows[:, :3] @ axis - at
         flush = _FLUSH * float(np.ptp(self.triangles.reshape(-1, 3), axis=0).max())
         found: list[Group] = []
         for side, sign in enumerate((-1.0, 1.0)):
-            owner = np.repeat(numbers, [len(cut[side]) for cut in cuts]).astype(np.int64)
-            hollows = self.hollows[sign * height > flush]
-            found.append(Group(np.concatenate([cut[side] for cut in cuts]), owner, hollows))
+            owner = np.repeat(numbers, [len(cut[side].rows) for cut in cuts]).astype(np.int64)
+            surface = [
+                (cut[side].rows != NO_ROW) & self.is_surface[rows][cut[side].rows]
+                for rows, cut in zip(flags, cuts, strict=True)
+            ]
+            triangles = np.concatenate([cut[side].triangles for cut in cuts])
+            found.append(Group(triangles, owner, np.concatenate(surface), self.hollows[sign * height > flush]))
         return found[0], found[1]
 
     def planes(self) -> list[tuple[Array, float]]:
@@ -154,7 +173,8 @@ def group_of(mesh: Mesh) -> Group:
         lost = np.unique(labels[solids < 0])
         if len(lost):
             solids[solids < 0] = _nearest(corners, solids, labels, len(volume))[labels[solids < 0]]
-    return Group(corners, solids, _hollows(corners, partner, matched & ~twice & ~broken[owner]))
+    surface = np.ones(len(corners), dtype=np.bool_)
+    return Group(corners, solids, surface, _hollows(corners, partner, matched & ~twice & ~broken[owner]))
 
 
 def _nearest(corners: Array, solids: Ints, labels: Ints, count: int) -> Ints:
