@@ -1,1 +1,1 @@
-"""Machine code: Python functions into LLVM, and the cache of object code. Knows no robot."""
+"""Machine code: translation of Python functions to LLVM, and the cache of object code. It knows no robot."""

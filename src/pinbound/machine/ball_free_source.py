@@ -1,4 +1,4 @@
-"""The texts of `free` over many spheres: what `ball_source` puts together where lanes are in float32."""
+"""The source texts of `free` for many spheres, which `ball_source` combines, with lanes in float32."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ __all__ = [
 ]
 
 TILE: Final = 4096
-"""Rows that `free` sorts at a time: their coordinates fit L2."""
+"""Rows that `free` sorts at a time, so that their coordinates fit L2."""
 
 UNSORTED: Final = 256
-"""Rows up to which sorting costs more than it saves."""
+"""Largest number of rows for which sorting costs more than it saves."""
 
 TURNED_BY = """\
 m = theta * 0.15915494309189535 + 6755399441055744.0
 t[turned_by + L * j] = single(theta - (m - 6755399441055744.0) * 6.283185307179586)
 """
-"""An angle within a turn, which windows look at."""
+"""An angle reduced to one turn, for the lookup in windows."""
 
 SINGLE_SINCOS = """\
 m = theta * 0.6366197723675814 + 6755399441055744.0
@@ -57,7 +57,7 @@ for j in range(n):
     if not bounded:
         far_off = pick(column_ * column_ <= w[most + j], far_off, every(1.0))
 """
-"""A row that is not finite is in no limits; limits below the largest |q_j| leave no row that is far off."""
+"""A row that is not finite is within no limits. Limits below the largest |q_j| exclude rows with large coordinates."""
 
 GROUPS_FREE = """\
 stamp += 1
@@ -105,7 +105,7 @@ for g in range(listed):
     if not any(dead < 1.0):
         break
 """
-"""What is near is listed first: a list is filled without a branch, which the processor could not foresee."""
+"""First a list of the near pairs is made: it is filled without branches, which the processor could not predict."""
 
 FREE = {
     "pair": "d = wide(V, b + 3 * L) - V[squares + e] + ax * wide(V, b) + ay * wide(V, b + L) + az * wide(V, b + 2 * L)",

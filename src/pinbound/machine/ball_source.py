@@ -1,8 +1,8 @@
-"""The texts of many spheres on few links, for lanes of configurations: one for all robots, which reads tables.
+"""The source texts for many spheres on few links, for lanes of configurations: one for all robots, which reads tables.
 
-All that a set is stands in one array, which `kernel/balls.py` writes: numbers, and integers of 32 bits. So the code is
-compiled once a machine, in a second, and its length does not grow with the pairs. A block is as many configurations as
-there are lanes. `docs/kernel.md` derives what is done, and the bound of what float32 may get wrong.
+All data of a set are in one array, which `kernel/balls.py` writes: numbers, and integers of 32 bits. So the code is
+compiled once on a machine, in a second, and its length does not grow with the number of pairs. A block has as many
+configurations as there are lanes. `docs/kernel.md` derives the method, and the error bounds of float32.
 """
 
 from __future__ import annotations
@@ -37,24 +37,24 @@ HEAD: Final = (
     "turned", "walks", "slopes", "first", "second", "first_bins", "second_bins", "keys", "order", "rows_of",
     "chosen_bin", "counts", "near_groups", "near_clusters", "bounded", "turned_by", "windows",
 )  # fmt: skip
-"""Integers at the head, in this order; places are counted in numbers of their kind."""
+"""Integers at the head, in this order; positions are counted in numbers of their kind."""
 
 NODE: Final = 7
 """Integers of a node: the one above, its angle or -1, the column that stays or -1, the next, the one after, slides."""
 
 GROUP: Final = 7
-"""Integers of a group: middles of two bodies, pairs of clusters from and to, the sets of both bodies' clusters, window.
+"""Integers of a group: middles of two bodies, first and last pair of clusters, sets of both bodies' clusters, window.
 
-A window (`WINDOW`) tells in which cells of one or two angles each pair of clusters may meet; 0: it has none."""
+A window (`WINDOW`) says in which cells of one or two angles each pair of clusters may meet; 0: there is none."""
 
 WINDOW: Final = 6
-"""Integers of a window: two angles, cells of each, where the bytes of all cells stand; and where middle, half, cells
-a radian and last cell of each do.
+"""Integers of a window: two angles, their numbers of cells, position of the bytes of all cells, and positions of the
+middle, half-width, cells per radian and last cell of each angle.
 
-Bit i of a byte is that of the pairs of clusters i, i + 8, ... of the group."""
+Bit i of a byte stands for the pairs of clusters i, i + 8, ... of the group."""
 
 CLUSTERS: Final = 6
-"""Integers of a pair of clusters: two middles, rows from and to, the sets of both clusters' balls."""
+"""Integers of a pair of clusters: two middles, first and last row, the sets of both clusters' balls."""
 
 _PLACE = """\
 {columns}
@@ -103,7 +103,7 @@ for i in range(1, node_count):
         V[into + L] = ax * (xy - sz) + ay * yy + az * (yz + sx)
         V[into + 2 * L] = ax * (zx + sy) + ay * (yz - sx) + az * zz
 """
-"""Columns of q, sines of each angle once, and rotation and place of each node."""
+"""Columns of q, sines of each angle once, and rotation and position of each node."""
 
 _COLUMNS = """\
 good = every(True)
@@ -134,7 +134,7 @@ for i in range(k[sets + 3 * chosen + 1], k[sets + 3 * chosen + 2]):
     V[to + 2 * L] = pz
     V[to + 3 * L] = px * px + py * py + pz * pz
 """
-"""The points of one set, which are fixed to one node, and the squares of their lengths."""
+"""The points of one set, which are fixed to one node, and their squared lengths."""
 
 _ENSURE = """\
 for side in range(2):
@@ -143,7 +143,7 @@ for side in range(2):
         k[stamps + chosen] = stamp
         {spots}
 """
-"""Both sets of a pair, where they are not placed yet in this block."""
+"""Both sets of a pair, if they are not placed yet in this block."""
 
 _SQUARE = """\
 dx, dy, dz = wide(V, a) - wide(V, b), wide(V, a + L) - wide(V, b + L), wide(V, a + 2 * L) - wide(V, b + 2 * L)
@@ -180,13 +180,13 @@ for r in range(k[at + 2], k[at + 3]):
         b += 4 * L
     {row}
 """
-"""A row is a ball and others in turn; with `|a - b|^2 = |a|^2 + (|b|^2 - 2 a . b)` a pair costs three products."""
+"""A row has one ball and several others; with `|a - b|^2 = |a|^2 + (|b|^2 - 2 a . b)` a pair costs three products."""
 
 _CANDIDATE = """\
 s = top + V[squares + e]
 d = wide(V, b + 3 * L) - s * s + ax * wide(V, b) + ay * wide(V, b + L) + az * wide(V, b + 2 * L)
 """
-"""Below minus `|a|^2`, or above it by what float32 may get wrong, the pair may be nearer than all before."""
+"""If it is below `-|a|^2` plus the error of float32, the pair may be nearer than all pairs before."""
 
 _EXACT = """\
 if any(line + wide(V, a + 3 * L) < V[slack]):
@@ -210,7 +210,7 @@ if any(line + wide(V, a + 3 * L) < V[slack]):
             top = single(best)
         b += 4 * L
 """
-"""A row that may be nearer: those of its pairs that may be, once more in float64."""
+"""In a row that may be nearer, the pairs that may be are computed again in float64."""
 
 _LEAST = {
     "skip_group": "s = top + V[far + g]\nif not any(d <= s * s):\n    continue",
@@ -313,7 +313,8 @@ for p in range(pair_count):
 if any(not good):
     irregular += 1
 """
-"""`d|r| / dq_j = u . (W a x (x - P)) c_j` of each rotation above one ball and not above the other, and slides."""
+"""`d|r| / dq_j = u . (W a x (x - P)) c_j` for each rotation above only one of the balls, and prismatic
+displacements."""
 
 
 def _filled(text: str, **parts: tuple[int, str]) -> str:
@@ -323,13 +324,13 @@ def _filled(text: str, **parts: tuple[int, str]) -> str:
 
 @cache
 def ball_source(mode: str, lanes: int) -> KernelSource:
-    """Return the source; it has the prototype of all kernels, its tables in place of scratch.
+    """Return the source; it has the prototype of all kernels, with its tables in place of scratch.
 
     Args:
-        mode: ``"free"``: in float32 which rows are free (1), are not (0), or may be (2), to the bytes of `index`.
+        mode: ``"free"``: in float32, which rows are free (1), are not (0), or may be (2), as bytes of `index`.
             ``"least"``: the smallest clearance and its pair; ``"all"``: every clearance; ``"slopes"``: each gradient.
-            These in float64.
-        lanes: Configurations side by side.
+            These three in float64.
+        lanes: Number of configurations in one block.
     """
     is_free = mode == "free"
     sincos = _apart(SINGLE_SINCOS if is_free else SINCOS.format(x="theta"))
@@ -366,13 +367,13 @@ def ball_source(mode: str, lanes: int) -> KernelSource:
 
 
 def _viewed(text: str, is_single: bool) -> str:
-    """Return a text whose numbers are float32, or float64."""
+    """Return a text with numbers of float32, or float64."""
     view, fill, turned = ("t", "single(", "single(") if is_single else ("w", "every(", "(")
     return text.replace("V[", f"{view}[").replace("(V,", f"({view},").replace("fill(", fill).replace("turned(", turned)
 
 
 def _apart(text: str) -> str:
-    """Return a text whose names, but for its results, are no others': they end with an underscore."""
+    """Return a text whose names, except those of its results, are used by no other: they end with an underscore."""
     stored = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Name)]
     names = {node.id for node in stored if isinstance(node.ctx, ast.Store)} - {
         "sine",

@@ -1,12 +1,13 @@
-"""The text of the search of boxes for contact, for LLVM: one for all robots, which reads the tables of groups.
+"""The source text of the search of boxes for contact, for LLVM: one for all robots, which reads the tables of groups.
 
-Each entry of the queue is a box and some of 64 pairs of a group, as two numbers of 32 bits. It is bounded at its centre
-with half-widths h: with `x_i = sum_(l >= i) M_l b_l`, what lies beyond rotation i, and n the direction of r there,
+Each entry of the queue is a box and some of the 64 pairs of a group, given as two numbers of 32 bits. It is bounded at
+its centre with half-widths h. Let `x_i = sum_(l >= i) M_l b_l` be the part beyond rotation i, and n the direction of r
+there. Then
 
     n . dr/dphi_i = (n x U_i) . x_i,      |r| >= |r| - sum_j h_j |sum_i c_ij (n x U_i) . x_i| - K(h) / 2.
 
-Boxes are taken in the order in which they were made, while the queue has room, else the last one first, so that contact
-is found where it is, and not only where the first deep corner is. `docs/certificates.md`.
+Boxes are taken in the order in which they were made, as long as the queue has space; otherwise the last one is taken
+first. So the search also finds contact outside the first deep corner. `docs/certificates.md`.
 """
 
 from __future__ import annotations
@@ -21,23 +22,23 @@ from pinbound.tolerances import INFLATION
 __all__ = ["BOX_HEAD", "ENTRY", "NARROWEST", "box_source"]
 
 BOX_HEAD: Final = 6
-"""At the head of a question: budget, entries that the queue holds at most, that it holds, places, most rotations."""
+"""At the head of a question: budget, size of the queue, number of entries, positions, largest number of rotations."""
 
 ENTRY: Final = 4
-"""Of an entry, beside the start and width of its box: group, tile, pairs as two numbers."""
+"""Data of an entry before the start and width of its box: group, tile, pairs as two numbers."""
 
 NARROWEST: Final = 2.0**-40
-"""Share of the whole box, in every coordinate, of what is not halved any more."""
+"""Share of the whole box, in every coordinate, below which a box is not halved."""
 
 _FEW: Final = 4
-"""Pairs that are looked at without their group's middle."""
+"""Largest number of pairs that are examined without their group's middle."""
 
 _LANES: Final = 8
 
 
 @cache
 def box_source() -> KernelSource:
-    """Return the source; it has the prototype of all kernels, its tables in place of scratch."""
+    """Return the source; it has the prototype of all kernels, with its tables in place of scratch."""
     text = put_part(put_part(_BOXES, "WALK", _WALK), "CORNER", _CORNER)
     for name, value in (
         ("INFLATION", INFLATION),
@@ -76,7 +77,7 @@ for i in range(k):
     rotation += 4
 wide = total
 """
-"""M and U of each rotation of a group at the centre, how far it turns to either side, and the rounding bound."""
+"""M and U of each rotation of a group at the centre, the largest change of its angle, and the rounding bound."""
 
 _CORNER = """
 boxes += 1
@@ -122,7 +123,7 @@ low = norm - moved * $INFLATION - error * wide
 low = low if low > 0.0 else 0.0
 low, value = low - w[f] - error, norm - w[f]
 """
-"""The value of one pair at the centre of the box, and the lower bound over it, where `base` is."""
+"""The value of the pair at `base`, at the centre of the box, and the lower bound over the box."""
 
 _BOXES = """
 n, group_count, groups = np.int64(w[0]), np.int64(w[1]), np.int64(w[2])
@@ -208,4 +209,4 @@ out[summary], out[summary + 1], out[summary + 2], out[summary + 3] = lowest, upp
 out[summary + 4], out[summary + 5] = head, filled
 return boxes
 """
-"""The queue, emptied: boxes bounded, those that are neither clear nor in contact halved."""
+"""The loop over the queue until it is empty: boxes are bounded, and halved if they are neither clear nor in contact."""

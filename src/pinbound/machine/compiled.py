@@ -1,10 +1,10 @@
-"""Machine code of a program: Numba compiles its source once, later processes link what the cache folder kept.
+"""Machine code of a program: Numba compiles its source once, and later processes link the code from the cache folder.
 
-Kept is object code without a symbol of Python's or Numba's: pointers and strides go in, and sines of far angles come
-from the process's own libm. So llvmlite alone loads it, in a few milliseconds, where `import numba` takes tenths of
-a second; and code just compiled takes the same way into memory as code from the cache.
-The key is a hash of all that machine code depends on: the source, the modules that write instructions, the versions of
-pinbound, llvmlite and (where it compiles) Numba, and the processor.
+The cache has object code without a symbol of Python or Numba. It takes pointers and strides, and uses the process's own
+libm for sines of large angles. So llvmlite alone loads it, in a few milliseconds; `import numba` takes tenths of a
+second. Code that was just compiled is loaded in the same way as code from the cache. The key is a hash of everything
+that machine code depends on: the source, the modules that write instructions, the versions of pinbound, llvmlite and
+(where it compiles) Numba, and the processor.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ __all__ = ["MachineCode", "compile_source", "has_numba", "is_kept", "vector_byte
 _SYMBOL = "pinbound_kernel"
 
 _SETTINGS = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_ENABLE_AVX")
-"""What in the environment makes Numba compile for another processor than this one."""
+"""Environment variables that make Numba compile for another processor than this one."""
 
 _WRITERS = ("lowering", "functions", "statements", "lanes")
 """Modules that write LLVM's instructions."""
 
 _IMPORTED = ("pinbound", "llvmlite")
-"""Packages that say their versions themselves; Numba's, which text for lanes does without, takes 10 ms to ask for."""
+"""Packages that provide their versions; text for lanes does not depend on Numba's, which takes 10 ms to read."""
 
 _CACHE_LINE = 64
-"""Bytes; vector loads of scratch do not straddle two."""
+"""Bytes; so no vector load of scratch crosses a boundary of cache lines."""
 
 _PROTOTYPE = ctypes.CFUNCTYPE(
     ctypes.c_int64,
@@ -54,24 +54,24 @@ _PROTOTYPE = ctypes.CFUNCTYPE(
     ctypes.c_void_p,
     ctypes.c_int64,
 )
-"""As `kernel_source` says; ctypes gives the interpreter's lock away during the call."""
+"""The arguments of `kernel_source`; ctypes releases the interpreter's lock during the call."""
 
 
 @dataclass(frozen=True)
 class KernelSource:
-    """The source of a kernel in Python, for Numba, and what its caller has to bring."""
+    """The source of a kernel in Python, for Numba, and the memory that its caller must provide."""
 
     text: str
     scratch: int
     """Bytes."""
     lanes: int = 0
-    """Of text for lanes (`lanes`), how many; 0: the text is for Numba."""
+    """For text for lanes (`lanes`), their number; 0: the text is for Numba."""
     unrolled: bool = True
-    """Of text for lanes, whether LLVM unrolls and vectorises its loops: that doubles the time to compile."""
+    """For text for lanes, whether LLVM unrolls and vectorises its loops: this doubles the time to compile."""
 
     @property
     def lines(self) -> str:
-        """What the machine code depends on."""
+        """The text that the machine code depends on."""
         return f"{self.lanes} {self.unrolled}\n{self.text}" if self.lanes else self.text
 
 
@@ -83,7 +83,7 @@ class MachineCode:
     scratch: int
     """Bytes."""
     owner: Any
-    """Keeps the memory of the code alive."""
+    """Keeps the memory of the code from being freed."""
 
     def __call__(self, Q: AnyArray, out: AnyArray, index: AnyArray) -> int:
         """Fill rows and return how many numbers were not finite.
@@ -91,7 +91,7 @@ class MachineCode:
         Args:
             Q: (N, n), C-contiguous, of the kernel's type.
             out: (N, columns) of the kernel's type, in any layout.
-            index: (N,) int64, contiguous; (0,) in a mode that writes none.
+            index: (N,) int64, contiguous; (0,) in a mode that does not write it.
         """
         if not out.flags.aligned or any(step % out.itemsize for step in out.strides):
             whole = np.empty(out.shape, out.dtype)
@@ -111,7 +111,7 @@ def has_numba() -> bool:
 
 
 def compile_source(source: KernelSource) -> MachineCode:
-    """Return the machine code of a source, from the cache where it is there."""
+    """Return the machine code of a source, from the cache if it is there."""
     key = _key(source)
     with _lock:
         if key not in _linked:
@@ -122,13 +122,13 @@ def compile_source(source: KernelSource) -> MachineCode:
 
 @cache
 def vector_bytes() -> int:
-    """Return how long this processor's vectors are: 64 with AVX-512, 32 with AVX2, else 16."""
+    """Return the length of this processor's vectors in bytes: 64 with AVX-512, 32 with AVX2, else 16."""
     settings = [os.environ.get("NUMBA_CPU_FEATURES") or _features()]
     return 64 if "+avx512f" in settings[0] else 32 if "+avx2" in settings[0] else 16
 
 
 def is_kept(source: KernelSource) -> bool:
-    """Return whether the machine code of a source is there already, in this process or in the cache."""
+    """Return whether the machine code of a source exists already, in this process or in the cache."""
     key = _key(source)
     return key in _linked or load_object(key) is not None
 
@@ -142,7 +142,7 @@ def _from_cache(key: str) -> tuple[Callable[..., int], Any] | None:
     code = load_object(key)
     try:
         return None if code is None else _link(code)
-    except RuntimeError:  # a symbol that this process does not have
+    except RuntimeError:  # this process does not have a symbol
         return None
 
 
@@ -170,14 +170,14 @@ def _version(name: str) -> str:
 
     try:
         return metadata.version(name)
-    except metadata.PackageNotFoundError:  # run from its sources
+    except metadata.PackageNotFoundError:  # it runs from its sources
         return ""
 
 
 def _features() -> str:
     try:
         return _llvm().get_host_cpu_features().flatten()
-    except RuntimeError:  # llvmlite cannot tell on this processor
+    except RuntimeError:  # llvmlite does not know the features of this processor
         return ""
 
 
@@ -185,7 +185,7 @@ def _compile(text: str) -> bytes:
     """Return the object code of a source."""
     registry: Any = importlib.import_module("numba.core.registry")
     namespace: dict[str, Any] = {"__name__": _SYMBOL}
-    exec(compile(text, f"<{_SYMBOL}>", "exec"), namespace)  # our own text, from numbers alone
+    exec(compile(text, f"<{_SYMBOL}>", "exec"), namespace)  # our own text, made only from numbers
     callback = namespace["kernel"]
     llvm = _llvm()
     module = llvm.parse_assembly(callback.inspect_llvm().replace(callback.native_name, _SYMBOL))
@@ -220,10 +220,10 @@ def _assemble(source: KernelSource) -> bytes:
 
 
 def _link(code: bytes) -> tuple[Callable[..., int], Any]:
-    """Put object code into memory.
+    """Load object code into memory.
 
     Raises:
-        RuntimeError: If it needs a symbol that is not there.
+        RuntimeError: If it needs a symbol that does not exist.
     """
     builder = _llvm().JITLibraryBuilder().add_object_img(code).add_current_process().export_symbol(_SYMBOL)
     library = builder.link(_linker(), f"{_SYMBOL}_{next(_numbers)}")

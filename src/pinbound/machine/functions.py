@@ -1,6 +1,6 @@
-"""A function of loops and branches straight to LLVM: what Numba would need ten seconds of Python for.
+"""Direct translation of a function with loops and branches to LLVM; Numba would need ten seconds of Python for it.
 
-`statements` says which part of Python the text may hold.
+`statements` says which part of Python the text may use.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The step of the search for hulls that makes the gradient of a distance (`hull_source` puts all steps together)."""
+"""The step of the search for hulls that computes the gradient of a distance; `hull_source` combines all steps."""
 
 from __future__ import annotations
 
@@ -50,4 +50,4 @@ for i in range(turns + 1):
         for j in range(np.int64(s[turn])):
             out[to + np.int64(s[terms + 2 * j]) * column] += s[terms + 2 * j + 1] * slope
 """
-"""The gradient of a distance, its nearest points held fixed on their bodies."""
+"""The gradient of a distance, with its nearest points held fixed on their bodies."""

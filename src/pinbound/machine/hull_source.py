@@ -1,9 +1,9 @@
-"""The text of the search for nearest points of convex hulls, for Numba: one for all robots, which reads tables.
+"""The source text of the search for nearest points of convex hulls: one for all robots, which reads tables.
 
-All that a set of boundaries is stands in one array of numbers, `s`: a head, tables, and room to work in. `hulls` writes
-it. So machine code is compiled once a machine and not once a robot, and its length does not grow with the pairs. It is
-one function, put together from the steps below, which `functions` turns into LLVM: Numba itself would need ten seconds
-of Python for it. `docs/kernel.md` derives what is done.
+All data of a set of boundaries are in one array of numbers, `s`: a head, tables, and working memory. `hulls` writes it.
+So machine code is compiled once on a machine and not once for each robot, and its length does not grow with the number
+of pairs. It is one function, combined from the steps below, which `functions` translates to LLVM: Numba itself would
+need ten seconds of Python for it. `docs/kernel.md` derives the method.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from pinbound.machine.hull_slopes import SLOPES
 __all__ = ["DIRECTION", "FEATURES", "HEAD", "INSIDE", "NODE", "PAIR", "SLIDE", "STATE", "WORK", "hull_source"]
 
 HEAD: Final = 24
-"""Numbers at the head: n, mode, angles and where, nodes and where, pairs and where, places of room, constants."""
+"""Numbers at the head: n, mode, then number and position of angles, nodes and pairs, positions in memory, constants."""
 
 NODE: Final = 8
-"""Of a node: the one above, the step to it, its axis, its angle."""
+"""Data of a node: the one above, the step to it, its axis, its angle."""
 
 STATE: Final = 15
-"""Of a node's state: its rotation W, its place P, its axis as it is turned."""
+"""Data of a node's state: its rotation W, its position P, its rotated axis."""
 
 PAIR: Final = 56
-"""Of a pair: its last node, b_0, b_k, two times a node and edge vectors, vertices, threshold, reach, slides, path."""
+"""Data of a pair: last node, b_0, b_k, twice a node and edge vectors, vertices, threshold, reach, slides, path."""
 
 SLIDE: Final = 6
-"""Of a slide: its block, its node, its coordinate, its direction."""
+"""Data of a prismatic displacement: its block, its node, its coordinate, its direction."""
 
 WORK: Final = 46
-"""Of a search: four corners, their shares twice, their vertices, edge vectors of a and b."""
+"""Data of a search: four corners, their shares twice, their vertices, edge vectors of a and b."""
 
 
 @cache
 def hull_source() -> KernelSource:
-    """Return the source; it has the prototype of all kernels, its tables in place of scratch."""
+    """Return the source; it has the prototype of all kernels, with its tables in place of scratch."""
     steps = {name: indent(text, "    " * depth).strip() for name, (depth, text) in _STEPS.items()}
     text = _FRAME.format(**steps, node=NODE, state=STATE, pair=PAIR, slide=SLIDE)
     return KernelSource(_KERNEL.format(text=text), 0)
@@ -101,7 +101,7 @@ for k in range(pair_count):
         low = 0.0
     s[middles + 4 * k + 3] = low - s[p + 31]
 """
-"""Of each pair the vector between the middles of its bodies, and what their bounding balls leave of the clearance."""
+"""For each pair, the vector between the middles of its bodies, and the clearance of their bounding balls."""
 
 _CHOOSE = """\
 low, k = math.inf, -1
@@ -119,7 +119,8 @@ else:
     if k == pair_count:
         break
 """
-"""The next pair: all in turn, or the one whose bounding balls leave least, until that is more than the least found."""
+"""The next pair: in sequence, or the one with the least clearance of bounding balls, until this exceeds the least
+found."""
 
 _EDGES = """\
 for side in range(2):
@@ -131,7 +132,7 @@ for side in range(2):
         s[to + 3 + j] = s[turn + 3] * x + s[turn + 4] * y + s[turn + 5] * z
         s[to + 6 + j] = s[turn + 6] * x + s[turn + 7] * y + s[turn + 8] * z
 """
-"""The edge vectors of both bodies, as columns of two matrices: a rotation times a constant."""
+"""The edge vectors of both bodies, as columns of two matrices: each is a rotation times a constant matrix."""
 
 _SUPPORT = """\
 a = furthest(
@@ -187,7 +188,7 @@ for i in range(4):
         break
     total = volume
 """
-"""Whether four corners hold the origin, and are no sliver that rounding alone spans: four volumes of one sign."""
+"""Whether four corners contain the origin, and are not a sliver of rounding: all four volumes have the same sign."""
 
 FEATURES = """\
 for a in range(4):
@@ -246,7 +247,7 @@ for a in range(4):
                 s[tried], s[tried + 1], s[tried + 2], s[tried + 3] = 0.0, 0.0, 0.0, 0.0
                 s[tried + a], s[tried + b], s[tried + c] = 1.0 - fb - fc, fb, fc
 """
-"""The point nearest to the origin of the vertices, edges and faces of `used` corners that hold one of `must`."""
+"""The point nearest to the origin on the vertices, edges and faces of `used` corners that include one of `must`."""
 
 DIRECTION = """\
 square, count, full, used = best, 0, used, 0
@@ -287,7 +288,7 @@ if count == 2 or count == 3:
     elif along < 0.0:
         ux, uy, uz = -nx, -ny, -nz
 """
-"""v, and the direction u to look against: v, across the edge or face that it ends on, which is known better than v."""
+"""v, and the next direction u: v itself, or the normal of its edge or face, which is more accurate than v."""
 
 _STEPS: Final = {
     "place": (1, _PLACE),

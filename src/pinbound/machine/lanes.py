@@ -1,6 +1,6 @@
-"""Text for lanes: what `statements` may hold, and vectors of as many numbers as there are lanes, one a configuration.
+"""Text for lanes: the language of `statements`, and vectors with one number for each lane (configuration).
 
-It needs llvmlite alone.
+It needs only llvmlite.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ _BYTES = {"double": 8, "float": 4, "i64": 8, "i32": 4}
 def lanes_module(text: str, lanes: int, symbol: str) -> str:
     """Return an LLVM module with one function of a text for lanes, with the prototype of all kernels.
 
-    Beside what `statements` may hold: the pointer `w` to scratch of float64 is also seen as `t`, of float32, and `k`,
-    of 32-bit integers, each counted in its own numbers. A vector is `wide(s, at)`, `gather(Q, at, step)`, `every(x)`
-    or `single(v)`, in float32, and what is made of one and of scalars; `s[at] = v` stores all of it. `any(mask)`,
-    `pick(mask, a, b)`, `sqrt(v)`, `bits(v)`, `real(i)`, `ones(mask)` count, choose, or look at its bits.
+    In addition to `statements`: the pointer `w` to scratch of float64 is also available as `t`, of float32, and as `k`,
+    of 32-bit integers, each counted in its own numbers. A vector is `wide(s, at)`, `gather(Q, at, step)`, `every(x)` or
+    `single(v)`, in float32, or an expression of vectors and scalars; `s[at] = v` stores all of it. `any(mask)`,
+    `pick(mask, a, b)`, `sqrt(v)`, `bits(v)`, `real(i)`, `ones(mask)` count, choose, or read its bits.
 
-    `k[at]` and the next ones hold where lanes stand, counted from `first`: `collect(Q, first, at)` is a vector of the
-    numbers there, `fetch` brings them near, and `flag(index, first, at, a, b)` writes the byte `a + 2 b` of each to
-    `index`, as bytes. `floor(v)` are integers of 32 bits of numbers that are not negative, and `union(at, v)` is the
-    union of the bits of the bytes of `w` there.
+    `k[at]` and the next entries hold the rows of the lanes, counted from `first`. `collect(Q, first, at)` is a vector
+    of the numbers of these rows, `fetch` prefetches them, and `flag(index, first, at, a, b)` writes the byte `a + 2 b`
+    for each row to `index`, as bytes. `floor(v)` are 32-bit integers of nonnegative numbers, and `union(at, v)` is the
+    union of the bits of the bytes of `w` at v.
 
     Args:
-        text: Ends with a return.
-        lanes: How many.
+        text: The text; it ends with a return.
+        lanes: Number of lanes.
         symbol: The function's name.
     """
     module = _ir.Module()

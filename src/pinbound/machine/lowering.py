@@ -1,9 +1,8 @@
-"""Loop bodies straight to LLVM: what Numba would need seconds to type and lower takes milliseconds here.
+"""Direct translation of loop bodies to LLVM, in milliseconds; Numba would need seconds to type and lower them.
 
-A body is a list of assignments of arithmetic to names and to rows of scratch, all of one real type but for the integer
-bits of `sincos`. Numba spends about 5 ms of Python a statement on such code, which is a minute for a few hundred
-boundaries; here each statement becomes the one instruction that it is. Only this module and the generated
-files import Numba.
+A body is a list of assignments of arithmetic to names and to rows of scratch, all of one real type except the integer
+bits of `sincos`. Numba spends about 5 ms of Python on each statement of such code, which is a minute for a few hundred
+boundaries. Here each statement becomes one instruction. Only this module and the generated files import Numba.
 """
 
 from __future__ import annotations
@@ -21,10 +20,11 @@ _intrinsic: Any = importlib.import_module("numba.extending").intrinsic
 __all__ = ["copy_columns", "furthest", "load", "loop_body"]
 
 _FLAGS = ("contract",)
-"""The one liberty that LLVM gets: `a * b + c` with one rounding."""
+"""The one optimisation that may change rounding: `a * b + c` with one rounding."""
 
 _PIECE = 16
-"""Numbers of a column copied at once: all columns are written side by side, which memory takes better than in turn."""
+"""Numbers of a column that are copied at once: columns are written side by side, which is faster than one after
+another."""
 
 _REAL: dict[type[ast.operator], str] = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
 _INTEGER: dict[type[ast.operator], str] = {
@@ -53,9 +53,9 @@ def loop_body(text: str, tile: int, is_single: bool) -> Any:
 
 @_intrinsic
 def load(_: Any, Q: Any, at: Any) -> Any:
-    """Load `Q[at]`, by itself: an atomic unordered load is one like any other, but LLVM makes no gather of several.
+    """Load `Q[at]` alone: an atomic unordered load is an ordinary load, but LLVM does not combine several to a gather.
 
-    Gathers down a column wait for memory where plain loads along the rows have theirs fetched ahead.
+    A gather along a column waits for memory; plain loads along the rows are prefetched.
     """
 
     def generate(_: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -89,7 +89,7 @@ def copy_columns(
 
 
 def _copy_columns(function: Any) -> None:
-    """Write the body: columns without gaps piece by piece, all columns in turn, else number by number."""
+    """Write the body: columns without gaps piece by piece, with all columns in turn; other columns number by number."""
     out, row, column, w, tile, columns, n = function.args
     builder = _ir.IRBuilder(function.append_basic_block())
     add, times, piece = builder.add, builder.mul, n.type(_PIECE)
@@ -113,15 +113,15 @@ def _copy_columns(function: Any) -> None:
 
 
 _WIDE = 8
-"""Vertices looked at together: two vectors of AVX2, one of AVX-512."""
+"""Vertices that are examined together: two vectors of AVX2, one of AVX-512."""
 
 
 def furthest(builder: Any, args: list[Any]) -> Any:
-    """Return the place of the vertex least along (x, y, z), the first of equal ones within each of eight lanes.
+    """Return the index of the vertex that is least along (x, y, z), the first of equal ones within each of eight lanes.
 
-    Arguments are s, start, count, x, y, z. Coordinates stand one after the other: those along x at `s[start]`, along y
-    at `s[start + count]`, along z behind them; count is a multiple of eight. LLVM does not vectorise a loop that keeps
-    the place of its minimum.
+    The arguments are s, start, count, x, y, z. Coordinates are stored one after the other: those along x at `s[start]`,
+    those along y at `s[start + count]`, those along z after them; count is a multiple of eight. LLVM does not vectorise
+    a loop that keeps the index of its minimum.
     """
     kind = _ir.FunctionType(_ir.IntType(64), [argument.type for argument in args])
     function = _cgutils.get_or_insert_function(builder.module, kind, "pinbound_furthest")
@@ -133,7 +133,7 @@ def furthest(builder: Any, args: list[Any]) -> Any:
 
 
 def _furthest(function: Any) -> None:
-    """Write the body: eight minima with their places, then the least of the eight."""
+    """Write the body: eight minima with their indices, then the least of the eight."""
     s, start, count, *direction = function.args
     integer = count.type
     reals, integers = _ir.VectorType(_ir.DoubleType(), _WIDE), _ir.VectorType(integer, _WIDE)

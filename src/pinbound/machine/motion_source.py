@@ -1,10 +1,10 @@
-"""The text of the search of straight motions for contact, for LLVM: one for all robots, which reads tables.
+"""The source text of the search of straight motions for contact, for LLVM: one for all robots, which reads tables.
 
-Pairs of points whose chains turn about the same axes by the same angles are a *group*: their vectors are
-`r = sum_i M_i b_i`, `r' = sum_i D_i b_i` with the same matrices M_i, `D_i = [omega_i] M_i`, each pair having its own
-b_i. So a part of a motion costs one walk along the axes a group, and a product of matrices a pair, 64 pairs side by
-side. A group is looked at as one pair first, whose threshold holds all of its pairs. `docs/certificates.md` derives the
-bounds and adds up the rounding; `bounds/groups.py` writes the tables `w` and reads what is found.
+Pairs of points whose chains rotate about the same axes by the same angles are a *group*. Their vectors are `r = sum_i
+M_i b_i`, `r' = sum_i D_i b_i` with the same matrices M_i, `D_i = [omega_i] M_i`; each pair has its own b_i. So a part
+of a motion costs one pass over the axes for each group, and a product of matrices for each pair, with 64 pairs in one
+tile. A group is first examined as one pair, whose threshold covers all of its pairs. `docs/certificates.md` derives the
+bounds and adds up the rounding; `bounds/groups.py` writes the tables `w` and reads the results.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ from pinbound.tolerances import INFLATION
 __all__ = ["GROUP", "HEAD", "ROTATION", "TABLES", "TILE", "motion_source", "put_part"]
 
 TILE: Final = 64
-"""Pairs side by side."""
+"""Pairs in one tile."""
 
 HEAD: Final = 5
 """At the head of a question: precision [m], least clearance elsewhere [m], budget, mode, tight bounds for each."""
 
 TABLES: Final = 24
-"""At the head of the tables: n, groups and where, rows of coefficients and where, tiles, places of room."""
+"""At the head of the tables: n, number and position of groups and of rows of coefficients, tiles, size of memory."""
 
 GROUP: Final = 6
-"""Of a group: rotations k, tiles, where its rotations stand, its pairs, its rounding bound, its first tile."""
+"""Data of a group: rotations k, tiles, position of its rotations, its pairs, its rounding bound, its first tile."""
 
 ROTATION: Final = 4
-"""Of a rotation: its row of coefficients, its axis."""
+"""Data of a rotation: its row of coefficients, its axis."""
 
 
 _LANES: Final = 8
-"""Of text that holds no vectors, and is compiled as text for lanes is: LLVM alone sees to it."""
+"""Number of lanes; the text has no vectors, but it is compiled like text for lanes, by LLVM alone."""
 
 
 @cache
 def motion_source() -> KernelSource:
-    """Return the source; it has the prototype of all kernels, its tables in place of scratch."""
+    """Return the source; it has the prototype of all kernels, with its tables in place of scratch."""
     text = _MOTIONS
     for name, part in (("ROWS", _ROWS), ("WALK", _WALK), ("TILE", _TILE), ("PAIR", _PAIR), ("REFINE", _REFINE)):
         text = put_part(text, name, part)
@@ -57,7 +57,7 @@ def motion_source() -> KernelSource:
 
 
 def put_part(text: str, name: str, part: str) -> str:
-    """Return a text in which each line `@name` is the part, indented as the line is."""
+    """Return a text in which each line `@name` is replaced by the part, with the same indentation."""
     lines: list[str] = []
     for line in text.splitlines():
         is_place = line.strip() == f"@{name}"
@@ -75,7 +75,8 @@ for j in range(n):
 out[trig + 4 * k], out[trig + 4 * k + 1] = math.cos(phi), math.sin(phi)
 out[trig + 4 * k + 2], out[trig + 4 * k + 3] = rate, spread
 """
-"""Of a row of coefficients: sine and cosine of its angle at u, how far it turns over the piece, and its size."""
+"""For a row of coefficients: sine and cosine of its angle at u, the change of the angle over the piece, and its
+size."""
 
 _ROWS = """
 for k in range(row_count):
@@ -115,7 +116,7 @@ for i in range(k):
     rotation += 4
 boxes += 1
 """
-"""M and D of each rotation of a group, how far it turns over the part, and the rounding bound of its norms."""
+"""M and D of each rotation of a group, the change of its angle over the part, and the rounding bound of its norms."""
 
 _BOUND = """
 norm, speed = math.sqrt(rx * rx + ry * ry + rz * rz), vx * vx + vy * vy + vz * vz
@@ -128,7 +129,8 @@ moved, second = norm - 0.5 * moved * $INFLATION, math.sqrt(x * x + y * y + z * z
 low = (moved if moved > second else second) - error * wide
 low = low if low > 0.0 else 0.0
 """
-"""The norm in the middle of the part, and its lower bound: by lever arms, or by the way of r and its bend."""
+"""The norm in the middle of the part, and its lower bound: by lever arms, or by the line of r and its second
+derivative."""
 
 _TILE = """
 for p in range($TILE):
@@ -165,7 +167,7 @@ for p in range($TILE):
     out[p + 64] = low - w[f + p] - error
 boxes += np.int64(w[f + 64])
 """
-"""Of 64 pairs of a group the value in the middle of the part, and the lower bound over it."""
+"""For 64 pairs of a group, the value in the middle of the part, and the lower bound over it."""
 
 _PAIR = """
 rx, ry, rz, vx, vy, vz, moved, second = w[base], w[base + 64], w[base + 128], 0.0, 0.0, 0.0, 0.0, 0.0
@@ -186,7 +188,7 @@ f += 64 * k
 @BOUND
 low, value = low - w[f] - error, norm - w[f]
 """
-"""The same of one pair, where `base` is."""
+"""The same for the pair at `base`."""
 
 _REFINE = """
 depth, list_top = 0, lists + many
@@ -244,7 +246,7 @@ while depth > 0:
         out[top + 4], out[top + 5], out[top + 6], out[top + 7] = a, u, list_top, left
         depth += 2
 """
-"""Halve the piece for those pairs of a group that are not clear on it, or not bounded tightly, depth first."""
+"""Halve the piece, depth first, for the pairs of a group that are not clear on it, or not bounded tightly."""
 
 _MOTIONS = """
 n, group_count, groups = np.int64(w[0]), np.int64(w[1]), np.int64(w[2])
@@ -361,4 +363,4 @@ while motion < motions:
     motion += 1
 return boxes
 """
-"""Motions one by one: values at the knots, bounds over whole pieces, and what is not clear halved."""
+"""Motions one by one: values at the knots, bounds over whole pieces, and halving of pieces that are not clear."""

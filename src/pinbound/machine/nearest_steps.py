@@ -1,7 +1,7 @@
-"""The steps of the search for the nearest places of two bodies, for the text of `separation_source`.
+"""The steps of the search for the nearest points of two bodies, for the text of `separation_source`.
 
-They are those of `hull_source`, on room of the text's own, with vertices looked at in vectors of eight, and with the
-direction kept that proves the largest lower bound.
+They are those of `hull_source`, with their own working memory. Vertices are examined in vectors of eight, and the
+direction with the largest proven lower bound is kept.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ for i in range(1, 8):
         low, c = out[lanes + i], np.int64(out[lanes + 8 + i])
 c = c if c < last else last
 """
-"""The vertex of a body that is least along a vector, whose products with the edge vectors are ax, ay, az."""
+"""The vertex of a body that is least along a vector, given the vector's products ax, ay, az with the edge vectors."""
 
 _SUPPORT: Final = """
 x, y, z = out[seen], out[seen + 1], out[seen + 2]
@@ -47,7 +47,8 @@ if low > bound or used == 0:
     n0, n1, n2 = ux / size, uy / size, uz / size
     bound = low if low > bound else bound
 """
-"""The pair of vertices that is least along u, with it a lower bound of the distance, and n, the best u so far."""
+"""The pair of vertices that is least along u, the lower bound of the distance that it gives, and n, the best u so
+far."""
 
 _NEAREST: Final = """
 ux, uy, uz, length, bound, used, square = out[seen], out[seen + 1], out[seen + 2], 0.0, 0.0, 0, math.inf
@@ -97,7 +98,7 @@ while left > 0:
         length = 0.0
         break
 """
-"""How far two places of the bodies are apart, which are nearest or nearly; n, along which bounds are taken."""
+"""The distance of two points of the bodies that are nearest, or nearly; n, the direction of the bounds."""
 
 NEAREST_STEPS: Final = (
     ("NEAREST", _NEAREST),
@@ -106,4 +107,4 @@ NEAREST_STEPS: Final = (
     ("FEATURES", FEATURES.replace("s[", "out[")),
     ("DIRECTION", DIRECTION.replace("s[", "out[")),
 )
-"""Parts of the text by name, those that hold others first."""
+"""The parts of the text by name; parts that contain others come first."""

@@ -1,11 +1,11 @@
 """Object code in the user's cache folder.
 
 The folder is `PINBOUND_CACHE_DIR`, else `XDG_CACHE_HOME/pinbound`, else `~/.cache/pinbound`.
-What is read here is executed. So a file counts only if it and its folder belong to this user and nobody else may write
-to them, and if it begins with its key and the SHA-256 of the code: a file that is cut short, changed, or
-renamed from another key's is as good as none, and is written anew. Files are renamed into place, so that processes that
-compile the same kernel at once never see half of one. Where the folder cannot be used, nothing is kept, and the log
-says so once: each process then compiles anew, for seconds.
+The files that are read here are executed. So a file is used only if it and its folder belong to this user, nobody else
+may write to them, and it begins with its key and the SHA-256 of the code. A file that is cut short, changed, or renamed
+from another key is ignored, and written anew. A file is written under another name and then renamed, so that processes
+that compile the same kernel at the same time never see an incomplete file. If the folder cannot be used, nothing is
+kept, and the log says so once: then each process compiles anew, for seconds.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ _logger = logging.getLogger("pinbound")
 _said: set[str] = set()
 
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
-"""Who may not write: group and others."""
+"""The users who must not have write permission: group and others."""
 
 _OPEN = "it belongs to another user, or others may write to it (chmod 700)"
 
 
 def load_object(key: str) -> bytes | None:
-    """Return the code that was stored under a key (hexadecimal); None if there is none that can be trusted."""
+    """Return the code that was stored under a key (hexadecimal); None if there is no code that can be trusted."""
     try:
         folder = _folder()
         if not _is_ours(os.stat(folder)):
@@ -42,7 +42,7 @@ def load_object(key: str) -> bytes | None:
             if not _is_ours(os.fstat(file.fileno())):
                 return None
             text = file.read()
-    except (OSError, RuntimeError):  # RuntimeError: a user without a home
+    except (OSError, RuntimeError):  # RuntimeError: a user without a home folder
         return None
     head = _head(key, b"")
     code = text[len(head) :]
@@ -50,7 +50,7 @@ def load_object(key: str) -> bytes | None:
 
 
 def store_object(key: str, code: bytes) -> None:
-    """Keep code under a key; do nothing where the folder cannot be written or is not this user's alone."""
+    """Store code under a key; do nothing if the folder cannot be written, or if others may write to it."""
     import tempfile
 
     try:
@@ -63,7 +63,7 @@ def store_object(key: str, code: bytes) -> None:
         if not _is_ours(os.stat(folder)):
             _say(folder, _OPEN)
             return
-        handle, name = tempfile.mkstemp(suffix=".tmp", dir=folder)  # readable and writable by this user alone
+        handle, name = tempfile.mkstemp(suffix=".tmp", dir=folder)  # only this user can read and write it
     except OSError as error:
         _say(folder, f"it cannot be written ({error.strerror or error})")
         return
@@ -79,7 +79,7 @@ def store_object(key: str, code: bytes) -> None:
 
 
 def _say(folder: Path | None, reason: str) -> None:
-    """Say once a process that machine code is not kept, and why."""
+    """Log once in a process that machine code is not kept, and why."""
     if reason in _said:
         return
     _said.add(reason)
@@ -98,7 +98,7 @@ def _head(key: str, code: bytes) -> bytes:
 
 
 def _is_ours(status: os.stat_result) -> bool:
-    """Return whether a file or folder belongs to this user, and no other may write to it (known on POSIX alone)."""
+    """Return whether a file or folder belongs to this user, and no other may write to it (known only on POSIX)."""
     if sys.platform == "win32":
         return True
     return status.st_uid == os.geteuid() and not status.st_mode & _OTHERS

@@ -1,8 +1,8 @@
-"""The text of a round of paving, for LLVM: boxes, each with the pairs not yet proven clear in it, groups first.
+"""The source text of a round of paving, for LLVM: boxes, each with the pairs not yet proven clear in it, groups first.
 
-It is that of `freespace/held.py`, box by box: a node that is clear all over the box is dropped, a pair that is in
-contact all over it ends the box, a group that is too coarse gives way to its halves, the rest is kept for the box's
-halves. Reads the tables that `freespace/quick_proofs.py` writes. `docs/free-space.md`.
+It does the same as `freespace/held.py`, box by box. A node that is clear in the whole box is dropped. A pair that is in
+contact in the whole box ends the box. A group that is too coarse is replaced by its halves. The other nodes are kept
+for the halves of the box. It reads the tables of `freespace/quick_proofs.py`. `docs/free-space.md`.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from pinbound.tolerances import INFLATION
 __all__ = ["PAVING_HEAD", "PAVING_RESULT", "paving_source"]
 
 PAVING_HEAD: Final = 2
-"""At the head of a question: where the boxes stand, where the lists of nodes stand."""
+"""At the head of a question: the positions of the boxes, and of the lists of nodes."""
 
 PAVING_RESULT: Final = 5
-"""Of a box in the answer: 0 clear, 1 in contact, 2 open; where its list starts, how long it is, the coordinate to halve
-it across (of one in contact the pair that is), the least lower bound."""
+"""Data of a box in the answer: 0 clear, 1 in contact, 2 open; start and length of its list, the coordinate in which to
+halve it (if in contact, the pair that is in contact), the least lower bound."""
 
 _LANES: Final = 8
 
 
 @cache
 def paving_source() -> KernelSource:
-    """Return the source; it has the prototype of all kernels, its tables in place of scratch."""
+    """Return the source; it has the prototype of all kernels, with its tables in place of scratch."""
     text = put_part(put_part(_PAVING, "BOUND", BOUND), "UPPER", _UPPER)
     for name, value in (("INFLATION", INFLATION), ("HEAD", PAVING_HEAD), ("RESULT", PAVING_RESULT), ("COARSE", COARSE)):
         text = text.replace(f"${name}", repr(value))
@@ -116,4 +116,4 @@ for b in range(count):
     out[result + 3], out[result + 4] = across, least
 return bounded
 """
-"""Boxes from `column` on, so many of them, `row` being the room for nodes that are asked for."""
+"""`count` boxes from `column` on; `row` is the space for the requested nodes."""

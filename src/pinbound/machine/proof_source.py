@@ -1,8 +1,8 @@
-"""The text of the proof over a polytope, for LLVM: boxes of pairs, halved until each is clear, or beyond a face.
+"""The source text of the proof over a polytope, for LLVM: boxes of pairs, halved until each is clear, or beyond a face.
 
-It is that of `freespace/proving.py`, box by box, the last one first: a lower bound that is affine, then the faces,
-one that the box lies beyond, or up to four weighed against the slope. What has to be cut off goes back to Python.
-Reads the tables that `freespace/quick_proofs.py` writes. `docs/free-space.md`.
+It does the same as `freespace/proving.py`, box by box, the last one first: an affine lower bound, then a face that the
+box lies beyond, or up to four faces weighed against the slope. Parts that must be cut off are returned to Python. It
+reads the tables of `freespace/quick_proofs.py`. `docs/free-space.md`.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from pinbound.tolerances import INFLATION
 __all__ = ["BOUND", "COARSE", "PROOF_HEAD", "proof_source"]
 
 PROOF_HEAD: Final = 8
-"""At the head of a question: budget, boxes that the stack has room for, that it holds, faces, unit of rounding, margin,
-share of the distance, the smallest box."""
+"""At the head of a question: budget, size of the stack, number of boxes on it, faces, unit of rounding, margin, share
+of the distance, the smallest box."""
 
 _LANES: Final = 8
 _WEIGHINGS: Final = 4
 _NARROW: Final = 0.02
 COARSE: Final = 0.25
-"""Of what a group's clearance can change over a box: a group that is off by more is left where it is not clear."""
+"""Share of the change of a group's clearance over a box: a group with a larger error is left where it is not clear."""
 
 
 @cache
 def proof_source() -> KernelSource:
-    """Return the source; it has the prototype of all kernels, its tables in place of scratch."""
+    """Return the source; it has the prototype of all kernels, with its tables in place of scratch."""
     text = put_part(put_part(_PROOF, "BOUND", BOUND), "WEIGH", _WEIGH)
     for name, value in (
         ("INFLATION", INFLATION),
@@ -116,7 +116,7 @@ sunk = moved * $INFLATION + error * total
 bent = rest + linear * $INFLATION
 lower = value - (sunk if sunk < bent else bent)
 """
-"""Clearance of a pair at the centre less all rounding, its slope, what is taken off over the box, the lower bound."""
+"""Clearance of a pair at the centre minus all rounding, its slope, the reduction over the box, the lower bound."""
 
 _WEIGH = """
 constant = value - rest
@@ -162,7 +162,7 @@ for turn in range($WEIGHINGS):
     if lower > 0.0:
         break
 """
-"""A better lower bound over what the polytope leaves of the box: faces weighed against the slope, the worst first."""
+"""A better lower bound over the part of the box in the polytope: faces weighed against the slope, the worst first."""
 
 _PROOF = """
 n, nodes, pairs = np.int64(w[0]), np.int64(w[1]), np.int64(w[2])
@@ -262,4 +262,4 @@ while filled > 0:
 out[0], out[1] = stop, filled
 return boxes
 """
-"""The stack, emptied; it stops at a box that a face has to cut off (1), or where budget or room is spent (2)."""
+"""The loop over the stack; it stops at a box that a face must cut off (1), or if budget or memory is spent (2)."""

@@ -1,9 +1,9 @@
-"""Machine code of the search for nearest corners: of `minimum_norm.nearest_corners`, and of hulls by their vertices.
+"""Machine code of the search for nearest corners: of `minimum_norm.nearest_corners`, and of hulls with their vertices.
 
-It does row by row what `gjk.search` does in NumPy, the same steps in the same order; only sums may be rounded
-otherwise. It goes through the compiler and the cache of all other machine code (`compiled`), with the number of edge
-vectors as a constant of its text. The two differ in how the corner is found that is furthest against a
-direction: by the sign of each edge vector, or as the least of a table of vertices.
+It does the steps of `gjk.search` row by row and in the same order; only sums may be rounded differently. It uses the
+same compiler and cache as all other machine code (`compiled`); the number of edge vectors is a constant of its text.
+The two searches differ in how they find the corner that is furthest against a direction: by the sign of each edge
+vector, or as the least of a table of vertices.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ def search(w: Array, edges: Array, agree: float, rounds: int, inside: float) -> 
     Args:
         w: (N, 3).
         edges: (k, N, 3).
-        agree: Relative to the furthest corner, how far both bounds may differ.
-        rounds: The most corners that are looked for.
-        inside: Relative to four corners, how near their point must be to the origin for them to hold it.
+        agree: The largest difference of both bounds at the end, relative to the furthest corner.
+        rounds: The largest number of corners to search for.
+        inside: How near the point of four corners must be to the origin to count as containing it, relative to the
+            corners.
     """
     k, count = len(edges), len(w)
     rows = np.empty((count, 3 * (k + 1)))
@@ -47,11 +48,11 @@ def search_vertices(
     Args:
         w: (N, 3).
         edges: (N, 6, 3): three of the first body, three of the second; zero where it has fewer.
-        start: (N, 3), the first direction to look against.
-        scale: (N,), what rounding is relative to.
+        start: (N, 3), the first search direction.
+        scale: (N,), the lengths that rounding is relative to.
         tables: (V, 3), the vertices of all bodies as coefficients of their three edge vectors.
-        bodies: (N, 4), first vertex and number of vertices of either body; the number 0 of a point.
-        limits: How far both bounds may differ, the most rounds, and how near to the origin is inside (see `search`).
+        bodies: (N, 4), first vertex and number of vertices of either body; the number is 0 for a point.
+        limits: The largest difference of both bounds, the largest number of rounds, and `inside` (see `search`).
     """
     rows = np.hstack((w, edges.reshape(len(w), 18), start, scale[:, None], bodies))
     out = np.empty((len(w), 7))
@@ -68,7 +69,7 @@ _NO_INDEX: NDArray[Any] = np.empty(0, dtype=np.int64)
 
 @cache
 def is_ready(k: int, agree: float, rounds: int, inside: float) -> bool:
-    """Return whether the code for k edge vectors need not be compiled first; asked once."""
+    """Return whether the code for k edge vectors is ready without compiling; checked once."""
     return is_kept(_source(k, agree, rounds, inside))
 
 
@@ -78,7 +79,7 @@ def _code(k: int, agree: float, rounds: int, inside: float) -> MachineCode:
 
 
 def _source(k: int, agree: float, rounds: int, inside: float) -> KernelSource:
-    """Return the source for k edge vectors, t in [0, 1]; for none that of hulls: vertices stand behind the scratch."""
+    """Return the source for k edge vectors, t in [0, 1]; for none, that of hulls: vertices are behind the scratch."""
     edges, width, start, support = (k, 3 * (k + 1), _FROM_EDGES, _BY_SIGN) if k else (6, 29, _FROM_ROW, _BY_TABLE)
     scratch = 12 + 4 * edges + edges + 8  # points, their t, the new one's, and weights twice
     text = _TEXT.format(

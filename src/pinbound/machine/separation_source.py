@@ -1,13 +1,13 @@
-"""The text of the bounds of separations over pieces of motions and over boxes, for LLVM: one for all robots.
+"""The source text of the bounds of separations over pieces of motions and over boxes, for LLVM: one for all robots.
 
-A row is a pair and a piece, or a box. In its middle the rotations of the pair's chain are multiplied up to each
-block, `M_i = R_1 ... R_i`, once for neighbouring rows of the same rotations and piece; the chain and the edge vectors
-of both bodies are sums of `M_i b_i`. The nearest points are searched for as in `hull_source`, which gives a unit vector
-n; along it, with `U_i = M_(i-1) u_i` and x_i what lies beyond rotation i, the rates are
+A row is a pair and a piece, or a box. In its middle the rotations of the pair's chain are multiplied up to each block,
+`M_i = R_1 ... R_i`, once for neighbouring rows with the same rotations and piece. The chain and the edge vectors of
+both bodies are sums of `M_i b_i`. The search for nearest points is that of `hull_source`, and gives a unit vector n.
+With `U_i = M_(i-1) u_i` and the part x_i beyond rotation i, the rates along n are
 
     n . dr/dphi_i = (n x U_i) . x_i,
 
-and what is bounded is what `bounds/swept_bounds.py` bounds in NumPy, vertex by vertex, eight vertices side by side.
+The bounds are those that `bounds/swept_bounds.py` computes in NumPy, vertex by vertex, with eight vertices at once.
 `docs/hull-proofs.md` derives the bounds and adds up the rounding; `bounds/separation_tables.py` writes the tables `w`.
 """
 
@@ -33,31 +33,31 @@ __all__ = [
 ]
 
 LANES: Final = 8
-"""Vertices side by side."""
+"""Vertices that are examined together."""
 
 EDGES: Final = 3
-"""Edge vectors of a body, at most."""
+"""The largest number of edge vectors of a body."""
 
 TABLES: Final = 24
-"""At the head of the tables: n, where the pairs are, most rotations, most blocks, most vertices of a body, constants of
-the search for nearest points, and the numbers from 0 to 7."""
+"""At the head of the tables: n, the position of the pairs, largest number of rotations, of blocks, and of vertices of a
+body, constants of the search for nearest points, and the numbers from 0 to 7."""
 
 QUESTION: Final = 6
-"""At the head of a question: whether it is about boxes, control points of slopes and of bends (-1: nothing is known of
-bends), numbers of a piece or box, pairs, rates."""
+"""At the head of a question: whether it is about boxes, number of control points of slopes and of bends (-1: bends have
+no bound), numbers of a piece or box, pairs, rates."""
 
 PAIR: Final = 45
-"""Of a pair: rotations, blocks of the chain and of six edge vectors, slides, lever arms, vertices, what is measured, a
-place inside, reach."""
+"""Data of a pair: rotations, blocks of the chain and of six edge vectors, slides, lever arms, vertices, kind of
+quantity, a point inside, reach."""
 
 
 _FEW: Final = 4
-"""Coordinates of a box, all of whose corners are looked at."""
+"""Largest number of coordinates of a box of which all corners are examined."""
 
 
 @cache
 def separation_source() -> KernelSource:
-    """Return the source; it has the prototype of all kernels, its tables in place of scratch."""
+    """Return the source; it has the prototype of all kernels, with its tables in place of scratch."""
     text = _ROWS
     own = (("SLOPED", _SLOPED), ("TURNED", _TURNED), ("LEAST", _LEAST))
     for name, part in (*own, *PARTS):
@@ -68,7 +68,7 @@ def separation_source() -> KernelSource:
 
 
 def room_of(rotations: int, blocks: int, n: int) -> int:
-    """Return how many numbers of room the code needs, for most rotations and blocks."""
+    """Return how many numbers of working memory the code needs, for the largest numbers of rotations and blocks."""
     return 9 * (rotations + 1) + 12 * rotations + 3 * blocks + 50 + 9 * max(n, 1) + 40 + 2 * LANES
 
 
@@ -76,7 +76,7 @@ _HEAD: Final = """
 n, pairs, most, most_blocks = np.int64(w[0]), np.int64(w[1]), np.int64(w[2]), np.int64(w[3])
 agree, rounds, known, nothing, flat, sharp = w[5], np.int64(w[6]), w[7], w[8], w[9], w[10]
 """
-"""What the head of the tables says."""
+"""The values at the head of the tables."""
 
 _ROOM: Final = """
 axes = mats + 9 * (most + 1)
@@ -92,7 +92,7 @@ for j in range(9):
     out[mats + j] = 0.0
 out[mats], out[mats + 4], out[mats + 8] = 1.0, 1.0, 1.0
 """
-"""Places of room behind `mats`, as many numbers as `room_of` says; the first of the matrices turns nothing."""
+"""Positions in the working memory behind `mats`, of the size `room_of`; the first matrix is the identity."""
 
 _ANGLES: Final = """
 wide, total = 0.0, 0.0
@@ -139,7 +139,7 @@ for i in range(k):
         out[to + 3 * j + 1] = ax * (xy - sz) + ay * yy + az * (yz + sx)
         out[to + 3 * j + 2] = ax * (zx + sy) + ay * (yz - sx) + az * zz
 """
-"""Of each rotation how far it turns to either side, how fast, and the bound of its second derivatives; M and U."""
+"""For each rotation, the change of its angle, its rate, and the bound of its second derivatives; M and U."""
 
 _VECTORS: Final = """
 place = turned
@@ -174,7 +174,7 @@ if w[p + 25] == 1.0:
             at = p + 29 + 3 * i
             out[across + 3 * v + i] = w[at] * x + w[at + 1] * y + w[at + 2] * z
 """
-"""The chain and the edge vectors in the middle, each block as it is turned; across a line what counts of them."""
+"""The chain and the edge vectors in the middle, with each block rotated; for a line, projected perpendicular to it."""
 
 _SWINGS: Final = """
 if w[p + 25] == 1.0:
@@ -188,7 +188,7 @@ for i in range(k):
     out[swings + 3 * i + 1] = n2 * x - n0 * z
     out[swings + 3 * i + 2] = n0 * y - n1 * x
 """
-"""n, across a line once more, and its cross products with all axes."""
+"""n, projected perpendicular to a line once more, and its cross products with all axes."""
 
 _SLOPES: Final = """
 place = turned
@@ -236,7 +236,7 @@ for v in range(7):
         for i in range(k):
             out[rates + v] += out[rates_phi + i] * out[slopes + i]
 """
-"""n times the chain and the edge vectors, and their rates: along the piece, or each coordinate's times its factor."""
+"""n times the chain and the edge vectors, and their rates: along the piece, or for each coordinate times its factor."""
 
 _MOVES: Final = """
 moved, off, slid = 0.0, 0.0, 0.0
@@ -276,7 +276,7 @@ for i in range(k):
     off += w[arms + i] * out[asides + i]
 moved, second = part * moved, curvature * second
 """
-"""How far any pair of vertices moves at most, the second-order bound, how far off the middle may be."""
+"""The largest motion of any pair of vertices, the second-order bound, and the error of the middle."""
 
 _LEAST: Final = """
 for side in range(2):
@@ -292,7 +292,7 @@ for side in range(2):
     height += low
     out[found + side] = c
 """
-"""Both bodies' least vertices along n, at the end of a piece or a corner of a box that `signs` says."""
+"""The least vertices of both bodies along n, at the end of a piece or at the corner of a box given by `signs`."""
 
 _SLOPED: Final = """
 active = 0
@@ -311,7 +311,7 @@ for corner_ in range((1 << active) if has_second and active <= $FEW else 0):
     @LEAST
     sloped = height if height < sloped else sloped
 """
-"""The least of both ends of a piece, or of all corners of a box, of the coordinates that count, if they are few."""
+"""The least value at both ends of a piece, or at all corners of a box, of the relevant coordinates, if they are few."""
 
 _TURNED: Final = """
 sloped = corner
@@ -345,7 +345,7 @@ for side in range(2):
 for j in range(rate_count):
     sloped -= $INFLATION * abs(out[signs + j])
 """
-"""Of a box: the least vertices, falling as the nearest places do, and by how much others may pass below these."""
+"""For a box: the least vertices, decreasing as the nearest points do, and by how much others may pass below these."""
 
 _ROWS: Final = """
 @HEAD
@@ -391,7 +391,7 @@ for row_ in range(count):
     out[2 * row_], out[2 * row_ + 1] = value, low if low < math.inf else 0.0 - math.inf
 return 0
 """
-"""The rows, one by one. The least of vertices that are not a number is infinite: such a bound proves nothing."""
+"""The rows, one by one. If a vertex is not a number, the least is infinite: such a bound proves nothing."""
 
 _PLACE: Final = """
 if not is_height:
@@ -403,7 +403,7 @@ if not is_height:
             by += out[shares + i] * w[at + many + c]
             bz += out[shares + i] * w[at + 2 * many + c]
 """
-"""The nearest place on a body, of coefficients (bx, by, bz): shares of the vertices with which the search ended."""
+"""The nearest point on a body, with coefficients (bx, by, bz): shares of the vertices at the end of the search."""
 
 PARTS: Final = (
     ("HEAD", _HEAD),
@@ -417,4 +417,4 @@ PARTS: Final = (
     ("PLACE", _PLACE),
     ("FURTHEST", FURTHEST),
 )
-"""What a text that reads these tables is made of, by name, beside parts of its own, which come before."""
+"""The parts of a text that reads these tables, by name; a text adds its own parts, which come before them."""

@@ -2,11 +2,10 @@
 
 With `k = rint(x 2/pi)` and pi/2 = p1 + p2 + p3 + p4, the first three of at most 33 bits, k p_i is exact for
 |k| < 2^20. `x - k p1` is exact, and each further subtraction keeps its rounding (Dekker's fast two-sum; where its
-condition |a| >= |b| fails, the difference is exact anyway, `docs/kernel.md`), so that `r + e = x - k pi/2` has a
-relative error below 2^-76, next to multiples of pi/2 too. On |r| <= pi/4 the minimax polynomials of fdlibm (Sun
-Microsystems, 1993) take over. The quadrant is read from the low bits of `x 2/pi + 1.5 2^52`. Arguments beyond
-`REGULAR` are for the caller to bring near, by libm. Shown by `tests/test_kernel_sincos.py`: below 2 ulp on
-[-1e6, 1e6].
+condition |a| >= |b| does not hold, the difference is exact anyway, `docs/kernel.md`). So `r + e = x - k pi/2` has a
+relative error below 2^-76, also next to multiples of pi/2. On |r| <= pi/4 the minimax polynomials of fdlibm (Sun
+Microsystems, 1993) are used. The quadrant is read from the low bits of `x 2/pi + 1.5 2^52`. The caller reduces
+arguments beyond `REGULAR` by libm. `tests/test_kernel_sincos.py` shows an error below 2 ulp on [-1e6, 1e6].
 """
 
 from __future__ import annotations
@@ -16,10 +15,10 @@ from typing import Final
 __all__ = ["REGULAR", "REGULAR32", "SINCOS", "SINCOS32"]
 
 REGULAR: Final = 1.6e6
-"""|x| up to which k < 2^20."""
+"""The largest |x| for which k < 2^20."""
 
 REGULAR32: Final = 3000.0
-"""|x| up to which the products of the float32 reduction are exact, k < 2^11."""
+"""The largest |x| for which the products of the float32 reduction are exact, k < 2^11."""
 
 SINCOS: Final = """\
 x = {x}

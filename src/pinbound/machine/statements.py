@@ -1,9 +1,9 @@
-"""A small part of Python, written as LLVM's instructions: what functions of loops and branches are made of.
+"""Translation of a small part of Python to LLVM's instructions, for functions with loops and branches.
 
-The text holds assignments to names, tuples of names, and places behind pointers; `if`, `while`,
-`for` over a range, `break`, `continue`, `return`; arithmetic, comparisons, `and`, `or`, `not`, a conditional value. A
-name keeps the type of its first value: real, integer, or truth. An integer becomes a real where it meets one. Both
-sides of `and` and `or`, and of a conditional value, are evaluated. `machine/lanes.py` knows vectors, too.
+The text has assignments to names, tuples of names, and entries behind pointers; `if`, `while`, `for` over a range,
+`break`, `continue`, `return`; arithmetic, comparisons, `and`, `or`, `not`, a conditional value. A name keeps the type
+of its first value: real, integer, or truth. An integer becomes a real in an expression with a real. Both sides of `and`
+and `or`, and of a conditional value, are evaluated. `machine/lanes.py` adds vectors.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _ROOTS = {"math.sqrt": "llvm.sqrt.f64", "abs": "llvm.fabs.f64", "math.cos": "cos
 
 
 def declared(module: Any, kind: Any, name: str) -> Any:
-    """Return the function of a module with that name, declared if it is not there."""
+    """Return the function of a module with that name; declare it first if necessary."""
     found = module.globals.get(name)
     return found if found is not None else _ir.Function(module, kind, name)
 
@@ -57,7 +57,7 @@ def write_statements(
 
     Args:
         function: An LLVM function without a block, of the result type integer.
-        names: Of its arguments.
+        names: Names of its arguments.
         calls: Further functions by name, which take the builder and values.
         text: All statements; the last is a return.
     """
@@ -72,7 +72,7 @@ class Statements:
 
         Args:
             function: An LLVM function without a block, of the result type integer.
-            names: Of its arguments.
+            names: Names of its arguments.
             calls: Further functions by name, which take the builder and values.
         """
         self.function, self.calls = function, calls

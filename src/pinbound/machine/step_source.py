@@ -1,9 +1,10 @@
-"""The text of step-safe rows, for LLVM: one for all robots, which reads the tables of `bounds/separation_tables.py`.
+"""The source text of step-safe rows, for LLVM: one for all robots, which reads the tables of `separation_tables`.
 
-At one q, for each pair that is asked for, the nearest places are searched for as in `separation_source`. Along their
-direction n the chain and the edge vectors of both bodies have values and rates, so that each pair of vertices is linear
-in the step, but for the bound of its bend. Few pairs of vertices have a row each. Of more, one row falls as the nearest
-places do, and what vertices may take back over the box is its loss. `docs/steps.md` derives it.
+At one q, the nearest points of each requested pair are searched for as in `separation_source`. Along their direction n
+the chain and the edge vectors of both bodies have values and rates. So each pair of vertices is linear in the step, up
+to the bound of its curvature. If there are few pairs of vertices, each has a row. If there are more, one row decreases
+as the nearest points do, and its loss is the most by which vertices may pass below them over the box. `docs/steps.md`
+derives it.
 """
 
 from __future__ import annotations
@@ -19,18 +20,18 @@ from pinbound.tolerances import INFLATION
 __all__ = ["FEW", "ROW", "step_source"]
 
 FEW: Final = 8
-"""Pairs of vertices that have a row each."""
+"""Largest number of pairs of vertices with a row each."""
 
 ROW: Final = 4
-"""Of a row, before its rates: its pair, its value, its loss and its bend over the box [m]."""
+"""Data of a row before its rates: its pair, its value, its loss and its curvature over the box [m]."""
 
 
 @cache
 def step_source() -> KernelSource:
-    """Return the source; it has the prototype of all kernels, its tables in place of scratch.
+    """Return the source; it has the prototype of all kernels, with its tables in place of scratch.
 
-    A question is q, the half-widths of the box, n ones, and the rounding bounds of all pairs. The rows stand at the
-    beginning of the answer; returned is how many there are.
+    A question is q, the half-widths of the box, n ones, and the rounding bounds of all pairs. The answer begins with
+    the rows; the result is their number.
     """
     text = _STEPS
     for name, part in (("LOSS", _LOSS), ("VERTICES", _VERTICES), ("WRITE", _WRITE), *PARTS):
@@ -58,7 +59,7 @@ for j in range(n):
     out[row + $ROW + j] = slope + (b0 * out[r + 4] + b1 * out[r + 5] + b2 * out[r + 6])
 row += $ROW + n
 """
-"""A row that falls as a place on either body does."""
+"""A row that decreases as one point on either body does."""
 
 _LOSS: Final = """
 height = out[alongs]
@@ -89,7 +90,7 @@ for side in range(2):
         low = out[lanes + i] if out[lanes + i] > low else low
     loss += low
 """
-"""The height of the least pair of vertices, the nearest places, and what vertices may take back of the row of these."""
+"""The height of the least pair of vertices, the nearest points, and by how much vertices may pass below them."""
 
 _STEPS: Final = """
 @HEAD
@@ -124,4 +125,5 @@ for number in range(count):
             @WRITE
 return row // ($ROW + n)
 """
-"""The rows, pair by pair. Bodies that overlap have no direction: n is zero, and with it all but the rounding bound."""
+"""The rows, pair by pair. Bodies that overlap have no direction: n is zero, and so is everything but the rounding
+bound."""
