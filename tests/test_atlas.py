@@ -219,7 +219,7 @@ def test_pairs_of_equal_arms_are_computed_once_and_are_those_computed_alone(
     assert set(whole.groups[-1].coordinates) == set(robot.coordinates)
     assert whole.groups[-1].coordinates != robot.coordinates  # from the tip of one arm to that of the other
     check(robot, whole, samples(robot, 5000, 6))
-    again = pb.load_atlas(robot, found.save(tmp_path / "twins.npz"))
+    again = pb.load_atlas(robot, found.save(tmp_path / "twins.npz"), found.boundaries)
     assert [group.shared_with for group in again.groups] == [None, 0]
     other = twins(tmp_path, radius=0.1 + 1e-15)
     assert pb.pair_atlas(other, own, pb.Budget(10, 1000.0)).shared == 0

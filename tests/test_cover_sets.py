@@ -49,6 +49,25 @@ def test_polytopes_hold_all_that_rules_with_conditions_leave() -> None:
     assert np.count_nonzero(inside) > 0.98 * np.count_nonzero(kept)
 
 
+def test_a_file_from_before_a_boundary_was_added_is_refused(post: pb.Robot, tmp_path: Path) -> None:
+    """Its sets are free of the boundaries of that time only: they may hold contacts of the new one."""
+    cover = pb.certified_cover(post, share=0.95)
+    path, atlas = cover.save(tmp_path / "c.npz"), pb.pair_atlas(post, budget=pb.Budget(200, 1000.0))
+    again = atlas.save(tmp_path / "a.npz")
+    old = post.boundaries[0]
+    more = post.with_annotations(
+        pb.Annotations.of([], [pb.BoundaryMark("added", old.point_a.name, old.point_b.name, min_distance=0.3)])
+    )
+    Q = np.random.default_rng(4).uniform(post.lower, post.upper, (2000, 2))
+    assert np.any(cover.contains(Q) & ~more.boundaries.free(Q))
+    for load_file, file in ((pb.load_cover, path), (pb.load_atlas, again)):
+        with pytest.raises(pb.InputError, match=r"not about 'added'.*or give boundaries=\("):
+            load_file(more, file)
+        assert load_file(more, file, post.boundaries.names).boundaries == post.boundaries.names
+        with pytest.raises(pb.InputError, match="also about"):
+            load_file(more, file, ())
+
+
 def test_files_come_back_and_stale_or_damaged_ones_are_refused(
     post: pb.Robot, cover: pb.FreeCover, tmp_path: Path
 ) -> None:

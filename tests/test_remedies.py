@@ -856,22 +856,24 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     def covered(name: str) -> Do:
         def done(folder: Path) -> object:
             pb.certified_cover(pb.load(name), limits_only=True).save(folder / "c.npz")
-            return pb.load_cover(pb.load("palletizers/dobot_mg400"), folder / "c.npz")
+            return pb.load_cover(pb.load("palletizers/dobot_mg400"), folder / "c.npz", ())
 
         return done
 
     again = "Make it again with {} and .save(path)"
     yield Entry(again, covered("minervabot_v3"), covered("palletizers/dobot_mg400"))
 
-    def paved(name: str) -> Do:
+    def paved(name: str, few: bool = True) -> Do:
         def done(folder: Path) -> object:
             robot = pb.load(name)
             path = pb.pair_atlas(robot, robot.boundaries.names[:1]).save(folder / "a.npz")
-            return pb.load_atlas(pb.load("palletizer"), path)
+            other = pb.load("palletizer")
+            return pb.load_atlas(other, path, other.boundaries.names[:1] if few else None)
 
         return done
 
     yield Entry(again, paved("minervabot_v3"), paved("palletizer"))
+    yield Entry(f"{again}, or give boundaries={{}}", paved("palletizer", few=False), paved("palletizer"))
     large = "Split the file, or evaluate it with `pinbound batch`, which reads in parts"
 
     def few_cells(then: Do) -> Do:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import cast
 
@@ -17,7 +18,7 @@ from pinbound.robot.robot import Robot
 __all__ = ["load_atlas"]
 
 
-def load_atlas(robot: Robot, path: str | Path) -> PairAtlas:
+def load_atlas(robot: Robot, path: str | Path, boundaries: Sequence[str] | None = None) -> PairAtlas:
     """Return the atlas that `PairAtlas.save` wrote, if it was proven about the same robot and the same marks.
 
     The file holds a hash of coordinates, limits, paths and thresholds, and a hash of its own contents. The second hash
@@ -26,10 +27,11 @@ def load_atlas(robot: Robot, path: str | Path) -> PairAtlas:
     Args:
         robot: The robot.
         path: The file.
+        boundaries: Names of the boundaries that the atlas must be about; None: all boundaries of the robot.
 
     Raises:
         InputError: If the file is not an atlas or is damaged, or if the atlas was proven about another robot, other
-            limits or other marks.
+            limits, other marks or other boundaries.
         OSError: If the file cannot be read.
 
     Example:
@@ -42,7 +44,7 @@ def load_atlas(robot: Robot, path: str | Path) -> PairAtlas:
         >>> again.where(robot.home).name
         'FREE'
     """
-    header, given, chosen = read_file(Path(path), ATLAS, robot)
+    header, given, chosen = read_file(Path(path), ATLAS, robot, boundaries)
     known = read_sets(header["sets"], given)
     own, groups = iter(known), list[AtlasGroup]()
     said = cast(list[tuple[list[str], list[int], int | None]], header["groups"])

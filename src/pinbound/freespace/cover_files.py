@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,7 +17,7 @@ from pinbound.robot.robot import Robot
 __all__ = ["load_cover"]
 
 
-def load_cover(robot: Robot, path: str | Path) -> FreeCover:
+def load_cover(robot: Robot, path: str | Path, boundaries: Sequence[str] | None = None) -> FreeCover:
     """Return the cover that `FreeCover.save` wrote, if it was proven about the same robot and the same marks.
 
     The file holds a hash of coordinates, limits, paths and thresholds, and a hash of its own contents. The second hash
@@ -25,10 +26,11 @@ def load_cover(robot: Robot, path: str | Path) -> FreeCover:
     Args:
         robot: The robot.
         path: The file.
+        boundaries: Names of the boundaries that the cover must be about; None: all boundaries of the robot.
 
     Raises:
         InputError: If the file is not a cover or is damaged, or if the cover was proven about another robot, other
-            limits or other marks.
+            limits, other marks or other boundaries.
         OSError: If the file cannot be read.
 
     Example:
@@ -41,7 +43,7 @@ def load_cover(robot: Robot, path: str | Path) -> FreeCover:
         >>> again.contains(robot.home)
         True
     """
-    header, given, chosen = read_file(Path(path), COVER, robot)
+    header, given, chosen = read_file(Path(path), COVER, robot, boundaries)
     k, rows = len(header["coordinates"]), given["rows"]
     parts = np.split(rows, np.cumsum(given["counts"])[:-1]) if len(given["counts"]) else []
     reason = None if header["reason"] is None else Reason[header["reason"]]

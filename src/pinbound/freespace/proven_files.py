@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, cast
@@ -19,6 +19,7 @@ from pinbound.robot.robot import Robot
 from pinbound.tables.arrays import DAMAGE
 from pinbound.tables.rules import pass_on
 from pinbound.typing import AnyArray
+from pinbound.units import several
 
 __all__ = ["ATLAS", "COVER", "Sort", "read_file", "write_file"]
 
@@ -77,12 +78,20 @@ def write_file(path: Path, sort: Sort, header: Mapping[str, Any], arrays: Mappin
     return path
 
 
-def read_file(path: Path, sort: Sort, robot: Robot) -> tuple[dict[str, Any], dict[str, AnyArray], tuple[Boundary, ...]]:
+def read_file(
+    path: Path, sort: Sort, robot: Robot, boundaries: Sequence[str] | None
+) -> tuple[dict[str, Any], dict[str, AnyArray], tuple[Boundary, ...]]:
     """Return what `write_file` wrote, and the robot's boundaries that it was proven about.
 
+    Args:
+        path: The file.
+        sort: What it is.
+        robot: The robot.
+        boundaries: Names of the boundaries that it must be about; None: all of the robot.
+
     Raises:
-        InputError: If the file is none that it wrote, is damaged, or was proven about another robot, or other limits
-            or marks.
+        InputError: If the file is none that it wrote, is damaged, or was proven about another robot, or other limits,
+            marks or boundaries.
         OSError: If it cannot be read.
     """
     header, given = _contents(path, sort)
@@ -92,6 +101,13 @@ def read_file(path: Path, sort: Sort, robot: Robot) -> tuple[dict[str, Any], dic
     if missing or robot_digest(robot, chosen) != header["digest"]:
         differ = f"whose limits or marks differ from those that {robot.name!r} has now"
         raise sort.refused(path, f"the {sort.name} is of {header['robot']!r} {differ}")
+    wanted = robot.boundaries.names if boundaries is None else tuple(boundaries)
+    if set(wanted) != set(names):
+        apart = [f"it is not about {name!r}" for name in wanted if name not in names][:1]
+        apart = apart or [f"it is also about {name!r}" for name in names if name not in wanted][:1]
+        said = f"the {sort.name} is about {several(len(names), 'boundary')}, and {len(wanted)} are wanted: {apart[0]}"
+        remedy = f"Make it again with {sort.made_by} and .save(path), or give boundaries={tuple(names)!r}"
+        raise InputError([Problem(said, remedy, str(path))])
     return header, given, chosen
 
 
