@@ -2,7 +2,7 @@
 
 For a pair of one effective angle, the sets are intervals of the angle. Other pairs that move by the same chain are
 paved together, as one group. Sets that differ only in names are computed once. The group with the smallest cost so far
-is continued first: so all cheap groups are decided, and the others share the rest of the budget evenly.
+is continued first. So all cheap groups are decided, and the others share the rest of the budget evenly.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class _Work:
     def run(
         self, found: Sequence[Structure], decided: float, progress: Told | None
     ) -> tuple[tuple[AtlasGroup, ...], Reason | None]:
-        """Return what is proven of each structure, and what ended the work, if something did."""
+        """Return the proven sets of each structure, and which part of the budget ended the work, if one did."""
         first: dict[str, int] = {}
         for number, one in enumerate(found):
             first.setdefault(one.key, number)

@@ -13,17 +13,17 @@ from pinbound.typing import AnyArray
 __all__ = ["read_sets", "written_sets"]
 
 _PARTS = {"numbers": np.float64, "codes": np.int8, "whole": np.uint32}
-"""Arrays of a file by their types: those of all sets, one after the other; `counts` has their lengths."""
+"""Arrays of a file, by type: each joins the arrays of all sets, and `counts` has their lengths."""
 
 _COUNTS = {
     "angle": {"numbers": 6, "codes": 1, "whole": 0},
     "tree": {"numbers": 4, "codes": 2, "whole": 3},
 }
-"""How many arrays of each type a set has."""
+"""Number of arrays of each type in a set."""
 
 
 def written_sets(sets: Sequence[PairSet]) -> tuple[list[dict[str, Any]], dict[str, AnyArray]]:
-    """Return what a header says of sets, and the arrays."""
+    """Return the headers of sets, and the arrays."""
     parts = [_written(known) for known in sets]
     joined: dict[str, AnyArray] = {
         name: np.concatenate([np.empty(0, dtype=kind), *(array for one in parts for array in one[name])]).astype(kind)

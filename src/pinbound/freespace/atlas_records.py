@@ -32,7 +32,7 @@ _ROWS = 1 << 16
 
 
 class _Shares:
-    """Volumes as proven intervals, from what is proven free and in contact at least."""
+    """Volumes as proven intervals, from lower bounds of the free volume and of the volume in contact."""
 
     @property
     def _numbers(self) -> tuple[float, float, float]:
@@ -40,29 +40,29 @@ class _Shares:
 
     @property
     def volume(self) -> float:
-        """Of the box of limits [rad^k, metres for a prismatic joint]; of the range of one effective angle [rad]."""
+        """Volume of the box of limits [rad^k, metres for a prismatic joint], or the range of one angle [rad]."""
         return self._numbers[0]
 
     @property
     def free(self) -> tuple[float, float]:
-        """At least and at most so much is free [as `volume`]."""
+        """Lower and upper bound of the free volume [as `volume`]."""
         volume, free, contact = self._numbers
         return max(0.0, free - _ROUNDING * volume), min(volume, volume - contact + _ROUNDING * volume)
 
     @property
     def contact(self) -> tuple[float, float]:
-        """At least and at most so much is in contact [as `volume`]."""
+        """Lower and upper bound of the volume in contact [as `volume`]."""
         volume, free, contact = self._numbers
         return max(0.0, contact - _ROUNDING * volume), min(volume, volume - free + _ROUNDING * volume)
 
     @property
     def undecided(self) -> float:
-        """At most so much is not decided, `free[1] - free[0]` [as `volume`]."""
+        """Upper bound of the undecided volume, `free[1] - free[0]` [as `volume`]."""
         return self.free[1] - self.free[0]
 
     @property
     def decided(self) -> float:
-        """The share that is decided, in [0, 1]; 1 where there is no volume."""
+        """The decided share, in [0, 1]; 1 if the volume is zero."""
         return max(0.0, 1.0 - self.undecided / self.volume) if self.volume > 0.0 else 1.0
 
 

@@ -34,7 +34,7 @@ _BUDGET = Budget(boxes=1_000_000_000, seconds=60.0)
 _SAMPLES = 2000
 _DRAWS = 200
 _CHOICE = 64
-"""Samples outside all sets; the one furthest from contact is the next seed."""
+"""Number of samples outside all sets; the one furthest from contact is the next seed."""
 _ONE_SET = 0.1
 """Largest share of the seconds for one polytope."""
 _NORMAL_95 = 1.959964
@@ -152,9 +152,9 @@ def _paved(
 
 
 def _others_keep(robot: Robot, axes: Indices, at: Array) -> bool:
-    """Return whether limits and rules tie the axes to no other coordinate, and those of the others alone are kept.
+    """Return whether limits and rules do not couple the axes to the others, and the others keep their own limits.
 
-    Then what was paved does not depend on where the others were held, as long as they keep their limits.
+    Then the paved result does not depend on the values of the others, as long as they keep their limits.
     """
     is_axis = np.zeros(len(at), dtype=np.bool_)
     is_axis[axes] = True
@@ -181,7 +181,7 @@ def _polytopes(
     limits_only: bool,
     seed: int,
 ) -> FreeCover:
-    """Certify polytopes around samples; other samples, which no seed was chosen from, say how much is in them."""
+    """Certify polytopes around samples; other samples, which were not seeds, estimate the share inside."""
     rng, names = np.random.default_rng(seed), [one.name for one in chosen]
     seeds, judged = (_free_samples(robot, chosen, window, rng) for _ in range(2))
     found: list[ConvexSet] = []
@@ -211,7 +211,7 @@ def _polytopes(
         left = left[~one.contains(seeds[left])]
         held |= one.contains(judged)
         interval = _interval(held)
-        if interval[0] >= share:  # these samples said when to stop: fresh ones say how much it is
+        if interval[0] >= share:  # these samples decided when to stop; new ones estimate the share
             judged = _free_samples(robot, chosen, window, rng)
             held = np.any([one.contains(judged) for one in found], axis=0)
             interval = _interval(held)

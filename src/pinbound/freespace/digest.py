@@ -1,4 +1,4 @@
-"""A hash of all that a proof about free space depends on: coordinates, limits, rules, paths, thresholds."""
+"""A hash of everything that a proof about free space depends on: coordinates, limits, rules, paths, thresholds."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ __all__ = ["content_digest", "robot_digest"]
 
 _FORMAT = "1"
 _NOT_COUNTED = {"line"}
-"""Fields that say where in a file something was written, not what it is."""
+"""Fields that say where something is written in a file; they do not change its meaning."""
 
 
 def robot_digest(robot: Robot, boundaries: Sequence[Boundary]) -> str:
-    """Return the SHA-256 of what is proven about: two robots with the same one have the same free configurations.
+    """Return the SHA-256 of the proof's data: two robots with the same hash have the same free configurations.
 
-    Comments, meshes, inertias and marks that no boundary uses do not count; every number that a clearance or a limit
-    is computed from does, to its last bit.
+    Comments, meshes, inertias and marks that no boundary uses do not count. Every number from which a clearance or a
+    limit is computed counts, to its last bit.
 
     Example:
         >>> import pinbound as pb
@@ -50,7 +50,7 @@ def content_digest(*parts: Any) -> str:
 
 
 def _feed(known: Any, value: Any) -> None:
-    """Add a value, its type first, so that no two values read alike."""
+    """Add a value, with its type first, so that two different values never give the same bytes."""
     known.update(f"{type(value).__name__}(".encode())
     if isinstance(value, np.ndarray):
         array: AnyArray = np.ascontiguousarray(cast(Any, value))

@@ -1,4 +1,4 @@
-"""A polytope while it is made: what proposing faces and proving them share."""
+"""A polytope while it is made: the data that the proposal and the proof of faces share."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from pinbound.typing import Array, Flags, Indices
 __all__ = ["SHARE", "Draft"]
 
 SHARE = 0.3
-"""Of the distance from the seed to contact: a face keeps at most this much of it away from contact."""
+"""Share of the distance from the seed to contact: a face keeps at most this much of it away from contact."""
 _STEPS = 14
 
 
 @dataclass
 class Draft:
-    """`{A q <= b}` around a seed; faces are only added, so that what is proven of it stays so.
+    """`{A q <= b}` around a seed; faces are only added, so what is proven of it stays true.
 
     Attributes:
-        pairs: The boundaries that are searched.
-        seed: (n,) inside.
-        low: (n,) a corner of the box that holds the polytope.
-        high: (n,) the other one.
+        pairs: The boundaries that need a search.
+        seed: (n,) the configuration inside.
+        low: (n,) lower corner of the box that contains the polytope.
+        high: (n,) upper corner.
         A: (m, n) normals.
         b: (m,) bounds [rad or m].
-        margin: How far faces keep from contact, where there is room [rad or m].
-        source: Of each face that was added, its pair.
+        margin: The distance that faces keep from contact, if there is room [rad or m].
+        source: For each added face, its pair.
     """
 
     pairs: Pairs
@@ -50,10 +50,10 @@ class Draft:
         return np.all(Q @ self.A.T <= self.b, axis=1)
 
     def tangents(self, x: Array, pair: Indices, start: Array) -> tuple[Array, Array, Indices]:
-        """Return tangents of contact on the ways from `start` to x, a little on the seed's side, and of which pair."""
+        """Return tangents of contact between `start` and x, slightly on the seed's side, and their pairs."""
         rows = x
         inside, outside = np.zeros(len(rows)), np.ones(len(rows))
-        for _ in range(_STEPS):  # where the way there first is in contact, if there is one contact only
+        for _ in range(_STEPS):  # the point where the line first meets contact, if there is only one contact
             middle = 0.5 * (inside + outside)
             free_there = self.pairs.signed(pair, start + middle[:, None] * (x - start)) > 0.0
             inside, outside = np.where(free_there, middle, inside), np.where(free_there, outside, middle)

@@ -1,7 +1,7 @@
 """Half-spaces that hold in all coordinates: limits, rules, and the contact angles of boundaries of one effective angle.
 
-Each is `normal . q <= bound`. What is proven is a little less, `normal . q <= bound - slack`: the slack takes every
-rounding error of the boundary or the limit into account. `docs/free-space.md` has the argument.
+Each is `normal . q <= bound`. The proven bound is slightly smaller, `normal . q <= bound - slack`: the slack includes
+every rounding error of the boundary or the limit. `docs/free-space.md` has the argument.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ class Face(Value):
     """One side of a polytope: `normal . q <= bound`.
 
     Attributes:
-        name: What people read, e.g. ``"beta_4"`` or ``"q2 upper"``.
-        source: The boundary, joint or rule that it comes from.
+        name: The name for people, e.g. ``"beta_4"`` or ``"q2 upper"``.
+        source: The boundary, joint or rule that gives it.
         normal: (n,), not zero.
-        bound: [rad or m] in closed form, or where it was placed.
-        slack: By how much the proven bound is smaller [rad or m].
+        bound: [rad or m] in closed form, or as the search placed it.
+        slack: The difference of `bound` and the proven bound [rad or m].
         is_contact: True for a boundary, False for a limit or rule.
     """
 
@@ -55,19 +55,19 @@ class Face(Value):
 
     @property
     def proven(self) -> float:
-        """The bound up to which every q is proven to keep it."""
+        """The bound for which every q is proven to keep it."""
         return self.bound - self.slack
 
 
 def limit_faces(robot: Robot, window: Mapping[str, tuple[float, float]], farthest: Array | None = None) -> list[Face]:
     """Return the faces of all limits of joints, mimic joints and rules without conditions, and of a window.
 
-    A limit is kept if it is passed by at most `tolerances.LIMIT`, so that the slack is zero but where |q| is huge.
+    A limit is kept if it is passed by at most `tolerances.LIMIT`. So the slack is zero unless |q| is huge.
 
     Args:
         robot: The robot.
         window: More ends, by coordinate [rad or m].
-        farthest: (n,) how large abs(q) can be, for the slack; None: no slack yet.
+        farthest: (n,) upper bound of abs(q), for the slack; None: no slack yet.
     """
     found = [face for limit in robot.linear_limits for face in _ends(limit, farthest)]
     for name, ends in window.items():
@@ -98,9 +98,9 @@ def _ends(limit: LinearLimit, farthest: Array | None, beyond: bool = False) -> l
 
 
 def guarded_choices(one: GuardedLimit, farthest: Array, names: Sequence[str]) -> list[Face]:
-    """Return the faces of which one has to be kept: the end of the rule, or a condition not to hold.
+    """Return the faces of which one must be kept: the end of the rule, or the opposite of a condition.
 
-    What a rule with conditions allows is the union of these half-spaces.
+    The set that a rule with conditions allows is the union of these half-spaces.
     """
     found = _ends(one.limit, farthest)
     for condition in one.where:
@@ -124,24 +124,24 @@ def _said(condition: LinearLimit, names: Sequence[str]) -> str:
 
 
 def outer_box(faces: Sequence[Face], names: Sequence[str]) -> tuple[Array, Array]:
-    """Return the corners of a box that holds all that keeps the faces, from those of one coordinate alone.
+    """Return the corners of a box that contains the set within the faces, from faces of one coordinate.
 
-    Where none bounds a coordinate alone, faces of several do, their other coordinates being bounded.
+    If no such face bounds a coordinate, faces of several coordinates do, if their other coordinates are bounded.
 
     Raises:
-        DimensionError: If a coordinate is not bounded, with what to give.
+        DimensionError: If a coordinate is not bounded; the message says what to give.
     """
     low, high = _extent(faces, len(names))
     open_ends = _open_ends(low, high)
     if open_ends:
         name = names[open_ends[0]]
         raise DimensionError(f"{name!r} has no limits; give window={{{name!r}: (lower, upper)}}")
-    spare = 8.0 * UNIT_ROUNDOFF * (1.0 + np.maximum(np.abs(low), np.abs(high)))  # of the quotients of _extent
+    spare = 8.0 * UNIT_ROUNDOFF * (1.0 + np.maximum(np.abs(low), np.abs(high)))  # for the quotients of _extent
     return low - spare, high + spare
 
 
 def without_limits(robot: Robot) -> tuple[str, ...]:
-    """Return the coordinates that no limit and no rule bounds."""
+    """Return the coordinates that neither a limit nor a rule bounds."""
     return tuple(robot.coordinates[j] for j in _open_ends(*_extent(limit_faces(robot, {}), len(robot.coordinates))))
 
 
@@ -175,11 +175,11 @@ class Gap:
     """The free interval of one effective angle around a configuration.
 
     Attributes:
-        boundary: Whose.
+        boundary: The boundary.
         coefficients: (n,) c of `phi = c . q`.
-        low: Where it begins, in closed form [rad]; -inf if there is no contact.
-        high: Where it ends.
-        slack: By how much it is smaller at either end, to be proven.
+        low: Lower end, in closed form [rad]; -inf if there is no contact.
+        high: Upper end.
+        slack: The amount by which both ends are moved inwards so that the interval can be proven.
     """
 
     boundary: str
@@ -189,7 +189,7 @@ class Gap:
     slack: float
 
     def faces(self) -> list[Face]:
-        """Return its two faces; none if there is no contact at all."""
+        """Return its two faces; none if there is no contact."""
         name, c = self.boundary, self.coefficients
         ends = ((c, self.high), (-c, -self.low))
         return [Face(name, name, normal, end, self.slack, True) for normal, end in ends if math.isfinite(end)]
@@ -199,7 +199,7 @@ class OneAngleGaps:
     """Free intervals of all boundaries of one effective angle, with proof."""
 
     def __init__(self, robot: Robot, boundaries: Sequence[Boundary], low: Array, high: Array) -> None:
-        """Hold the boundaries; the proofs hold while q stays in the box (n,), (n,)."""
+        """Store the boundaries; the proofs hold while q stays in the box (n,), (n,)."""
         self.low, self.high = low, high
         self.farthest = np.maximum(np.abs(low), np.abs(high))
         self.known: dict[str, tuple[Family, int]] = {}
@@ -236,7 +236,7 @@ class OneAngleGaps:
         return None
 
     def violated(self, name: str, phi: Array) -> Flags:
-        """Return at which angles (N,) a boundary is proven in contact."""
+        """Return the angles (N,) at which a boundary is proven to be in contact, as flags."""
         c, (family, row) = self.strips[name][0], self.known[name]
         j, centre = int(np.argmax(np.abs(c))), np.zeros((len(phi), len(c)))
         centre[:, j] = phi / c[j]
@@ -254,7 +254,7 @@ class OneAngleGaps:
                 return False
             centre, half = np.zeros((2, len(ends), len(c)))
             centre[:, j] = 0.5 * (ends[:, 0] + ends[:, 1]) / c[j]
-            # Widened by the rounding of these products, so that the angles asked for are all in it.
+            # Widened by the rounding of these products, so that it contains all angles of the range.
             room = 8.0 * UNIT_ROUNDOFF * (np.abs(ends).max(axis=1) + 1.0)
             half[:, j] = (0.5 * (ends[:, 1] - ends[:, 0]) + room) / abs(float(c[j]))
             found: Enclosure = family.enclose_box(np.full(len(ends), row), centre, half)

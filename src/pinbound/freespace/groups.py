@@ -1,18 +1,19 @@
-"""Pairs of spheres whose chains turn alike as a tree, so that one bound clears many.
+"""Pairs of spheres whose chains have the same rotations, as a tree, so that one bound proves many pairs clear.
 
-Let two pairs have chains `b_0 + R_1(b_1 + ... R_k b_k)` with the same axes and coefficients, as those of the same two
-links have, and those of links that are fixed to these. Their vectors differ by at most `d = sum_i |b_i - b'_i|` in
-every configuration, and, on the same two links, by at most as much as their points are apart on these. So with
+Let two pairs have chains `b_0 + R_1(b_1 + ... R_k b_k)` with the same axes and coefficients. This holds for pairs of
+the same two links, and of links that are fixed to these. Then their vectors differ by at most `d = sum_i |b_i - b'_i|`
+in every configuration. On the same two links, this is at most the distance of their points on these links. So with
 thresholds T and rounding bounds E
 
     f_other(q) >= |r(q)| - T - extra,    extra = T_other - T + d + E_other.
 
-A group is represented by the pair for which the largest extra of its members is least; what clears it by that much
-clears them all. Where it is too coarse, its two halves are asked.
+The pair with the smallest maximum of `extra` over the members represents the group. If its clearance exceeds this
+extra, all members are clear. If the group is too coarse, its two halves are bounded.
 
-*Fewer coordinates.* What b_k has along the last axis that axis does not turn. Without the part across it, `b_k'`, the
-chain has one rotation less, and its vector is off by at most `|b_k'|` in every configuration; so at the first axis with
-b_0. A ball on a wrist's axis stands for the bodies of a hand, whatever the last joint does.
+*Fewer coordinates.* The last rotation does not change the part of b_k along its axis. Without the part perpendicular to
+the axis, `b_k'`, the chain has one rotation less, and its vector has an error of at most `|b_k'|` in every
+configuration. The same holds for the first axis and b_0. So a ball on the axis of a wrist can represent the bodies of a
+hand, for all values of the last joint.
 """
 
 from __future__ import annotations
@@ -30,23 +31,23 @@ from pinbound.typing import Array, Indices
 __all__ = ["Groups"]
 
 _FEWEST = 3
-"""Rotations of a chain from which on one with fewer is tried first."""
+"""Number of rotations of a chain from which on a chain with fewer rotations is tried first."""
 _COARSE = 0.12
-"""Metres: a chain with fewer rotations must not be off by more than this, beside what the group is off already."""
+"""[m], the largest error of a chain with fewer rotations, in addition to the error of the group."""
 
 
 @dataclass(frozen=True)
 class Groups:
-    """Nodes: first all m pairs, each itself, then groups of them.
+    """Nodes: first all m single pairs, then groups of them.
 
     Attributes:
-        pair: (N,) the pair that represents each node; m and more: one of `chains`.
-        extra: (N,) what is taken off its clearance [m]; 0 of pairs.
-        halves: (N, 2) the nodes that a group is made of; -1 of pairs, and where there is one alone.
-        roots: The nodes that together hold every pair once.
-        members: Of each node, its pairs.
-        chains: Chains of fewer rotations, each made of a pair.
-        made_of: (c,) which pair.
+        pair: (N,) the pair that represents each node; from m on, one of `chains`.
+        extra: (N,) the reduction of its clearance [m]; 0 for single pairs.
+        halves: (N, 2) the nodes that form a group; -1 for single pairs, and for a missing second node.
+        roots: The nodes that together contain every pair once.
+        members: The pairs of each node.
+        chains: Chains with fewer rotations, each made from a pair.
+        made_of: (c,) the pair of each.
     """
 
     pair: Indices
@@ -70,8 +71,8 @@ class Groups:
         Args:
             boundaries: All of them.
             error: (m,) bounds of their rounding [m].
-            grouped: Which are between two points, and do not slide.
-            chains: Of these, chains with the same norms; None: those of their paths.
+            grouped: Which are between two points, without prismatic joints.
+            chains: For these, chains with the same norms; None: those of their paths.
         """
         known = {pair: boundaries[pair].path.minimal for pair in grouped} if chains is None else chains
         found = _Builder(boundaries, error, known)
@@ -103,7 +104,7 @@ class _Builder:
         self.made_of: list[int] = []
 
     def node(self, members: Indices) -> int:
-        """Return the node of some pairs whose chains turn alike."""
+        """Return the node of some pairs whose chains have the same rotations."""
         if len(members) == 1:
             return self._shorter(int(members[0]), members, (int(members[0]), -1), 0.0)
         some = [self.boundaries[int(pair)] for pair in members]
@@ -161,12 +162,12 @@ class _Builder:
 
 
 def _across(block: Array, axis: Array) -> Array:
-    """Return the part of a block that an axis turns."""
+    """Return the part of a block perpendicular to an axis."""
     return block - axis * float(axis @ block)
 
 
 def _without(chain: Chain, is_first: bool) -> Chain:
-    """Return a chain without its first or last rotation, what that turns left out."""
+    """Return a chain without its first or last rotation, and without the part that this rotates."""
     offsets = chain.offsets
     if is_first:
         merged = offsets[0] - _across(offsets[0], chain.axes[0]) + offsets[1]

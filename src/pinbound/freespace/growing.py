@@ -1,8 +1,9 @@
-"""Faces that are likely to do: tangents of contact that cut off much contact and little else.
+"""Proposed faces: tangents of contact that cut off much contact and little else.
 
-Nothing here is a proof: `proving` has that. From the seed, or another sample, towards a sample in contact the contact
-of its pair is found by bisection, and the tangent there is a candidate. Of some hundred candidates the one is taken
-that cuts off most contact for what it cuts off of all samples, until no sample in contact is left.
+Nothing here is a proof; `proving` has the proofs. From the seed, or another sample, towards a sample in contact,
+bisection finds the contact of its pair. The tangent there is a candidate. From some hundred candidates the best one is
+taken: it cuts off many samples in contact, compared with all samples that it cuts off. This is repeated until no sample
+in contact is left.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ class Grower:
     rng: np.random.Generator
 
     def __post_init__(self) -> None:
-        """Know the boundaries, and which pair each is."""
+        """Store the boundaries, and the number of each pair."""
         self.chosen = self.robot.boundaries.select(self.draft.pairs.names)
         column = {name: index for index, name in enumerate(self.draft.pairs.names)}
         self.order = np.array([column[name] for name in self.chosen.names], dtype=np.intp)
 
     def begin(self) -> None:
-        """Add the tangents of pairs that the seed is close to contact of: they are needed, and spare much."""
+        """Add the tangents of pairs to whose contact the seed is close: they are needed, and save much work."""
         which = np.arange(len(self.draft.pairs))
         seeds = np.tile(self.draft.seed, (len(which), 1))
         value, slope = self.draft.pairs.signed(which, seeds), self.draft.pairs.slopes(which, seeds)
@@ -54,18 +55,18 @@ class Grower:
                 self.draft.add(A[0], float(b[0]), pair)
 
     def sampled(self, count: int) -> Array:
-        """Return up to `count` samples of the outer box that keep all faces."""
+        """Return up to `count` samples of the outer box that are within all faces."""
         Q = self.rng.uniform(self.draft.low, self.draft.high, (count, len(self.draft.low)))
         return Q[self.draft.inside(Q)]
 
     def contacts(self, Q: Array) -> tuple[Indices, Indices]:
-        """Return the rows of Q in contact, and of each the pair that is deepest in it."""
+        """Return the rows of Q in contact, and for each the pair in deepest contact."""
         found = self.chosen.smallest(Q)
         rows = np.flatnonzero(np.asarray(found.clearance) <= 0.0)
         return rows, self.order[np.asarray(found.index)[rows]]
 
     def grow(self, samples: int, meter: Meter, until: float) -> None:
-        """Add faces until fresh samples show no contact inside, or until so many seconds have gone."""
+        """Add faces until new samples show no contact inside, or until `until` seconds."""
         for _ in range(_ROUNDS):
             Q = self.sampled(samples)
             if not len(Q) or meter.seconds >= until:

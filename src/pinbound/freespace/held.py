@@ -1,12 +1,13 @@
-"""Pairs of points with the coordinates held that are not paved: fewer rotations, and larger groups.
+"""Pairs of points when the coordinates that are not paved are fixed: fewer rotations, and larger groups.
 
-With the others held a chain turns about no more axes than are paved, and links between which nothing moves any more are
-one body, so that their pairs turn alike and one bound stands for them (`groups`). Boxes come with lists of nodes. A
-node that is clear over a box is off the lists of all its parts; a pair in contact all over it decides the box; a group
-that is too coarse gives way to its halves. In machine code where it is there, else in rounds of NumPy.
+With the other coordinates fixed, a chain has at most as many axes as coordinates are paved. Links that do not move
+relative to each other any more are one body. So their pairs have the same rotations, and one bound represents them
+(`groups`). Boxes have lists of nodes. A node that is clear over a box is removed from the lists of all its parts. A
+pair that is in contact in the whole box decides the box. A group that is too coarse is replaced by its halves. Machine
+code does this if it is available, otherwise rounds of NumPy.
 
-What holding the others rounds is at most what the derivation and evaluation of the whole chain may be off by: it folds
-and reduces the same blocks and rotations. So the rounding bound is taken twice. `docs/free-space.md`.
+The rounding of fixing the others is at most that of the derivation and evaluation of the whole chain, because it folds
+and reduces the same blocks and rotations. So the rounding bound is used twice. `docs/free-space.md`.
 """
 
 from __future__ import annotations
@@ -32,19 +33,19 @@ from pinbound.typing import Array, Flags, Indices
 __all__ = ["Decided", "HeldPairs", "Lists"]
 
 _ROOM = 1 << 21
-"""Numbers that a call of machine code has room for: nodes of all its boxes together."""
+"""Numbers of working memory for a call of machine code: nodes of all its boxes together."""
 _MOST_BOXES = 4096
 _PAVING = Code(paving_source, loading=2_000, compiling=300_000)
 
 
 @dataclass(frozen=True)
 class Lists:
-    """Lists of nodes, one a box; the halves of a box share theirs.
+    """Lists of nodes, one for each box; the halves of a box share its list.
 
     Attributes:
         nodes: All lists, one after the other.
-        first: (N,) where that of each box starts.
-        length: (N,) how long it is.
+        first: (N,) the start of each box's list.
+        length: (N,) its length.
     """
 
     nodes: Indices
@@ -64,14 +65,14 @@ class Lists:
 
 @dataclass(frozen=True)
 class Decided:
-    """What was found of N boxes.
+    """The results for N boxes.
 
     Attributes:
-        lists: Of each box what is not proven clear in it; empty where it is in contact.
-        contact: (N,) whether one pair is proven in contact all over the box.
-        across: (N,) the coordinate to halve it across; of a box in contact, the pair that is.
-        least: (N,) the least lower bound of what is left [m]; infinite where nothing is.
-        bounded: How many boxes times nodes were bounded.
+        lists: For each box, the nodes that are not proven clear in it; empty if it is in contact.
+        contact: (N,) whether one pair is proven in contact in the whole box.
+        across: (N,) the coordinate in which to halve it; for a box in contact, the pair in contact.
+        least: (N,) the least lower bound of the remaining nodes [m]; infinite if there are none.
+        bounded: The number of bounds computed, one for each box and node.
     """
 
     lists: Lists
@@ -82,15 +83,15 @@ class Decided:
 
 
 class HeldPairs:
-    """Pairs of points over boxes of some coordinates, the others held."""
+    """Pairs of points over boxes of some coordinates, with the others fixed."""
 
     def __init__(self, pairs: Pairs, axes: Indices, at: Array, low: Array, high: Array, beside: Array) -> None:
-        """Hold the others; bounds hold while q stays in the box (k,), (k,) of the axes, `beside` (k,) further out."""
+        """Fix the others; bounds hold while q stays in the box (k,), (k,) of the axes, enlarged by `beside` (k,)."""
         k, keep = len(axes), axes.tolist()
         family = pairs.families[1]
         assert isinstance(family, ManyAngleBoundaries)
         all_rows = np.arange(int(pairs.first[1]), int(pairs.first[2]))
-        # Where nothing is held, too: the columns have the order of the axes then, which users choose.
+        # Also if nothing is fixed: then the columns have the order of the axes, which users choose.
         chains = [restrict(pairs.boundaries[int(row)].path.minimal, at, keep) for row in all_rows]
         turning = np.array([not np.any(chain.slides) for chain in chains], dtype=np.bool_)
         self.rows = all_rows[turning]
@@ -116,16 +117,16 @@ class HeldPairs:
         self.most_boxes = max(1, min(_MOST_BOXES, _ROOM // max(1, len(self.rows))))
 
     def __len__(self) -> int:
-        """Return how many pairs there are."""
+        """Return the number of pairs."""
         return len(self.rows)
 
     def first_lists(self, count: int) -> Lists:
-        """Return lists of all nodes that together hold every pair once, for some boxes."""
+        """Return lists of all nodes that together contain every pair once, for some boxes."""
         roots = self.groups.roots
         return Lists(roots, np.zeros(count, dtype=np.intp), np.full(count, len(roots), dtype=np.intp))
 
     def decide(self, boxes: Array, lists: Lists, seconds: float) -> Decided:
-        """Return what is known of boxes (N, 2, k), at most `most_boxes` of them; `seconds` are left for the whole."""
+        """Return the results for boxes (N, 2, k), at most `most_boxes` of them; `seconds` remain for the whole work."""
         work = int(lists.length.sum())
         if work and has_numba() and _PAVING.is_worth(work, seconds):
             return self._quick(boxes, lists)
@@ -194,7 +195,7 @@ class HeldPairs:
         return Decided(Lists(node, first, length), contact, which, least, bounded)
 
     def bound_nodes(self, nodes: Indices, centre: Array, half: Array) -> Affine:
-        """Return what is known of nodes (N,) over the boxes `centre +- half` (N, k): of groups nothing above."""
+        """Return the bounds of nodes (N,) over the boxes `centre +- half` (N, k); groups have no upper bound."""
         pair, extra = self.groups.pair[nodes], self.groups.extra[nodes]
         numbers = np.empty((5, len(nodes)))
         found = Affine(numbers[0], np.empty_like(centre), *numbers[1:])

@@ -1,7 +1,7 @@
-"""Intervals of one effective angle, each proven free, proven in contact, or narrower than rounding can tell.
+"""Intervals of one effective angle, each proven free, proven in contact, or narrower than rounding.
 
-The ends of contact strips are known in closed form, and split the range of the angle. Nothing rests on them: each part
-is halved until the enclosures of `certify_box` prove it, or until what is left is as wide as they can tell apart.
+The ends of contact strips are known in closed form, and divide the range of the angle. No proof depends on them: each
+part is halved until the enclosures of `certify_box` prove it, or until it is too narrow for them.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from pinbound.typing import Array, Indices
 __all__ = ["angle_set"]
 
 _PARTS = 256
-"""Intervals that are halved at once; where more are undecided they are all within rounding of contact."""
+"""Intervals that are halved at once; if more are undecided, all of them are within rounding of contact."""
 _TURN = 2.0 * math.pi
 
 
 def angle_set(robot: Robot, boundary: Boundary, columns: Indices, low: Array, high: Array, beside: Array) -> AngleSet:
-    """Return what is proven of a boundary of one effective angle.
+    """Return the proven sets of a boundary of one effective angle.
 
     Args:
         robot: The robot.
         boundary: One for which `boundary.rule.strips()` is not None.
-        columns: Which entries of q it depends on.
-        low: (n,) corner of the box of limits.
-        high: (n,) corner.
-        beside: (n,) how far limits may be passed.
+        columns: Indices in q of the coordinates that it depends on.
+        low: (n,) lower corner of the box of limits.
+        high: (n,) upper corner.
+        beside: (n,) by how much limits may be passed.
     """
     strips = boundary.rule.strips()
     assert strips is not None
@@ -44,7 +44,8 @@ def angle_set(robot: Robot, boundary: Boundary, columns: Indices, low: Array, hi
     room = 8.0 * UNIT_ROUNDOFF * (1.0 + farthest)
     wide = float(np.abs(c) @ beside) + room
     lower, upper = float(ends[0]) - wide, float(ends[1]) + wide
-    # An angle is asked for as q_j = phi / c_j alone: the bounds of rounding hold over a box with these places, too.
+    # An angle is evaluated at q_j = phi / c_j alone, so the rounding bounds must hold over a box with these
+    # points, too.
     far = (max(abs(lower), abs(upper)) + 2.0 * room) / abs(float(c[j]))
     around = np.eye(len(c))[j] * far
     pairs = Pairs(robot, [boundary], np.minimum(low - beside, -around), np.maximum(high + beside, around))

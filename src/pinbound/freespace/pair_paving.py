@@ -1,8 +1,8 @@
-"""Pairs that turn alike over a box of their own coordinates, halved until it is proven free or in contact.
+"""Pairs with the same rotations, over a box of their own coordinates, halved until it is proven free or in contact.
 
-A box goes on with those pairs, or groups of pairs, that are not proven free in it: groups first, among them balls about
-an axis of the wrist, which depend on fewer joints. What is proven of a group is inherited by its pairs if it is FREE,
-and never otherwise. The largest boxes come first, so that the nodes are in order of their levels.
+A box keeps the pairs, or groups of pairs, that are not proven free in it. Groups come first, among them balls about an
+axis of the wrist, which depend on fewer joints. If a group is proven FREE, all its pairs are; other results of a group
+say nothing about its pairs. The largest boxes come first, so that the nodes are in order of their levels.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ __all__ = ["PairPaving"]
 
 _MOST = 4096
 _FEW = 256
-"""Boxes that are bounded in one go: parts of the queue are joined up to so many."""
+"""Boxes that are bounded in one call: parts of the queue are joined up to this number."""
 
 
 @dataclass
 class _Part:
-    """Boxes (c, 2, k) in the order of their nodes, with their lists, and the share of the whole that each is."""
+    """Boxes (c, 2, k) in the order of their nodes, with their lists, and the share of the whole box that each is."""
 
     boxes: Array
     lists: Lists
@@ -44,7 +44,7 @@ class _Part:
 
 
 class PairPaving:
-    """A box over the coordinates of some pairs, and what is proven in it so far."""
+    """A box over the coordinates of some pairs, and the results in it so far."""
 
     def __init__(
         self,
@@ -55,14 +55,14 @@ class PairPaving:
         ends: tuple[Array, Array, Array],
         meter: Meter,
     ) -> None:
-        """Begin with the box of limits.
+        """Start with the box of limits.
 
         Args:
             robot: The robot.
-            members: One pair; or pairs of points whose joints turn only, and whose chains turn alike.
-            columns: Which entries of q they depend on, in the order that the boxes have.
-            at: (n,) any q: the others do not matter.
-            ends: (n,) each: corners of the box of limits, and how far it may be passed.
+            members: One pair; or pairs of points with the same rotations and without prismatic joints.
+            columns: Indices in q of their coordinates, in the order of the boxes.
+            at: (n,) any q: the values of the others do not matter.
+            ends: (n,) each: corners of the box of limits, and by how much they may be passed.
             meter: The budget.
         """
         low, high, beside = ends
@@ -96,11 +96,11 @@ class PairPaving:
 
     @property
     def is_done(self) -> bool:
-        """Whether nothing is left that could be halved."""
+        """Whether no box is left that could be halved."""
         return not self.queue
 
     def step(self) -> None:
-        """Bound some of the largest boxes that are left, and halve what is open."""
+        """Bound some of the largest remaining boxes, and halve the undecided ones."""
         part = self._next()
         boxes, lists = part.boxes, part.lists
         contact, is_open, across, left, touching = self._decide(boxes, lists)
@@ -125,7 +125,7 @@ class PairPaving:
             self.queue.append(_Part(halves, left.take(twice), 0.5 * part.share[twice]))
 
     def _next(self) -> _Part:
-        """Return the boxes at the head of the queue, no more than go in one call, small parts joined."""
+        """Return the boxes at the head of the queue, at most as many as fit one call, with small parts joined."""
         most = _MOST if self.held is None else self.held.most_boxes
         parts, count = list[_Part](), 0
         while self.queue and (not parts or count + len(self.queue[0].boxes) <= _FEW):
@@ -142,7 +142,7 @@ class PairPaving:
         return part
 
     def _decide(self, boxes: Array, lists: Lists) -> tuple[Flags, Flags, Indices, Lists, Indices]:
-        """Return what is in contact, what is open, where to halve it, what is not clear in it, and what touches."""
+        """Return for boxes: contact, undecided, where to halve, nodes that are not clear, and pairs in contact."""
         if self.held is not None:
             found = self.held.decide(boxes, lists, self.meter.budget.seconds - self.meter.seconds)
             self._worked(found.bounded)
@@ -174,9 +174,9 @@ class PairPaving:
         self.touched += np.bincount(touching, weights=size[contact], minlength=len(self.touched))
 
     def _keep(self, before: Lists, after: Lists, contact: Flags, closed: Flags, size: Array) -> None:
-        """Keep the lists of boxes that are not halved: of those in contact as they came, of open ones what is left."""
+        """Keep the lists of boxes that are not halved: the old ones for contact, the remaining nodes if undecided."""
         rows = np.flatnonzero(contact | closed)
-        if not len(rows) or len(self.touched) == 1:  # of one pair the code says all
+        if not len(rows) or len(self.touched) == 1:  # for one pair the code says everything
             return
         for some, lists in ((contact, before), (closed, after)):
             box, node = lists.take(some).rows()
@@ -188,7 +188,7 @@ class PairPaving:
         self.kept.append(_compact(_joined(one_by_one)))
 
     def finish(self) -> BoxTree:
-        """Return the tree, all that is left being open."""
+        """Return the tree; all remaining boxes are undecided."""
         codes = [*self.codes, *(np.full(len(part.boxes), BoxTree.OPEN, dtype=np.int8) for part in self.queue)]
         kept, on_list = list(self.kept), self.on_list.copy()
         for part in self.queue:
@@ -222,7 +222,7 @@ class PairPaving:
 
 
 def _splittable(boxes: Array, across: Indices, is_open: Flags) -> tuple[Flags, Indices]:
-    """Return which open boxes can be halved, and across which coordinate: another one where that is too narrow."""
+    """Return which undecided boxes can be halved, and in which coordinate: another one if the first is too narrow."""
     middle = 0.5 * (boxes[:, 0] + boxes[:, 1])
     can = (boxes[:, 0] < middle) & (middle < boxes[:, 1])
     if not boxes.shape[2]:
@@ -236,7 +236,7 @@ def _splittable(boxes: Array, across: Indices, is_open: Flags) -> tuple[Flags, I
 
 
 def _compact(lists: Lists) -> Lists:
-    """Return the same lists, one after the other, each box its own."""
+    """Return the same lists, one after the other, so that no boxes share a list."""
     _, node = lists.rows()
     return Lists(node, np.cumsum(lists.length) - lists.length, lists.length)
 

@@ -1,6 +1,6 @@
 """Sets proven for pairs over their own coordinates: intervals of one angle, or a tree of boxes.
 
-Both hold several pairs that move by the same chain, the *slots*. A place is FREE if all slots are proven free there,
+Both hold several pairs that move by the same chain, the *slots*. A point is FREE if all slots are proven free there,
 CONTACT if one is proven in contact, and UNDECIDED otherwise.
 """
 
@@ -94,19 +94,19 @@ class AngleSet(PairSet):
         Y = np.where(inside[:, None], Y, 0.0)
         size = np.abs(Y) @ np.abs(self.coefficients)
         phi, error = Y @ self.coefficients, UNIT_ROUNDOFF * (len(self.coefficients) + 2) * size
-        # An angle on an edge lies in both intervals, so that nothing is said of it.
+        # An angle on an edge lies in both intervals, so it is undecided.
         least = np.searchsorted(self.edges, phi - error, side="left") - 1
         most = np.searchsorted(self.edges, phi + error, side="right") - 1
         known = inside & (least == most) & (least >= 0) & (least < len(self.codes))
         return np.where(known, self.codes[np.clip(least, 0, len(self.codes) - 1)], Where.UNDECIDED).astype(np.int8)
 
     def slots_where(self, Y: Array) -> Codes:
-        """Return what is proven (N, 1) of the pair."""
+        """Return the proven result (N, 1) of the pair."""
         return self.where(Y)[:, None]
 
 
 def _within(Y: Array, low: Array, high: Array) -> Flags:
-    """Return which places keep the box of limits, by the one limit rule; what is not finite keeps nothing."""
+    """Return which points keep the box of limits, by the one limit rule; points that are not finite do not."""
     return np.all((Y >= low - LIMIT) & (Y <= high + LIMIT), axis=1)
 
 
@@ -140,7 +140,7 @@ class BoxTree(PairSet):
 
     @cached_property
     def _halves(self) -> Indices:
-        """The first half of each node that is halved; the second comes after it."""
+        """The first half of each halved node; the second half comes after it."""
         return 2 * np.cumsum(self.codes < self.FREE) - 1
 
     def leaves(self, Y: Array) -> Indices:
@@ -164,7 +164,7 @@ class BoxTree(PairSet):
         return found
 
     def where(self, Y: Array) -> Codes:
-        """Return what is proven (N,) at places Y (N, k) of all pairs."""
+        """Return the proven result (N,) of all pairs at points Y (N, k)."""
         leaf = self.leaves(Y)
         code = self.codes[leaf]
         found = np.where(code == self.FREE, Where.FREE, np.where(code == self.CONTACT, Where.CONTACT, Where.UNDECIDED))
@@ -190,12 +190,12 @@ class BoxTree(PairSet):
 
     @cached_property
     def _unsure(self) -> Indices:
-        """Of each node, how many before it are in contact or open."""
+        """For each node, the number of nodes before it that are in contact or undecided."""
         return np.cumsum(self.codes > self.FREE) - 1
 
     @cached_property
     def _touched(self) -> Indices:
-        """Of each node, how many before it are in contact."""
+        """For each node, the number of nodes before it that are in contact."""
         return np.cumsum(self.codes == self.CONTACT) - 1
 
     @cached_property

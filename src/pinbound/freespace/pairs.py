@@ -1,9 +1,9 @@
 """Clearances of many pairs over many boxes as affine lower bounds: `f(q) >= value + slope . (q - centre) - rest`.
 
-The proof is that of `certify_box` (docs/certificates.md, Boxes): along the unit vector n of the middle, which stands
-still, `|r| >= n . r`, the linear part of which is exact and the rest at most `K / 2`, or, by the second derivatives at
-the middle, at most theirs and a rest of third order (docs/free-space.md). Only the linear part is kept apart here, so
-that it can be weighed against the faces of a polytope.
+The proof is that of `certify_box` (docs/certificates.md, Boxes): along the fixed unit vector n of the middle, `|r| >= n
+. r`. Its linear part is exact, and the remainder is at most `K / 2`. With the second derivatives in the middle, it is
+at most their terms and a remainder of third order (docs/free-space.md). Here only the linear part is separate, so that
+it can be weighed against the faces of a polytope.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ __all__ = ["Affine", "Pairs", "bound_points"]
 
 @dataclass(frozen=True)
 class Affine:
-    """What is known of N pairs over N boxes.
+    """The bounds of N pairs over N boxes.
 
     Attributes:
-        value: (N,) signed clearance at the centre, as computed, less all rounding [m].
+        value: (N,) signed clearance at the centre, as computed, minus all rounding [m].
         slope: (N, n) of the affine lower bound [m/rad or 1].
-        rest: (N,) what is taken off it over the box [m].
+        rest: (N,) the amount subtracted from it over the box [m].
         moved: (N,) how much smaller than `value` the clearance can be, by lever arms alone [m].
-        lower: (N,) the best proven lower bound over the box [m]; above zero only where it is proven clear.
+        lower: (N,) the best proven lower bound over the box [m]; above zero only if it is proven clear.
         upper: (N,) a proven upper bound over the box [m].
     """
 
@@ -47,10 +47,10 @@ class Affine:
 
 
 class Pairs:
-    """Boundaries of several effective angles, bounded over boxes within one outer box."""
+    """Boundaries of several effective angles, with bounds over boxes within one outer box."""
 
     def __init__(self, robot: Robot, boundaries: Sequence[Boundary], low: Array, high: Array) -> None:
-        """Hold the boundaries; bounds hold while q stays in the box (n,), (n,)."""
+        """Store the boundaries; bounds hold while q stays in the box (n,), (n,)."""
         _, one, many, swept = families(robot, tuple(boundaries), low, high)
         self.families: tuple[Family, ...] = (one, many, swept)
         self.names = tuple(name for family in self.families for name in family.names)
@@ -64,7 +64,7 @@ class Pairs:
             grouped = list(range(int(self.first[1]), int(self.first[2])))
             error[grouped] = many.error
         self.groups = groups = Groups.of(self.boundaries, error, grouped)
-        if groups.chains:  # pairs of fewer coordinates, which stand for others and are none themselves
+        if groups.chains:  # pairs with fewer coordinates; they represent others, and are not boundaries
             stacked, made_of = bundle(groups.chains, len(low)), groups.made_of
             arms = lever_arms(stacked, low, high)
             rows: list[int] = made_of.tolist()
@@ -75,11 +75,11 @@ class Pairs:
             self.weights = np.concatenate([self.weights, coarse.weights])
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of pairs."""
         return len(self.names)
 
     def bound(self, which: Indices, centre: Array, half: Array) -> Affine:
-        """Return what is known of pairs `which` (N,) over the boxes `centre +- half` (N, n)."""
+        """Return the bounds of pairs `which` (N,) over the boxes `centre +- half` (N, n)."""
         n = centre.shape[1]
         numbers = np.empty((5, len(which)))
         found = Affine(numbers[0], np.zeros((len(which), n)), *numbers[1:])
@@ -101,7 +101,7 @@ class Pairs:
         return found
 
     def bound_nodes(self, nodes: Indices, centre: Array, half: Array) -> Affine:
-        """Return what is known of nodes of `groups`: of a group, a lower bound of all its pairs, and nothing above."""
+        """Return the bounds of nodes of `groups`: for a group, a lower bound of all its pairs, and no upper bound."""
         found = self.bound(self.groups.pair[nodes], centre, half)
         extra = self.groups.extra[nodes]
         upper = np.where(nodes < len(self), found.upper, np.inf)
@@ -109,7 +109,7 @@ class Pairs:
         return Affine(value, found.slope, found.rest, found.moved, lower, upper)
 
     def gradients(self, which: Indices, Q: Array) -> Array:
-        """Return the gradients (N, n) of the signed clearances of pairs `which` at Q, zero where there is none."""
+        """Return the gradients (N, n) of the signed clearances of pairs `which` at Q; zero if there is no gradient."""
         found = np.zeros_like(Q)
         for pair in np.unique(which):
             rows = which == pair
@@ -117,7 +117,7 @@ class Pairs:
         return found
 
     def slopes(self, which: Indices, Q: Array) -> Array:
-        """Return the gradients (N, n), those of the affine bounds where there are any."""
+        """Return the gradients (N, n), those of the affine bounds if they exist."""
         slope = self.bound(which, Q, np.zeros_like(Q)).slope
         flat = np.flatnonzero(~np.any(slope != 0.0, axis=1))
         if len(flat):
@@ -130,7 +130,7 @@ class Pairs:
 
 
 def bound_points(family: ManyAngleBoundaries, which: Indices, centre: Array, half: Array) -> Affine:
-    """Return the bounds of pairs of points whose joints turn only: one walk out, one walk back."""
+    """Return the bounds of pairs of points without prismatic joints: one pass forwards, one pass back."""
     chains, k = family.chains, family.chains.rotations
     count = len(which)
     C = chains.coefficients[which]
@@ -179,7 +179,7 @@ def bound_points(family: ManyAngleBoundaries, which: Indices, centre: Array, hal
     rest = np.minimum(0.5 * K, bent_down + third) * INFLATION + (off - error)
     linear = np.einsum("ni,ni->n", np.abs(slope), half) * INFLATION
     lower = value - np.minimum(moved + (off - error), rest + linear)
-    # |r_0 + J d| has a part along n of at most |r_0| + sum |g_j| h_j, and one across of at most what r moves.
+    # |r_0 + J d| has a part along n of at most |r_0| + sum |g_j| h_j, and one normal to n of at most the motion of r.
     both = np.minimum(0.5 * K, bent + third) * INFLATION + (off - error)
     most = np.hypot(norm + linear, moved) * INFLATION + both
     upper = np.minimum(norm + moved + (off - error), most) - family.threshold[which] + error

@@ -257,7 +257,7 @@ class Paving:
         window: Mapping[str, tuple[float, float]],
         meter: Meter,
     ) -> None:
-        """Begin with the box of limits of the axes, the others held at `at` (n,)."""
+        """Start with the box of limits of the axes; the others are fixed at `at` (n,)."""
         low, high, beside = paved_box(robot, axes, at, window)
         self.axes, self.at, self.meter = axes, at, meter
         self.low, self.high, self.beside = low[axes], high[axes], beside[axes]
@@ -297,7 +297,7 @@ class Paving:
         return None
 
     def _round(self, held: HeldPairs, boxes: Array, lists: Lists, box: Indices, item: Indices) -> _Round:
-        """Bound what is listed of some boxes, `item` being what is bounded with all coordinates; halve those left."""
+        """Bound the listed nodes of some boxes, and `item` with all coordinates; halve the remaining boxes."""
         count = len(boxes)
         found = held.decide(boxes, lists, self.meter.budget.seconds - self.meter.seconds)
         lower, upper = self.bounds(item, boxes[box]) if len(item) else (np.empty(0), np.empty(0))
@@ -306,7 +306,7 @@ class Paving:
         contact[box[upper < 0.0]] = True
         keep = ~(lower > 0.0)
         least, which = np.full(count, np.inf), np.zeros(count, dtype=np.intp)
-        order = np.argsort(-lower[keep], kind="stable")  # the least one last, and kept
+        order = np.argsort(-lower[keep], kind="stable")  # the least one is last, and is kept
         least[box[keep][order]], which[box[keep][order]] = lower[keep][order], item[keep][order]
         is_open = ~contact & ((found.lists.length > 0) | (least < np.inf))
         across = found.across.copy()
@@ -338,7 +338,7 @@ class Paving:
         return lower, upper
 
     def _rule(self, choices: Sequence[Face], centre: Array, half: Array) -> tuple[Array, Array]:
-        """Return (1, inf) where one of the half-spaces is kept all over, (0, -1) where all are left, else (0, inf)."""
+        """Return (1, inf) if a half-space is kept everywhere, (0, -1) if all are violated everywhere, else (0, inf)."""
         kept: Flags = np.zeros(len(centre), dtype=np.bool_)
         lost: Flags = np.ones(len(centre), dtype=np.bool_)
         for index, face in enumerate(choices):
@@ -355,7 +355,7 @@ class Paving:
         return np.where(kept, 1.0, 0.0), np.where(lost, -1.0, np.inf)
 
     def _across(self, boxes: Array, which: Indices) -> Indices:
-        """Return the coordinate to halve each box across: that moves its worst pair most; of limits the widest one."""
+        """Return the coordinate in which to halve each box: it moves the worst pair most; for limits the widest."""
         wide = boxes[:, 1] - boxes[:, 0]
         weights = np.ones((len(boxes), len(self.axes)))
         is_pair = which < len(self.pairs)
@@ -367,14 +367,14 @@ class Paving:
 
 @dataclass(frozen=True)
 class _Round:
-    """What a round made of some boxes.
+    """The results of a round for some boxes.
 
     Attributes:
-        boxes: (2 o, 2, k) the halves of the o boxes that are open, first halves first.
-        lists: Of these o boxes.
-        box: Of entries that are bounded with all coordinates, which of the o boxes.
-        item: What they are.
-        is_free: Which of the boxes that were asked about are free.
+        boxes: (2 o, 2, k) the halves of the o undecided boxes, first halves first.
+        lists: The lists of these o boxes.
+        box: For entries that are bounded with all coordinates, the index among the o boxes.
+        item: These entries.
+        is_free: Which of the given boxes are free.
         is_contact: Which are in contact, or beyond a limit.
     """
 

@@ -1,8 +1,8 @@
-"""All that is free of a robot whose boundaries have one effective angle each, as a union of polytopes.
+"""The whole free set of a robot whose boundaries have one effective angle each, as a union of polytopes.
 
-Limits and boundaries give half-spaces; a rule with conditions gives a choice of them. Every choice is one polytope.
-Where the choices concern two coordinates alone, the shortest path through the union turns at corners of it: a graph
-of the corners that see each other has it.
+Limits and boundaries give half-spaces; a rule with conditions gives a choice of half-spaces. Each choice gives one
+polytope. If the choices concern only two coordinates, the shortest path through the union turns at corners of the
+union. A graph of the corners that see each other contains this path.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from pinbound.typing import Array
 __all__ = ["Union", "free_union", "lifted", "path_in_union", "shortest_in_plane"]
 
 _MOST = 64
-"""Polytopes of a union: six rules with one condition each."""
+"""Largest number of polytopes of a union: six rules with one condition each."""
 _INSIDE = 1e-9
-"""Radians or metres. So far inside the faces paths keep, that `certify` can tell them from contact."""
+"""[rad or m], the distance that paths keep inside the faces, so that `certify` can distinguish them from contact."""
 _SAME = 1e-12
-"""Radians or metres: two parts of a straight way no further apart are one."""
+"""[rad or m]: two parts of a straight path with at most this distance count as one."""
 
 Union = Sequence[tuple[Array, Array]]
 
@@ -35,7 +35,7 @@ Union = Sequence[tuple[Array, Array]]
 def free_union(
     robot: Robot, chosen: Sequence[Boundary], q: Array, window: Mapping[str, tuple[float, float]]
 ) -> list[tuple[Array, Array]] | None:
-    """Return polytopes (A, b), proven free, whose union is all that is free between the contacts around q, in a window.
+    """Return polytopes (A, b), proven free, whose union is the free set between the contacts around q, in a window.
 
     None if a boundary has more than one effective angle, or rules with conditions leave too many choices.
     """
@@ -61,10 +61,10 @@ def free_union(
 
 
 def path_in_union(union: Union, start: Array, goal: Array) -> Array | None:
-    """Return a path through a union of polytopes; the shortest one where they differ in two coordinates alone.
+    """Return a path through a union of polytopes; it is the shortest if they differ only in two coordinates.
 
-    Coordinates that no choice concerns go from start to goal evenly along the path: they are free to, since what they
-    keep is convex and the same in all polytopes. So the path in all coordinates is the shortest one, too.
+    Coordinates that no choice concerns go from start to goal evenly along the path. This is allowed because their
+    constraints are convex and the same in all polytopes. So the path in all coordinates is the shortest one, too.
     """
     if len(union) < 2:
         return None
@@ -86,7 +86,7 @@ def path_in_union(union: Union, start: Array, goal: Array) -> Array | None:
 
 
 def lifted(way: Array, columns: Any, start: Array, goal: Array) -> Array:
-    """Return a path over some coordinates in all of them, the others going evenly along it from start to goal."""
+    """Return a path over some coordinates in all coordinates; the others go evenly along it from start to goal."""
     steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
     length = float(steps.sum())
     part = np.concatenate([[0.0], np.cumsum(steps)]) / length if length > 0.0 else np.linspace(0.0, 1.0, len(way))
@@ -120,7 +120,7 @@ def _length(points: Array) -> float:
 def shortest_in_plane(union: Union, start: Array, goal: Array) -> Array | None:
     """Return the shortest path (p, 2) in a union of convex polygons {A x <= b}; None if there is none.
 
-    It keeps 1e-9 inside the faces, start and goal aside. It turns only at corners of the union that point inwards:
+    It stays 1e-9 inside the faces, except at start and goal. It turns only at corners of the union that point inwards:
     corners of a polygon, or crossings of the sides of two of them.
 
     Example:

@@ -222,7 +222,7 @@ def _timed(
 
 
 class _Search:
-    """Ways that may be free, one after the other: the simplest first."""
+    """Paths that may be free, one after the other, the simplest first."""
 
     def __init__(
         self,
@@ -246,7 +246,7 @@ class _Search:
         ]
 
     def ways(self) -> Iterator[tuple[str, Array]]:
-        """Yield how, and waypoints, until the budget is spent."""
+        """Yield the method and the waypoints, until the budget is spent."""
         first, last = self.ends
         yield "straight", np.stack([first, last])
         union = free_union(self.robot, self.chosen, first, self.window)
@@ -264,7 +264,7 @@ class _Search:
         return Trees(self.robot, self.names, self.ends, self.bad, self.window, self.rng, self.meter)
 
     def _through(self, cover: FreeCover) -> Iterator[Array]:
-        """Yield the shortest way through the sets of a cover, straight to the nearest set where an end is in none."""
+        """Yield the shortest path through the sets of a cover, straight to the nearest set from an end in no set."""
         first, last = self.ends
         held = np.isfinite(cover.at)
         if not cover.is_whole and np.any(first[held] != last[held]):
@@ -295,10 +295,10 @@ class _Search:
 
 
 def _is_apart(cover: FreeCover, first: Array, last: Array) -> bool:
-    """Return whether boxes prove that there is no motion: free and open ones together do not connect the two.
+    """Return whether boxes prove that there is no motion: the free and undecided boxes do not connect the two.
 
-    They hold every free configuration in their coordinates, whatever the others are. A motion is continuous, so that
-    the boxes it passes meet one after the other.
+    They contain every free configuration in their coordinates, for all values of the others. A motion is continuous, so
+    the boxes along it touch one after the other.
     """
     if not cover.is_whole or not len(cover.boxes) + len(cover.open):
         return False
@@ -311,10 +311,10 @@ def _is_apart(cover: FreeCover, first: Array, last: Array) -> bool:
 
 
 def _window(robot: Robot, first: Array, last: Array) -> dict[str, tuple[float, float]]:
-    """Return by name the range in which a coordinate without limits is searched: start, goal, and room beyond them.
+    """Return by name the search range of each coordinate without limits: start, goal, and a range beyond them.
 
-    The room is one turn of a revolute joint. Of a prismatic one it is the distance of start and goal, `_SLIDES` at
-    least.
+    The range beyond is one turn for a revolute joint. For a prismatic joint it is the distance of start and goal, but
+    at least `_SLIDES`.
     """
     found: dict[str, tuple[float, float]] = {}
     for name in without_limits(robot):
@@ -327,10 +327,10 @@ def _window(robot: Robot, first: Array, last: Array) -> dict[str, tuple[float, f
 def _separation(
     robot: Robot, chosen: Sequence[Boundary], first: Array, last: Array, window: Mapping[str, tuple[float, float]]
 ) -> str | None:
-    """Return a boundary of one effective angle whose contact lies between both, proven; None if none was found.
+    """Return a boundary of one effective angle with a proven contact between both; None if none was found.
 
-    The angle is continuous along any motion, so that it takes all values in between, and the clearance depends on it
-    alone: one value that is proven in contact suffices, wherever the other coordinates are.
+    The angle is continuous along any motion, so it takes all values in between. The clearance depends only on the
+    angle. So one value with a proven contact is enough, for all values of the other coordinates.
     """
     gaps = OneAngleGaps(robot, chosen, *outer_box(limit_faces(robot, window), robot.coordinates))
     for name, (c, strips) in gaps.strips.items():

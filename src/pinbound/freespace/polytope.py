@@ -156,7 +156,7 @@ def _searched(robot: Robot, exact: FreePolytope, ground: _Ground, meter: Meter, 
         grower = Grower(draft, robot, np.random.default_rng(seed))
         grower.begin()
         budget = meter.budget
-        if share == 1.0:  # smaller ones are done before that would pay
+        if share == 1.0:  # smaller polytopes end before this is worth its time
             grower.grow(_SAMPLES, meter, meter.seconds + _GROWING * (budget.seconds - meter.seconds))
         for face in around:
             draft.add(face.normal, face.proven, _SIDE)
@@ -202,7 +202,7 @@ def _sides(names: Sequence[str], low: Array, high: Array) -> list[Face]:
 
 
 class _Ground:
-    """What is known of a polytope before any search: limits, rules, and boundaries of one angle."""
+    """The parts of a polytope that need no search: limits, rules, and boundaries of one angle."""
 
     def __init__(
         self, robot: Robot, q: Array, chosen: Sequence[Boundary], window: Mapping[str, tuple[float, float]]
@@ -235,7 +235,7 @@ class _Ground:
         self.violated, self.is_proven = name, is_proven
 
     def _rules(self, robot: Robot, q: Array, farthest: Array) -> None:
-        """Add one face for each rule with conditions: the one that q keeps by most, and no polytope loses q."""
+        """Add one face for each rule with conditions: the one that q keeps by most, so that q stays inside."""
         for one in robot.guarded_limits:
             choices = guarded_choices(one, farthest, robot.coordinates)
             margins = [face.proven - float(face.normal @ q) for face in choices]
@@ -271,8 +271,8 @@ def needed_faces(faces: Sequence[Face]) -> tuple[Face, ...]:
 def _without_implied(faces: Sequence[Face]) -> list[Face]:
     """Drop faces that the others imply.
 
-    A linear program proposes weights of the others, and its word is not taken: a face is dropped only if the weights
-    are not negative, give its normal to the last digit, and its bound with the rounding of their sum.
+    A linear program proposes weights of the others, and they are verified: a face is dropped only if the weights are
+    not negative, give its normal to the last digit, and give its bound with the rounding of their sum.
     """
     kept = list(faces)
     for face in list(faces):

@@ -163,7 +163,7 @@ class _Search:
         self.some: Any = robot.boundaries.select([one.name for one in chosen]) if chosen else None
         self.others = np.setdiff1d(np.arange(len(robot.coordinates)), axes)
         self.items = np.arange(len(paving.pairs) + len(paving.rules))
-        weights = paving.pairs.weights[: len(paving.pairs)]  # behind them are those of groups, which are no items
+        weights = paving.pairs.weights[: len(paving.pairs)]  # the entries after them are those of groups
         self.weights = np.vstack([weights, *(np.abs(rule[0].normal)[None] for rule in paving.rules)])
         Q = rng.uniform(paving.low, paving.high, (_SAMPLES, len(paving.low)))
         free = Q[self._clearance(Q) > 0.0]
@@ -174,7 +174,7 @@ class _Search:
         self.left: list[Array] = []
 
     def run(self, decided: float) -> Reason | None:
-        """Halve cells until enough is decided; return what of the budget ended it, if it did."""
+        """Halve cells until enough is decided; return which part of the budget ended the work, if one did."""
         low, high = self.paving.low[self.axes], self.paving.high[self.axes]
         cells, known = np.stack([low, high])[None], self.values[:1].copy()
         most = (1.0 - decided) * float(np.prod(high - low))
@@ -197,7 +197,7 @@ class _Search:
         return None
 
     def _look(self, cells: Array, known: Array) -> tuple[Flags, Array]:
-        """Decide some cells; return which are still open, and the best value of the others found for each."""
+        """Decide some cells; return which are still undecided, and the best value of the others found for each."""
         count, n = len(cells), len(self.paving.low)
         middle = cells.mean(axis=1)
         picks = self.rng.integers(0, len(self.values), (count, _CANDIDATES))
@@ -222,7 +222,7 @@ class _Search:
         return is_open, best
 
     def _clearance(self, Q: Array) -> Array:
-        """Return the smallest signed clearances (N,); -1 where a limit or rule is not kept."""
+        """Return the smallest signed clearances (N,); -1 if a limit or rule is violated."""
         kept = self.robot.intervals.hold(Q)
         found = np.where(kept, 1.0, -1.0)
         if self.some is not None and np.any(kept):
@@ -262,7 +262,7 @@ class _Search:
             worst = np.argmin(upper, axis=1)
             reach = self.weights[worst] * (boxes[:, 1] - boxes[:, 0])
             reach[:, self.axes] = 0.0
-            is_still = ~np.any(reach > 0.0, axis=1)  # the pair that is nearest to contact does not see the others
+            is_still = ~np.any(reach > 0.0, axis=1)  # the pair that is nearest to contact does not depend on the others
             is_out[cell[is_still]] = False
             keep = is_out[cell]
             boxes, cell, reach = boxes[keep], cell[keep], reach[keep]

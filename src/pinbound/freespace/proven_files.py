@@ -1,4 +1,4 @@
-"""Files of what was proven: NPZ with a header in JSON, and a hash of all that they hold."""
+"""Files of proven results: NPZ with a header in JSON, and a hash of the whole content."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ __all__ = ["ATLAS", "COVER", "Sort", "read_file", "write_file"]
 
 @dataclass(frozen=True)
 class Sort:
-    """A sort of file.
+    """A kind of file.
 
     Attributes:
-        kind: What it says that it is, with the version of its format.
-        name: What people call it.
-        made_by: The call that makes what it holds.
+        kind: The identifier in the file, with the version of its format.
+        name: The name for people.
+        made_by: The call that makes the content.
         arrays: Names of its arrays.
     """
 
@@ -41,7 +41,7 @@ class Sort:
     arrays: tuple[str, ...]
 
     def refused(self, path: Path, what: str) -> InputError:
-        """Return the error that says why a file is not taken."""
+        """Return the error that says why a file is refused."""
         return InputError([Problem(what, f"Make it again with {self.made_by} and .save(path)", str(path))])
 
 
@@ -60,7 +60,7 @@ ATLAS: Final = Sort(
 
 
 def write_file(path: Path, sort: Sort, header: Mapping[str, Any], arrays: Mapping[str, AnyArray]) -> Path:
-    """Write a header and arrays: beside the file first, so that a file that is there is replaced as a whole.
+    """Write a header and arrays to a new file beside the path, and then rename it, so that no file is half replaced.
 
     Raises:
         OSError: If the file cannot be written.
@@ -85,12 +85,12 @@ def read_file(
 
     Args:
         path: The file.
-        sort: What it is.
+        sort: The kind of file.
         robot: The robot.
-        boundaries: Names of the boundaries that it must be about; None: all of the robot.
+        boundaries: Names of the boundaries that the proof must be about; None: all of the robot.
 
     Raises:
-        InputError: If the file is none that it wrote, is damaged, or was proven about another robot, or other limits,
+        InputError: If the file was not written by it, is damaged, or was proven about another robot, or other limits,
             marks or boundaries.
         OSError: If it cannot be read.
     """

@@ -1,4 +1,4 @@
-"""Proofs over a polytope: boxes that no face cuts off and no bound clears are halved, and what stays is cut off."""
+"""Proofs over a polytope: boxes that no face cuts off and no bound clears are halved; what remains is cut off."""
 
 from __future__ import annotations
 
@@ -20,44 +20,44 @@ __all__ = ["Boxes", "Prover"]
 
 _BATCH = 8192
 _FEW = 60_000
-"""Boxes that NumPy bounds before machine code is asked: small proofs are the same with and without it."""
+"""Boxes that NumPy bounds before machine code is used: small proofs are the same with and without it."""
 _AT_ONCE = 200_000
-"""Boxes that machine code bounds between two looks at the clock; some 0.1 s."""
+"""Boxes that machine code bounds between two checks of the time; some 0.1 s."""
 _COMPILING = 300_000
 _TOGETHER = 8
 _WEIGHINGS = 4
 _SMALLEST = 2.0**-40
 _COARSE = 0.25
-"""Of what a group's clearance can change over a box: a group that is off by more is left where it is not clear."""
+"""Share of the change of a group's clearance over a box: a group with a larger error is left where it is not clear."""
 _NARROW = 0.02
-"""Of the distance to the seed: a box this small, across whose slope the seed is not well away from contact, is cut off
-across the line from the seed."""
+"""Share of the distance to the seed. If a box is this small, and its tangent plane is not well away from the seed, it
+is cut off by a plane normal to the line from the seed."""
 
 
 @dataclass(frozen=True)
 class Boxes:
-    """Boxes [low, high] (N, n), each of one pair; neighbours share their corners, so that there is no gap."""
+    """Boxes [low, high] (N, n), each for one pair; neighbours share their corners, so there is no gap."""
 
     which: Indices
     low: Array
     high: Array
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of boxes."""
         return len(self.which)
 
     def take(self, rows: Flags | slice | Indices) -> Boxes:
-        """Return some of them."""
+        """Return some of the boxes."""
         return Boxes(self.which[rows], self.low[rows], self.high[rows])
 
     def middles(self) -> tuple[Array, Array]:
-        """Return centres, and half-widths that hold the corners whatever was rounded."""
+        """Return centres, and half-widths that include the corners in spite of rounding."""
         centre = 0.5 * (self.low + self.high)
         half = np.maximum(self.high - centre, centre - self.low) * INFLATION
         return centre, half
 
     def halved(self, reach: Array) -> Boxes:
-        """Halve each box across the coordinate along which `reach` (N, n) is largest."""
+        """Halve each box in the coordinate with the largest `reach` (N, n)."""
         rows, across = np.arange(len(self)), np.argmax(reach, axis=1)
         middle = 0.5 * (self.low[rows, across] + self.high[rows, across])
         first, second = self.high.copy(), self.low.copy()
@@ -72,14 +72,14 @@ class Boxes:
 
 @dataclass
 class Prover:
-    """A polytope while it is proven; faces are only added or moved inwards, so that what was proven stays so."""
+    """A polytope while it is proven; faces are only added or moved inwards, so proven results stay true."""
 
     draft: Draft
     meter: Meter
     stuck: list[Boxes] = field(default_factory=list[Boxes])
 
     def __post_init__(self) -> None:
-        """Know how much the rounding of `a . q` can be."""
+        """Store the bound of the rounding of `a . q`."""
         nothing = np.empty((0, len(self.draft.low)))
         self.left, self.unseen = Boxes(np.empty(0, np.intp), nothing, nothing), np.empty(0, np.intp)
         self.farthest = np.maximum(np.abs(self.draft.low), np.abs(self.draft.high))
@@ -91,7 +91,7 @@ class Prover:
         return self.unit * (np.abs(self.draft.A) @ self.farthest + np.abs(self.draft.b))
 
     def prove_all(self) -> bool:
-        """Prove all pairs, those of few coordinates first; False if the budget, or rounding, left some open."""
+        """Prove all pairs, those with few coordinates first; False if the budget, or rounding, left some undecided."""
         groups = self.draft.pairs.groups
         used = np.count_nonzero(self.draft.pairs.weights[groups.pair[groups.roots]], axis=1)
         order = groups.roots[np.lexsort((np.arange(len(used)), used))]
@@ -102,7 +102,7 @@ class Prover:
         return not self.stuck
 
     def open_boxes(self) -> tuple[OpenBox, ...]:
-        """Return what is not proven."""
+        """Return the boxes that are not proven."""
         reason = self.meter.spent() or Reason.ROUNDING
         whole = Boxes(
             self.unseen, np.tile(self.draft.low, (len(self.unseen), 1)), np.tile(self.draft.high, (len(self.unseen), 1))
@@ -115,7 +115,7 @@ class Prover:
         return tuple(found)
 
     def prove(self, rows: Indices) -> bool:
-        """Prove nodes `rows` of the pairs' groups free over the polytope; False if the budget ended it."""
+        """Prove nodes `rows` of the pairs' groups free over the polytope; False if the budget ended the proof."""
         stack = Boxes(
             np.asarray(rows), np.tile(self.draft.low, (len(rows), 1)), np.tile(self.draft.high, (len(rows), 1))
         )
@@ -140,10 +140,10 @@ class Prover:
         return self.tables.is_ready(_COMPILING, self.meter.budget.seconds - self.meter.seconds)
 
     def _shadows(self, own: Flags) -> tuple[Array, Array]:
-        """Return what faces say of some coordinates alone, the others anywhere in the box, their rounding added.
+        """Return what faces say about some coordinates, for any values of the others in the box, with rounding.
 
-        From `a . q <= b` follows `a_own . q_own <= b - min (a_others . q_others)`. A face that all of the box keeps
-        says nothing.
+        From `a . q <= b` follows `a_own . q_own <= b - min (a_others . q_others)`. A face that the whole box satisfies
+        gives nothing.
         """
         draft = self.draft
         others = np.where(own, 0.0, draft.A)
@@ -153,7 +153,7 @@ class Prover:
         return A[most > b], b[most > b]
 
     def _quick(self, stack: Boxes) -> Boxes:
-        """Return what machine code leaves of a stack: it clears and halves, and what has to be cut off is looked at."""
+        """Return what machine code leaves of a stack: it clears and halves; boxes to cut off are handled here."""
         n, draft = stack.low.shape[1], self.draft
         found = self.tables.run(
             Stack(np.column_stack([stack.which.astype(np.float64), stack.low, stack.high])),
@@ -169,7 +169,7 @@ class Prover:
         return _joined([left.take(slice(0, -1)), self._round(left.take(slice(-1, None)))])
 
     def _nearest_last(self, boxes: Boxes) -> Boxes:
-        """Return boxes in the order in which a stack gives the nearest to the seed first: faces near it spare most."""
+        """Return boxes in an order in which a stack gives the nearest to the seed first: its faces save most work."""
         away = np.maximum(np.maximum(boxes.low - self.draft.seed, self.draft.seed - boxes.high), 0.0)
         return boxes.take(np.argsort(-np.einsum("ni,ni->n", away, away), kind="stable"))
 
@@ -204,13 +204,13 @@ class Prover:
         return _joined([*asked, again, boxes])
 
     def _outside(self, boxes: Boxes) -> Flags:
-        """Return which boxes lie wholly beyond a face."""
+        """Return which boxes lie completely beyond a face."""
         centre, half = boxes.middles()
         least = centre @ self.draft.A.T - half @ np.abs(self.draft.A.T)
         return np.any(least > self.draft.b + self.rounding(), axis=1)
 
     def _weigh(self, found: Affine, centre: Array, half: Array) -> Array:
-        """Return lower bounds (N,) over what the polytope leaves of boxes: faces weighed against the slope."""
+        """Return lower bounds (N,) over the parts of boxes in the polytope: faces weighed against the slope."""
         best, slope = found.lower.copy(), found.slope.copy()
         constant = found.value - found.rest
         room = self.draft.b + self.rounding()
@@ -242,11 +242,11 @@ class Prover:
         return best
 
     def _cut(self, boxes: Boxes, found: Affine, centre: Array, half: Array) -> tuple[Boxes, Array]:
-        """Cut off what cannot be cleared by halving: boxes in contact, small enough that a face takes them off."""
+        """Cut off what halving cannot clear: boxes in contact that are small enough to be cut off by a face."""
         slope = found.slope
         flat = np.flatnonzero(~np.any(slope != 0.0, axis=1))
         slope = slope.copy()
-        if len(flat):  # bounds that are not affine: the whole box is cut off, across the gradient
+        if len(flat):  # without an affine bound, the whole box is cut off, normal to the gradient
             slope[flat] = self.draft.pairs.gradients(boxes.which[flat], centre[flat])
         steep = np.linalg.norm(slope, axis=1)
         away = -np.einsum("ni,ni->n", slope, centre - self.draft.seed)  # times the slope: how far on the seed's side
@@ -295,7 +295,7 @@ class Prover:
         return boxes, half
 
     def _cut_before(self, one: Boxes, centre: Array) -> None:
-        """Cut a box that lies deep in contact off where the straight way from the seed to it first is."""
+        """Cut off a box deep in contact at the first contact on the straight line from the seed to it."""
         A, b, _ = self.draft.tangents(centre[None], one.which, self.draft.seed[None])
         if len(A) and A[0] @ self.draft.seed < b[0] < A[0] @ centre:
             self.draft.add(A[0], float(b[0]), int(one.which[0]))

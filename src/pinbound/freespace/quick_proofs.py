@@ -1,4 +1,4 @@
-"""Proofs over a polytope in machine code: tables of pairs and groups, and the stack that goes to it and comes back."""
+"""Proofs over a polytope in machine code: tables of pairs and groups, and the stack that both sides use."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from pinbound.typing import Array, Flags, Indices
 __all__ = ["ProofTables", "Stack", "node_table"]
 
 _ROOM = 1 << 14
-"""Boxes that the stack has room for; the last one first, so that a few for each halving suffice."""
+"""Size of the stack in boxes; the last box comes first, so a few for each halving are enough."""
 _PROOFS = Code(proof_source, loading=1_000, compiling=300_000)
 
 
 @dataclass
 class Stack:
-    """Boxes with their nodes, rows (node, low, high) (s, 1 + 2 n), and how many were bounded.
+    """Boxes with their nodes, rows (node, low, high) (s, 1 + 2 n), and the number of bounds computed.
 
     Attributes:
-        rows: The boxes that are left, the last one first in turn.
-        boxes: How many were bounded.
-        is_stopped: Whether the last one has to be looked at: it may have to be cut off.
+        rows: The remaining boxes; the last one is next.
+        boxes: The number of bounds computed.
+        is_stopped: Whether the last box may have to be cut off.
     """
 
     rows: Array
@@ -39,7 +39,7 @@ class Stack:
 
 
 class ProofTables:
-    """What machine code reads of the pairs of points whose joints turn only, and of their groups."""
+    """The tables for machine code of the pairs of points without prismatic joints, and of their groups."""
 
     def __init__(self, pairs: Pairs) -> None:
         """Write the tables."""
@@ -61,11 +61,11 @@ class ProofTables:
         return self.known[nodes]
 
     def used_by(self, nodes: Indices) -> Flags:
-        """Return which coordinates (n,) pairs of any of these nodes depend on."""
+        """Return which coordinates (n,) the pairs of any of these nodes depend on."""
         return np.any(self.uses[np.unique(nodes)], axis=0)
 
     def is_ready(self, boxes: int, seconds: float) -> bool:
-        """Count boxes to come, and say whether the code is there, or worth to be compiled."""
+        """Count boxes to come, and return whether the code is loaded, or worth compiling."""
         return not self.is_empty and has_numba() and _PROOFS.is_worth(boxes, seconds)
 
     def run(
@@ -76,12 +76,12 @@ class ProofTables:
         numbers: tuple[float, float, float, float],
         budget: int,
     ) -> Stack:
-        """Work on a stack until it is empty, a box has to be cut off, or so many boxes were bounded.
+        """Work on a stack until it is empty, a box has to be cut off, or the budget of boxes is spent.
 
         Args:
-            stack: What is left.
+            stack: The remaining boxes.
             faces: A (m, n), and b (m,) with their rounding added.
-            places: The seed (n,), and the largest abs(q) (n,).
+            places: The seed (n,), and upper bounds of abs(q) (n,).
             numbers: Unit of rounding, margin, share of the distance, smallest half-width.
             budget: Boxes.
         """
@@ -100,12 +100,12 @@ class ProofTables:
 
 
 def node_table(groups: Groups, parts: Sequence[tuple[int, ManyAngleBoundaries]], weights: Array) -> tuple[Array, int]:
-    """Return the numbers that machine code reads of nodes and of pairs, and the most rotations of one.
+    """Return the tables of nodes and of pairs for machine code, and the largest number of rotations.
 
     Args:
         groups: The nodes.
-        parts: Pairs of points whose joints turn only, and the number of the first of each part.
-        weights: (p, n) of all pairs, those of other parts too.
+        parts: Pairs of points without prismatic joints, and the number of the first pair of each part.
+        weights: (p, n) of all pairs, also those of other parts.
     """
     nodes = np.column_stack([groups.pair, groups.extra, groups.halves]).astype(np.float64)
     n, blocks, places, turns = weights.shape[1], list[Array](), np.zeros((len(weights), 2)), 1
@@ -122,14 +122,14 @@ def node_table(groups: Groups, parts: Sequence[tuple[int, ManyAngleBoundaries]],
 
 
 def _block(family: ManyAngleBoundaries, row: int, weights: Array) -> tuple[Array, int]:
-    """Return the numbers of one pair, and of how many rotations."""
+    """Return the numbers of one pair, and its number of rotations."""
     chains = family.chains
     k = int(np.max(np.flatnonzero(np.any(chains.coefficients[row] != 0.0, axis=1)), initial=-1)) + 1
     parts = (
         np.array([family.threshold[row], family.error[row]]),
         chains.coefficients[row, :k],
         chains.axes[row, :k],
-        chains.offsets[row, : k + 1],  # behind them are zeros
+        chains.offsets[row, : k + 1],  # after them are zeros
         family.arms[row, :k],
         weights,
     )

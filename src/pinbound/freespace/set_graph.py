@@ -1,7 +1,7 @@
-"""Which convex sets meet, and the shortest chain of them: a graph, Dijkstra's path, and the path pulled tight.
+"""Which convex sets intersect, and the shortest chain of them: a graph, Dijkstra's path, and its shortening.
 
-What is found is a path through sets, straight between points of which each two neighbours lie in one set. Nothing is
-claimed of it here: `certify` proves it anew.
+The result is a path through sets: straight between points, with each two neighbours in one set. It is not a proof:
+`certify` proves the path.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ __all__ = ["Route", "SetGraph", "components", "connected", "touching"]
 _CANDIDATES = 4_000_000
 """Pairs of boxes that are compared at once."""
 _SOFT = 1e-18
-"""Squares of lengths are larger by so much, so that a path has a slope where two of its points are one."""
+"""Added to squares of lengths, so that a path has a derivative where two of its points coincide."""
 _LARGEST = 210
-"""Numbers of a path through polytopes, thirty points in seven coordinates, up to which it is shortened."""
+"""The largest size of a path through polytopes, thirty points in seven coordinates, that is shortened."""
 _INSIDE = 0.999999
-"""Of the way to a face: rounding leaves the points inside."""
+"""Share of the way to a face: rounding leaves the points inside."""
 _ENTRIES = 8
-"""Sets that are tried for a way in, where an end is in none."""
+"""Number of sets that are tried as an entry, if an end is in no set."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,8 @@ class Route(Value):
     """A path through sets.
 
     Attributes:
-        points: (p, k); two neighbours lie in one set.
-        sets: (p - 1,) which.
+        points: (p, k); two neighbours are in one set.
+        sets: (p - 1,) the set of each two neighbours.
     """
 
     points: Array
@@ -47,13 +47,13 @@ class Route(Value):
 
 @dataclass(frozen=True, eq=False)
 class SetGraph(Value):
-    """Convex sets, pairs of them that meet, and a point of each meeting.
+    """Convex sets, pairs of sets that intersect, and a point in each intersection.
 
     Attributes:
         sets: (A, b) of each polytope; empty for boxes.
         boxes: (f, 2, k) of each box; empty for polytopes.
-        pairs: (e, 2) which meet.
-        portals: (e, k) a point of both.
+        pairs: (e, 2) sets that intersect.
+        portals: (e, k) a point in both.
         centres: (f, k) a point of each.
     """
 
@@ -65,7 +65,7 @@ class SetGraph(Value):
 
     @classmethod
     def of_boxes(cls, boxes: Array) -> SetGraph:
-        """Return the graph of closed boxes (f, 2, k); a common face is a meeting, and so is a common corner."""
+        """Return the graph of closed boxes (f, 2, k); a common face or a common corner is an intersection."""
         pairs = touching(boxes)
         low = np.maximum(boxes[pairs[:, 0], 0], boxes[pairs[:, 1], 0])
         high = np.minimum(boxes[pairs[:, 0], 1], boxes[pairs[:, 1], 1])
@@ -73,7 +73,7 @@ class SetGraph(Value):
 
     @classmethod
     def of_polytopes(cls, sets: Sequence[tuple[Array, Array]]) -> SetGraph:
-        """Return the graph of polytopes; their meetings must have an inside."""
+        """Return the graph of polytopes; only intersections with an interior count."""
         k = sets[0][0].shape[1] if sets else 0
         around = np.array([_extent(A, b) for A, b in sets]).reshape(-1, 2, k)
         pairs, portals = list[tuple[int, int]](), list[Array]()
@@ -88,17 +88,17 @@ class SetGraph(Value):
         return cls(tuple(sets), np.empty((0, 2, k)), meets, np.array(portals).reshape(-1, k), centres)
 
     def __len__(self) -> int:
-        """Return how many sets there are."""
+        """Return the number of sets."""
         return len(self.centres)
 
     def holds(self, x: Array) -> Flags:
-        """Return which sets hold x (k,)."""
+        """Return which sets contain x (k,)."""
         if len(self.boxes):
             return np.all((self.boxes[:, 0] <= x) & (x <= self.boxes[:, 1]), axis=1)
         return np.array([bool(np.all(A @ x <= b)) for A, b in self.sets], dtype=np.bool_)
 
     def entries(self, x: Array) -> list[tuple[int, Array]]:
-        """Return sets and a point of each to go to from x: those that hold x, and x; else the nearest ones."""
+        """Return sets and an entry point of each from x: the sets that contain x, with x; else the nearest sets."""
         inside = np.flatnonzero(self.holds(x)).tolist() if len(self) else []
         if inside:
             return [(one, x) for one in inside]
@@ -110,7 +110,7 @@ class SetGraph(Value):
         return [(int(one), points[one]) for one in near]
 
     def _towards(self, one: int, x: Array) -> Array:
-        """Return where the way from x to the middle of a polytope enters it, and a little further."""
+        """Return a point slightly behind the entry of the line from x to the middle of a polytope."""
         A, b = self.sets[one]
         step = x - self.centres[one]
         along, room = A @ step, b - A @ self.centres[one]
@@ -119,7 +119,7 @@ class SetGraph(Value):
         return self.centres[one] + min(1.0, 0.999 * most) * step
 
     def route(self, start: tuple[int, Array], goal: tuple[int, Array]) -> Route | None:
-        """Return a short path from a point of one set to a point of another; None if no chain of sets joins them."""
+        """Return a short path from a point of one set to a point of another; None if no chain of sets connects them."""
         first, last = start[0], goal[0]
         chain = self._chain(first, last)
         if chain is None:
@@ -158,7 +158,7 @@ class SetGraph(Value):
         return chain[::-1]
 
     def _tightened(self, points: Array, chain: Sequence[int]) -> Array:
-        """Return points of the same meetings with a shorter path: of least length, as far as the solver comes."""
+        """Return points in the same intersections with a shorter path, as far as the solver succeeds."""
         from scipy import optimize
 
         solver: Any = optimize
@@ -209,7 +209,7 @@ class SetGraph(Value):
 
 
 def _extent(A: Array, b: Array) -> Array:
-    """Return corners (2, k) of a box around `{A x <= b}`; all of space where a program does not say."""
+    """Return corners (2, k) of a box around `{A x <= b}`; all of space if a linear program fails."""
     k = A.shape[1]
     low, high = np.full(k, -np.inf), np.full(k, np.inf)
     for j in range(k):
@@ -221,7 +221,7 @@ def _extent(A: Array, b: Array) -> Array:
 
 
 def touching(boxes: Array, apart: float = 0.0) -> Indices:
-    """Return the pairs (e, 2) of closed boxes (f, 2, k) that meet, or are at most `apart` from each other.
+    """Return the pairs (e, 2) of closed boxes (f, 2, k) that touch, or have a distance of at most `apart`.
 
     Example:
         >>> touching(np.array([[[0.0, 0.0], [1.0, 1.0]], [[1.0, 1.0], [2.0, 2.0]], [[3.0, 0.0], [4.0, 1.0]]])).tolist()
@@ -254,13 +254,13 @@ def touching(boxes: Array, apart: float = 0.0) -> Indices:
 
 
 def connected(boxes: Array, starts: Flags, goals: Flags, apart: float) -> bool:
-    """Return whether a chain of boxes that meet, or are at most `apart`, leads from `starts` to `goals`."""
+    """Return whether a chain of boxes that touch, or are at most `apart`, leads from `starts` to `goals`."""
     label = components(boxes, apart)
     return bool(np.intersect1d(label[starts], label[goals]).size)
 
 
 def components(boxes: Array, apart: float) -> Indices:
-    """Return a number (f,) of each box: the same where a chain of boxes that meet, or are at most `apart`, joins two.
+    """Return a component number (f,) for each box: equal if a chain of boxes at most `apart` connects two.
 
     Example:
         >>> components(np.array([[[0.0], [1.0]], [[3.0], [4.0]], [[1.0], [2.0]]]), 0.0).tolist()

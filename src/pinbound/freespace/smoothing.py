@@ -1,9 +1,10 @@
-"""Times for a path, and a smooth motion along it: quintic pieces in Bernstein form, whose control points bound all.
+"""Times for a path, and a smooth motion along it: quintic pieces in Bernstein form, with bounds from control points.
 
-A piece from x to y in time T, with velocities v at x and w at y and no acceleration at either, has the control points
-x, x + vT/5, x + 2vT/5, y - 2wT/5, y - wT/5, y. Neighbours share velocity, and acceleration zero: the motion is twice
-continuously differentiable. It lies in the hull of its control points, and its velocity in that of `5/T` times their
-differences, so that limits of velocity that these keep are kept at every moment. With v = w = 0 it is the straight way.
+A piece goes from x to y in time T, with velocities v at x and w at y, and no acceleration at its ends. Its control
+points are x, x + vT/5, x + 2vT/5, y - 2wT/5, y - wT/5, y. Neighbouring pieces share the velocity, and the acceleration
+zero, so the motion is twice continuously differentiable. It lies in the hull of its control points, and its velocity in
+the hull of `5/T` times their differences. So if these differences keep the velocity limits, the motion keeps them at
+every moment. With v = w = 0 it is the straight path.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ from pinbound.typing import Array
 __all__ = ["smooth_motion", "straight_times"]
 
 _SHORTEST = 1e-3
-"""Seconds: how long a piece lasts at least, so that times increase."""
+"""Seconds: the shortest duration of a piece, so that times increase."""
 _SPARE = 1.0 + 1e-9
-"""Times are longer by this factor, which rounding of velocities does not use up."""
+"""Times are longer by this factor, which is more than the rounding of velocities."""
 
 
 def straight_times(waypoints: Array, velocity: Array) -> Array:
-    """Return times (N,) at which a motion straight between waypoints passes them, as early as velocities allow."""
+    """Return the earliest times (N,) at which a motion, straight between waypoints, may pass them."""
     steps = np.max(np.abs(np.diff(waypoints, axis=0)) / velocity, axis=1)
     return np.concatenate([[0.0], np.cumsum(np.maximum(steps * _SPARE, _SHORTEST))])
 
@@ -34,8 +35,8 @@ def smooth_motion(waypoints: Array, velocity: Array, pace: float) -> Any:
     Args:
         waypoints: (N, n), N at least 2.
         velocity: (n,) largest speeds.
-        pace: How fast it passes inner waypoints, of the mean speed of its neighbours: 0 stops at each and leaves the
-            straight way nowhere.
+        pace: Speed at inner waypoints, as a share of the mean speed of its neighbours. With 0 the motion stops at each,
+            and stays on the straight path.
 
     Example:
         >>> motion = smooth_motion(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]), np.ones(2), 1.0)

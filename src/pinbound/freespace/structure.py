@@ -1,9 +1,9 @@
-"""Which pairs turn alike, so that one tree holds them; and which of these are the same but for names, computed once.
+"""Pairs with the same rotations, which share one tree; sets of them that differ only in names are computed once.
 
-Pairs of points whose joints turn only, and whose chains have the same axes and coefficients, are one set: those of the
-same two links, and of links fixed to these. Two sets are the same if the numbers are, to the last bit, that their proof
-depends on: the reduced chains over their own coordinates, in the order in which the chains turn about them; thresholds;
-bounds of rounding; and the box of limits.
+Pairs of points without prismatic joints, whose chains have the same axes and coefficients, form one set: pairs of the
+same two links, and of links fixed to these. Two sets are equal if all numbers that their proofs depend on are equal, to
+the last bit: the reduced chains over their own coordinates, in the order of their rotations; thresholds; rounding
+bounds; and the box of limits.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ __all__ = ["Structure", "structures"]
 
 @dataclass(frozen=True)
 class Structure:
-    """Pairs that turn alike.
+    """Pairs with the same rotations.
 
     Attributes:
-        members: They, in an order that their names do not decide.
-        columns: Which entries of q they depend on, in the order in which their chains turn about them.
-        key: The same where everything is the same but for names.
+        members: The pairs, in an order that does not depend on their names.
+        columns: Indices in q of their coordinates, in the order of the rotations of their chains.
+        key: Equal for structures that differ only in names.
         is_exact: Whether it is one pair of one effective angle.
     """
 
@@ -42,13 +42,13 @@ class Structure:
 def structures(
     robot: Robot, chosen: Sequence[Boundary], ends: tuple[Array, Array, Array], each: bool
 ) -> list[Structure]:
-    """Return the structures that together hold every boundary once, in the order of the first of each.
+    """Return the structures that together contain every boundary once, in the order of their first boundaries.
 
     Args:
         robot: The robot.
         chosen: Its boundaries.
-        ends: (n,) each: corners of the box of limits, and how far it may be passed.
-        each: Whether every boundary is to be by itself.
+        ends: (n,) each: corners of the box of limits, and by how much they may be passed.
+        each: Whether every boundary is a structure of its own.
     """
     low, high, beside = ends
     pairs = Pairs(robot, chosen, low - beside, high + beside)
@@ -58,7 +58,7 @@ def structures(
         error: Array = getattr(family, "error")  # noqa: B009 - all three families have one
         more: Array = getattr(family, "angle_error", error)
         errors |= {name: (float(error[i]), float(more[i])) for i, name in enumerate(family.names)}
-    points, alike = set(many.names), dict[object, list[Boundary]]()  # points of several angles, or that slide
+    points, alike = set(many.names), dict[object, list[Boundary]]()  # points with several angles, or prismatic joints
     for boundary in chosen:
         chain = boundary.path.minimal
         is_turning = boundary.name in points and chain.rotations > 0 and not np.any(chain.slides)
@@ -83,7 +83,7 @@ def _structure(
 
 
 def _in_order(boundary: Boundary) -> Indices:
-    """Return which entries of q a boundary depends on, in the order in which its chain meets them."""
+    """Return the indices in q of a boundary's coordinates, in the order in which its chain uses them."""
     chain = boundary.path.minimal
     found = list[int]()
     for block in range(chain.rotations + 1):
@@ -95,7 +95,7 @@ def _in_order(boundary: Boundary) -> Indices:
 
 
 def _digest(boundary: Boundary, columns: Indices, error: tuple[float, float]) -> str:
-    """Return a hash of all that the proof about a boundary depends on, names aside."""
+    """Return a hash of all data on which the proof about a boundary depends, without names."""
     path, rule = boundary.path, boundary.rule
     offsets, slides, axes, coefficients, *others = path.constants
     stop = rule.stop

@@ -1,6 +1,6 @@
-"""Two trees of straight pieces that grow towards each other through free samples, and paths made shorter.
+"""Two trees of straight pieces that grow towards each other through free samples, and the shortening of paths.
 
-Nothing here is a proof: `certify` has that, between the samples too.
+Nothing here is a proof: `certify` proves the path, also between the samples.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from pinbound.typing import Array
 __all__ = ["Trees"]
 
 _STEP = 0.05
-"""Radians or metres: how far apart samples of a straight piece are that a tree tries; `certify` looks between them."""
+"""[rad or m], the distance of the samples that a tree tests on a straight piece; `certify` proves the rest."""
 _REACH = 1.0
-"""Radians or metres: how far a tree grows in one go."""
+"""[rad or m], the largest growth of a tree in one step."""
 _SHORTCUTS = 64
 
 
@@ -37,14 +37,14 @@ class Trees:
         rng: np.random.Generator,
         meter: Meter,
     ) -> None:
-        """Hold both ends, where proofs have found contact, and where to look for coordinates without limits."""
+        """Store both ends, points with proven contact, and the search range for coordinates without limits."""
         self.robot, self.rng, self.meter = robot, rng, meter
         self.chosen = robot.boundaries.select(names) if names else None
         self.low, self.high = outer_box(limit_faces(robot, window), robot.coordinates)
         self.ends, self.bad = ends, list(bad)
 
     def path(self) -> Array | None:
-        """Return waypoints that are free where they are sampled; None if the budget is spent first."""
+        """Return waypoints whose samples are free; None if the budget is spent first."""
         trees = [_Tree([one], [-1]) for one in self.ends]
         side = 0
         while self.meter.spent() is None:
@@ -75,7 +75,7 @@ class Trees:
     def _is_free(self, a: Array, b: Array) -> bool:
         count = int(np.ceil(float(np.linalg.norm(b - a)) / _STEP)) + 1
         Q = a + np.linspace(0.0, 1.0, count + 1)[:, None] * (b - a)
-        for q in self.bad:  # where a proof has found contact between samples
+        for q in self.bad:  # points between samples at which a proof found contact
             along = b - a
             t = float(np.clip((q - a) @ along / max(float(along @ along), 1e-300), 0.0, 1.0))
             if float(np.linalg.norm(a + t * along - q)) < 1e-3:
@@ -85,7 +85,7 @@ class Trees:
         return self.chosen is None or bool(np.all(self.chosen.signed_clearances(Q) > 0.0))
 
     def shortened(self, way: Array) -> Array:
-        """Return a path with points left out where the straight way past them is free at its samples."""
+        """Return a path with fewer points: a point is removed if the straight path past it is free at its samples."""
         for _ in range(_SHORTCUTS):
             if len(way) < 3:
                 break
@@ -101,7 +101,7 @@ class _Tree:
     parents: list[int]
 
     def way(self, index: int) -> list[Array]:
-        """Return the points from one back to the root."""
+        """Return the points from one point back to the root."""
         found: list[Array] = []
         while index >= 0:
             found.append(self.points[index])

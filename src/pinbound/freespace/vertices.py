@@ -1,7 +1,7 @@
-"""Vertices, edges and volume of `{A q <= b}`: proposed by Qhull, solved from the faces that meet, and verified.
+"""Vertices, edges and volume of `{A q <= b}`: proposed by Qhull, computed from the faces that meet, and verified.
 
-Coordinates that no face ties to others are factors of a product: the polytope of MinervaBotV3 is an interval times a
-polygon. Each factor is taken alone, so that the volume is a product of exact areas and lengths.
+Coordinates that no face couples to others are factors of a product: the polytope of MinervaBotV3 is an interval times a
+polygon. Each factor is handled alone, so the volume is a product of exact areas and lengths.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ __all__ = ["Factor", "centre_of", "factors", "linear_program", "product_edges", 
 
 
 _EXACT = 4
-"""Coordinates of a factor up to which its vertices are listed: 80 faces in seven make millions."""
+"""Largest number of coordinates of a factor whose vertices are listed: 80 faces in seven coordinates give millions."""
 _MEETS = 64.0
-"""Times `tolerances.VERTEX`: a face this near to a vertex that Qhull proposes takes part in its solution."""
+"""Times `tolerances.VERTEX`: a face this near to a vertex that Qhull proposes is used to compute it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +34,9 @@ class Factor(Value):
     """A polytope over some of the coordinates.
 
     Attributes:
-        coordinates: Which.
-        faces: Which rows of A and b bound it.
-        A: (m, k) those rows.
+        coordinates: Their indices.
+        faces: Indices of the rows of A and b that bound it.
+        A: (m, k) these rows.
         b: (m,).
     """
 
@@ -47,7 +47,7 @@ class Factor(Value):
 
     @cached_property
     def vertices(self) -> Array:
-        """(v, k), each solved from the faces that meet in it; none if the polytope is empty or flat."""
+        """(v, k), each computed from the faces that meet in it; empty if the polytope is empty or flat."""
         return read_only(_vertices(self.A, self.b))
 
     @cached_property
@@ -62,7 +62,7 @@ class Factor(Value):
 
     @cached_property
     def edges(self) -> Indices:
-        """(e, 2) pairs of vertices: those whose common faces leave one direction."""
+        """(e, 2) pairs of vertices whose common faces leave one free direction."""
         k, points = self.A.shape[1], self.vertices
         meets = self.meets
         if k == 1:
@@ -76,7 +76,7 @@ class Factor(Value):
 
     @cached_property
     def meets(self) -> Flags:
-        """(v, m), which faces meet in each vertex."""
+        """(v, m), whether each face meets each vertex."""
         return read_only(_near(self.A, self.b, self.vertices))
 
     @cached_property
@@ -94,7 +94,8 @@ class Factor(Value):
         hull: Any = solver.ConvexHull(points, qhull_options="Qt")
         corners = points[hull.simplices] - points.mean(axis=0)  # (s, k, k): a cone over each triangle of the surface
         parts = np.abs(np.linalg.det(corners)) / math.factorial(k)
-        # A vertex off by e moves each cone by at most its surface times e; determinants of k rows round so, too.
+        # An error e of a vertex moves each cone by at most its surface times e; determinants of k rows are
+        # rounded similarly.
         off = _residual(self.A, self.b, points, self.meets) + 16.0 * k * UNIT_ROUNDOFF * float(np.abs(points).max())
         return float(np.sum(parts)), float(hull.area) * off + 64.0 * k * UNIT_ROUNDOFF * float(np.sum(parts))
 
@@ -160,7 +161,7 @@ def centre_of(A: Array, b: Array) -> tuple[Array, float]:
 
 
 def linear_program(cost: Array, A: Array, b: Array, lowest: float | None = None, equal: Any = (None, None)) -> Any:
-    """Return x of least cost with `A x <= b`, and `A_eq x = b_eq` of `equal`; None if there is none. Nothing is proven.
+    """Return x of least cost with `A x <= b`, and `A_eq x = b_eq` of `equal`; None if there is none. It is not proven.
 
     Args:
         cost: (k,).
@@ -179,7 +180,7 @@ def linear_program(cost: Array, A: Array, b: Array, lowest: float | None = None,
 
 
 def factors(A: Array, b: Array) -> tuple[Factor, ...]:
-    """Return the polytopes of which `{A q <= b}` is the product, by the coordinates that faces tie together.
+    """Return the polytopes whose product is `{A q <= b}`, by the coordinates that faces couple.
 
     Example:
         >>> A = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 1], [0, -1, 0], [0, 0, -1]])
@@ -212,7 +213,7 @@ def product_vertices(parts: Sequence[Factor], n: int) -> Array:
 
 
 def product_edges(parts: Sequence[Factor]) -> Indices:
-    """Return the edges (e, 2) of a product, by rows of `product_vertices`: an edge of one, a vertex of the rest."""
+    """Return the edges (e, 2) of a product, by rows of `product_vertices`: an edge of one, a vertex of the others."""
     counts = [len(part.vertices) for part in parts]
     if not all(counts):
         return np.empty((0, 2), dtype=np.intp)
