@@ -350,7 +350,7 @@ def attack_atlas(arm: Arm, robot: pb.Robot, rng: np.random.Generator, found: Cou
     order = [names.index(name) for name in atlas.boundaries]
     if rng.random() < 0.2:
         with tempfile.TemporaryDirectory() as folder:
-            atlas = pb.load_atlas(robot, atlas.save(Path(folder) / "atlas.npz"))
+            atlas = pb.load_atlas(robot, atlas.save(Path(folder) / "atlas.npz"), names)
     Q = places_of(arm, atlas, rng)
     said, true = atlas.pairs_where(Q), arm.clearances(Q)[:, chosen][:, order]
     found["places"] += said.size

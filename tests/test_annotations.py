@@ -1,5 +1,6 @@
 """Annotations from Python: to YAML and XML and back, exactly; from SRDF; wherever they stand, the same robot."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -187,6 +188,17 @@ def test_srdf_pairs_that_never_move_are_left_out_with_their_reason(tmp_path: Pat
         "wrist.srdf has 1 group state, ignored: ready",
         "wrist.srdf names links that the robot does not have: 'cover'",
     ]
+
+
+def test_an_srdf_of_another_robot_is_noted(tmp_path: Path) -> None:
+    """Its pairs are left out if links have the same names, whatever robot they were judged on."""
+    (tmp_path / "wrist.urdf").write_text(WRIST)
+    name = pb.load(tmp_path / "wrist.urdf").name
+    for other in (name, "crane"):
+        (tmp_path / "wrist.srdf").write_text(re.sub(r'<robot name="\w+"', f'<robot name="{other}"', HELD, count=1))
+        robot = pb.load(tmp_path / "wrist.urdf", annotations=tmp_path / "wrist.srdf")
+        said = [note for note in robot.notes if "says that it is of the robot" in note]
+        assert [f"'crane', and this one is '{name}'" in note for note in said] == ([] if other == name else [True])
 
 
 def test_a_sidecar_may_repeat_a_tolerance_but_not_contradict_it(tmp_path: Path) -> None:

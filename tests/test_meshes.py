@@ -82,6 +82,7 @@ GOOD: dict[str, bytes] = {
     "binary.stl": stl_bytes(),
     "text.STL": stl_text().encode(),
     "part.obj": (OBJ + OBJ_FACES).encode(),
+    "marked.obj": b"\xef\xbb\xbf" + (OBJ + OBJ_FACES).encode(),
     "part.dae": dae(PLAIN).encode(),
     "part.off": off(),
     "part.ply": ply(),
@@ -247,6 +248,8 @@ def bomb() -> bytes:
 
 LOOP = '<node id="m"><instance_node url="#m"/></node>'
 ENTITY = b'<!DOCTYPE COLLADA [<!ENTITY a "1 1 1">]>'
+POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:" + b"a" * 64 + b"\nsize 12345\n"
+
 BAD: dict[str, tuple[bytes | str, str]] = {
     "nothing.stl": (b"", "is empty"),
     "short.stl": (stl_bytes()[:-1], "take 284 bytes, and has 283"),
@@ -286,6 +289,8 @@ BAD: dict[str, tuple[bytes | str, str]] = {
     "text.glb": (b"glTF", "is not a GLB file"),
     "text.3mf": (b"PK", "is no archive"),
     "bomb.3mf": (bomb(), "unpacks to"),
+    "pointer.stl": (POINTER, "pointer of Git LFS.*git lfs pull"),
+    "pointer.dae": (POINTER, "pointer of Git LFS"),
     "part.fbx": (b"x", "ends in '.fbx' is not read"),
 }
 

@@ -323,6 +323,8 @@ def mesh_entries() -> Iterator[Entry]:
     yield Entry("Export the mesh again", mesh("tip.obj", CORNER + "f 1 2 4\n"), good)
     yield Entry("Export the surface as triangles", mesh("tip.obj", "v 0 0 0\n"), good)
     yield Entry("Give a simpler mesh: collision bodies need some thousand triangles", mesh("tip.obj", "huge"), good)
+    pointer = "version https://git-lfs.github.com/spec/v1"
+    yield Entry("Run `git lfs pull` in its repository", mesh("tip.obj", pointer), good)
     far = mesh("tip.obj", CORNER.replace("1 0 0", "1e12 0 0"))
     yield Entry("Give metres, or a scale; bodies reach up to {} m", far, good)
     yield Entry("Give one of: {}", mesh("tip.fbx", CORNER), good)

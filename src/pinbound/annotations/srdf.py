@@ -75,7 +75,11 @@ def read_srdf(path: Path, problems: Problems, robot: etree._Element | None = Non
             items += [RawItem("boundary", {"name": f"{a}-{b}", "a": a, "b": b}, source, None) for a, b in pairs]
     items += _stated(root, source, left_out)
     known = None if robot is None else {str(link.get("name")) for link in robot.findall("link")}
-    return Srdf(tuple(items), left_out, tuple(_notes(root, source, left_out, known)))
+    notes = _notes(root, source, left_out, known)
+    if robot is not None and root.get("name") and root.get("name") != robot.get("name"):
+        said = f"{source} says that it is of the robot {root.get('name')!r}, and this one is {robot.get('name')!r}"
+        notes.append(f"{said}: check that the pairs of links that it leaves out are right here")
+    return Srdf(tuple(items), left_out, tuple(notes))
 
 
 def read_disabled(path: Path, links: Iterable[str]) -> tuple[LeftOutMark, ...]:

@@ -33,7 +33,7 @@ def read_obj(data: bytes, source: str) -> tuple[Array, Ints, Ints, tuple[str, ..
     triangles: list[tuple[int, int, int]] = []
     polygons: list[int] = []
     polygon = short = 0
-    text = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").decode("utf-8", "replace")
+    text = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").decode("utf-8-sig", "replace")
     for number, line in enumerate(text.split("\n"), 1):
         words = line.partition("#")[0].split()
         if not words or words[0] in _IGNORED:

@@ -20,6 +20,8 @@ __all__ = ["SUFFIXES", "read_mesh"]
 SUFFIXES = (".stl", ".obj", ".dae", *OTHERS)
 """The endings of the files that are read, in capitals or not."""
 
+_POINTER = b"version https://git-lfs.github.com/"
+
 
 def read_mesh(path: str | Path, scale: Sequence[float] = (1.0, 1.0, 1.0)) -> Mesh:
     r"""Read a mesh.
@@ -69,9 +71,12 @@ def _bytes(file: Path, source: str, suffix: str) -> bytes:
         if not said.st_size:
             refuse(source, "is empty", "Export the mesh again")
         with file.open("rb") as stream:
+            head = stream.read(84)
+            stream.seek(0)
+            if head.startswith(_POINTER):
+                refuse(source, "is a pointer of Git LFS, not the mesh itself", "Run `git lfs pull` in its repository")
             if suffix == ".stl":
-                too_many(source, stl_triangles(stream.read(84), said.st_size) or 0)
-                stream.seek(0)
+                too_many(source, stl_triangles(head, said.st_size) or 0)
             if said.st_size > MOST_BYTES:
                 large = f"has {said.st_size / 2**20:.0f} MiB; up to {MOST_BYTES / 2**20:.0f} MiB are read"
                 refuse(source, large, "Give a simpler mesh: collision bodies need some thousand triangles")
