@@ -1,1 +1,1 @@
-"""How far one coordinate can move: contact angles in closed form, else isolated with proof."""
+"""How far one coordinate can move: contact angles in closed form, or else isolated with proof."""

@@ -1,7 +1,8 @@
-"""Contacts along one coordinate that have no closed form: one entry, whatever the two marks are.
+"""Contacts along one coordinate that have no closed form: one entry point for all kinds of marks.
 
-Two points have `|r|^2 - T^2`, whose derivatives are bounded up to the third: `isolation`. All others have a separation
-that is only piecewise smooth, and bounds over intervals: `piecewise_isolation`. `docs/hull-proofs.md` says why.
+Two points have `|r|^2 - T^2`, whose derivatives have bounds up to the third order: `isolation`. All other marks have a
+separation that is only piecewise smooth, and bounds over intervals: `piecewise_isolation`. `docs/hull-proofs.md` says
+why.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class _Points:
 
 
 class _Pieces:
-    """Pieces that are proven free, by bounds of the separation."""
+    """Pieces of the coordinate that are proven free, by bounds of the separation."""
 
     @staticmethod
     def arcs(
@@ -47,14 +48,14 @@ class _Pieces:
 
 
 def _of(path: RelativePath) -> type[_Points] | type[_Pieces]:
-    """Return how its contacts are isolated: the one place that asks for its case."""
+    """Return the method that isolates a path's contacts: the only function that asks for its case."""
     return _Points if path.is_plain else _Pieces
 
 
 def arcs(
     path: RelativePath, index: int, name: str, Q: Array, threshold: float, window: tuple[float, float] | None
 ) -> tuple[list[Array], list[float], tuple[float, float]]:
-    """Return for each row of Q (N, n) the free intervals (k, 2) of a coordinate, and their period; and the window.
+    """Return, for each row of Q (N, n), the free intervals (k, 2) of a coordinate; their period; and the window.
 
     Raises:
         UnsupportedError: If nothing repeats and there is no finite window, or there are too many turns.
@@ -68,6 +69,6 @@ def around(
     """Return the free interval of a coordinate around q's (n,) own value within a domain; None if it is in contact.
 
     Raises:
-        UnsupportedError: If nothing is met over `isolation.MOST_TURNS` turns.
+        UnsupportedError: If no contact is found over `isolation.MOST_TURNS` turns.
     """
     return _of(path).around(path, index, name, q, threshold, domain)

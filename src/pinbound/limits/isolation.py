@@ -1,15 +1,15 @@
-"""All contacts along one coordinate, however the path uses it: every root isolated with a proof, then polished.
+"""All contacts along one coordinate, for any use in the path: every root is isolated with a proof, then refined.
 
-`f = |r|^2 - T^2` has `f' = 2 r . r'` and `f'' = 2 (r' . r' + r . r'')`; lever arms (`derivative_bounds`) bound f'' by
+`f = |r|^2 - T^2` has `f' = 2 r . r'` and `f'' = 2 (r' . r' + r . r'')`. Lever arms (`derivative_bounds`) bound f'' by
 F_2 and f''' by F_3 over the whole domain. An interval of half-width h around m
 
     has no root           if |f(m)| > |f'(m)| h + F_2 h^2 / 2,
-    has at most one       if |f'(m)| > F_2 h, for f is monotone: the signs at its ends decide,
-    has at most two       if |f''(m)| > F_3 h, for f' is monotone: it is cut at the root of f', if there is one,
+        has at most one       if |f'(m)| > F_2 h, because f is monotone: the signs at its ends decide,
+        has at most two       if |f''(m)| > F_3 h, because f' is monotone: it is cut at the root of f', if there is one,
 
-and is halved otherwise. So double roots are seen for what they are, and none is missed: no sampling, no counting of
-sign changes. With several angles `c_i x` of commensurate c_i, f repeats after `2 pi / gcd(c_i)` and one period is the
-domain; otherwise it is a window.
+and is halved otherwise. So double roots are recognised, and no root is missed: there is no sampling, and no counting of
+sign changes. With several angles `c_i x` of commensurate c_i, f repeats after `2 pi / gcd(c_i)`, and one period is the
+domain; otherwise the domain is a window.
 """
 
 from __future__ import annotations
@@ -42,16 +42,17 @@ __all__ = [
 ]
 
 MOST_TURNS = 10_000.0
-"""Turns of the fastest angle over which contacts are listed: more are some 20,000 intervals, which nobody reads."""
+"""Largest number of turns of the fastest angle over which contacts are listed; more would give some 20,000
+intervals."""
 
-_PIECES = 16  # intervals to begin with
-_MOST_OPEN = 1 << 16  # intervals: more are a function that is zero to rounding along a stretch
+_PIECES = 16  # intervals at the start
+_MOST_OPEN = 1 << 16  # intervals: more mean that the function is zero, up to rounding, along an interval
 _LARGEST_DENOMINATOR = 24
 _COMMENSURATE = 1e-12
 
 
 def common_period(coefficients: Array) -> float | None:
-    """Return the smallest period common to angles `c_i x`, or None if there is none of at most 24 turns.
+    """Return the smallest common period of angles `c_i x`; None if there is none of at most 24 turns.
 
     Example:
         >>> [None if p is None else round(p / np.pi, 12) for p in map(common_period, ([1, -2], [1, 0.5], [1, 2**0.5]))]
@@ -72,7 +73,7 @@ def common_period(coefficients: Array) -> float | None:
 
 
 def listed_period(coefficients: Array, window: tuple[float, float] | None) -> float | None:
-    """Return the period over which contacts are listed; None: nothing repeats, or only the window is short enough.
+    """Return the period over which contacts are listed; None: there is no period, or only the window is short enough.
 
     Example:
         >>> listed_period(np.array([1.0, 1e6]), (0.0, 0.01)), listed_period(np.array([1.0]), (0.0, 0.01))
@@ -90,11 +91,11 @@ def arcs(
 ) -> tuple[Array, float, tuple[float, float]]:
     """Return the open intervals (k, 2) of coordinate `index` with `|r| > threshold`, their period, and the window.
 
-    Where `|r|` is the threshold to rounding along a whole stretch, the stretch counts as contact.
+    If `|r|` equals the threshold up to rounding along an interval, this interval counts as contact.
 
     Raises:
-        UnsupportedError: If nothing repeats and there is no finite window, or the coordinate turns the path more than
-            `MOST_TURNS` times over it.
+        UnsupportedError: If there is no period and no finite window, or the coordinate rotates the path by more than
+            `MOST_TURNS` turns in the window.
     """
     line = restrict(chain, q, [index])
     used = line.coefficients[np.any(line.coefficients, axis=1), 0]
@@ -122,11 +123,10 @@ def around(
 ) -> tuple[float, float] | None:
     """Return the interval of coordinate `index` around q's own value within a domain; None if it is in contact.
 
-    It is looked for outwards, so that a wide domain costs nothing where contacts are near. Ends of the domain are no
-    contacts.
+    The search goes outwards, so a wide domain costs nothing if contacts are near. Ends of the domain are not contacts.
 
     Raises:
-        UnsupportedError: If nothing is met over `MOST_TURNS` turns.
+        UnsupportedError: If no contact is found over `MOST_TURNS` turns.
     """
     line = restrict(chain, q, [index])
     used = line.coefficients[np.any(line.coefficients, axis=1), 0]
@@ -144,7 +144,7 @@ def around(
 
 
 def holding(intervals: Array, value: float, domain: tuple[float, float]) -> tuple[float, float] | None:
-    """Return the interval (of (k, 2)) that holds a value, also at an end of the domain, which is no contact."""
+    """Return the interval (of (k, 2)) that contains a value; the value may be an end of the domain (no contact)."""
     for low, high in intervals.tolist():
         if low < value < high or low == value == domain[0] or high == value == domain[1]:
             return low, high
@@ -159,20 +159,20 @@ def outward(
     coefficients: Array,
     slides: bool,
 ) -> tuple[float, float] | None:
-    """Return the free interval around a value, looked for on ever wider parts of a domain, each four times the last.
+    """Return the free interval around a value; the searched part of the domain grows by a factor of four each time.
 
-    What repeats is looked at for one period to either side: free over a whole period is free everywhere.
+    A periodic function is searched for one period to either side: if it is free over a period, it is free everywhere.
 
     Args:
         find: Returns the free interval around the value within (low, high), or None.
-        name: Of the coordinate.
+        name: Name of the coordinate.
         value: Its value.
-        domain: Within which to look; it may be infinite.
-        coefficients: Of the angles that the coordinate turns; some.
-        slides: Whether it slides the path besides.
+        domain: The range of the search; it may be infinite.
+        coefficients: Of the angles that the coordinate rotates; not empty.
+        slides: Whether the coordinate also translates the path.
 
     Raises:
-        UnsupportedError: If nothing is met over `MOST_TURNS` turns of the fastest angle.
+        UnsupportedError: If no contact is found over `MOST_TURNS` turns of the fastest angle.
     """
     low, high = domain
     period = None if slides else common_period(coefficients)
@@ -205,7 +205,7 @@ def _within(
     domain: tuple[float, float],
     period: float,
 ) -> tuple[float, float]:
-    """Return an interval of which an end that is no contact is one of the domain, or the other contact, a period on."""
+    """Return an interval; an end without contact is an end of the domain, or the other contact, a period on."""
     lower, upper = found
     if not met[0] and looked[0] != domain[0]:
         lower = upper - period
@@ -218,7 +218,7 @@ def check_turns(name: str, coefficients: Array, low: float, high: float) -> None
     """Refuse to list contacts over too many turns.
 
     Raises:
-        UnsupportedError: If the fastest angle turns more than `MOST_TURNS` times from low to high.
+        UnsupportedError: If the fastest angle makes more than `MOST_TURNS` turns from low to high.
     """
     turns = float(np.abs(coefficients).max(initial=0.0)) * (high - low) / (2.0 * math.pi)
     if turns > MOST_TURNS:
@@ -230,7 +230,7 @@ def check_turns(name: str, coefficients: Array, low: float, high: float) -> None
 
 
 def wrapped(free: Array, low: float, high: float, period: float) -> tuple[Array, float]:
-    """Join the first and the last interval over the seam of the period."""
+    """Join the first and the last interval across the ends of the period."""
     if not len(free) or free[0, 0] > low or free[-1, 1] < high:
         return free, period if len(free) else math.inf
     if len(free) == 1:
@@ -266,7 +266,7 @@ class _Function:
 
 
 def _free_intervals(function: _Function, low: float, high: float) -> Array:
-    """Return the intervals of a domain with f > 0; contact is what is not proven free."""
+    """Return the intervals of a domain with f > 0; everything that is not proven free is contact."""
     edges = np.linspace(low, high, _PIECES + 1)
     middle, half = 0.5 * (edges[1:] + edges[:-1]), (high - low) / (2 * _PIECES)
     monotone: list[Array] = []
@@ -295,7 +295,7 @@ def _free_intervals(function: _Function, low: float, high: float) -> Array:
 
 
 def _runs(middle: Array, half: float) -> list[tuple[float, float]]:
-    """Return intervals `middle +- half`, those that touch joined."""
+    """Return intervals `middle +- half`, with touching ones joined."""
     middle = np.sort(middle)
     first = np.diff(middle, prepend=-np.inf) > 2.5 * half
     last = np.append(first[1:], True)[: len(middle)]
@@ -303,7 +303,7 @@ def _runs(middle: Array, half: float) -> list[tuple[float, float]]:
 
 
 def _between(function: _Function, roots: Array, blocked: list[tuple[float, float]], low: float, high: float) -> Array:
-    """Return the pieces between roots on which f is positive, less what is blocked, neighbours joined."""
+    """Return the pieces between roots on which f is positive, without the blocked ones, and with neighbours joined."""
     marks = np.unique(np.concatenate((roots, np.array(blocked).ravel(), [low, high])))
     free: list[list[float]] = []
     for a, b in zip(marks[:-1].tolist(), marks[1:].tolist(), strict=True):
@@ -318,10 +318,10 @@ def _between(function: _Function, roots: Array, blocked: list[tuple[float, float
 
 
 def _bracketed(function: Callable[[Array], Array], pieces: Array) -> Array:
-    """Return the root in each piece (N, 2) whose ends differ in sign, NaN for the others; bisection, then secants.
+    """Return the root in each piece (N, 2) whose ends differ in sign, NaN for others; bisection, then secants.
 
-    The step of false position (Illinois) is taken inside the bracket, which is halved whenever that is slow, so the
-    root is found to the last bits whatever the function.
+    The step of false position (Illinois) is taken inside the bracket. If it is slow, the bracket is halved. So the root
+    is found to the last bits for any function.
     """
     if not len(pieces):
         return np.empty(0)

@@ -1,6 +1,6 @@
-"""How far one coordinate may go from where it is: looked for outwards, however wide its window is.
+"""How far one coordinate can move from its value: the search goes outwards, for windows of any width.
 
-Closed forms are those of `univariate`. Other contacts are isolated with a proof, the nearest first.
+Closed forms come from `univariate`. Other contacts are isolated with a proof, the nearest first.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["around", "arounds", "is_closed"]
 
 
 def is_closed(path: RelativePath, index: int) -> bool:
-    """Return whether a coordinate's contacts are known at once: it turns one rotation of points, or only slides."""
+    """Return whether a coordinate's contacts have closed forms: it is in one rotation of points, or only translates."""
     turned = np.count_nonzero(path.minimal.coefficients[:, index])
     slides = bool(np.any(path.minimal.slides[:, :, index]))
     return not turned or (turned == 1 and not slides and path.is_harmonic)
@@ -31,13 +31,13 @@ def around(
     threshold: float,
     domain: tuple[float, float],
 ) -> tuple[float, float] | None:
-    """Return the allowed interval of coordinate `index` around q's (n,) own value, within a domain that holds it.
+    """Return the allowed interval of coordinate `index` around q's (n,) own value, within a domain that contains it.
 
-    What `allowed_arcs_table(...).around(...)` says, but looked for outwards from the value, however wide the domain is.
-    None if the value is in contact. Ends of the domain are no contacts, and count as allowed.
+    The result is that of `allowed_arcs_table(...).around(...)`, but the search goes outwards from the value, for
+    domains of any width. None if the value is in contact. Ends of the domain are not contacts, and count as allowed.
 
     Raises:
-        UnsupportedError: If the coordinate has contacts that never repeat, and none is near.
+        UnsupportedError: If the coordinate has contacts without a period, and none is near.
     """
     if is_closed(path, index):
         return allowed_arcs_table(path, index, name, q[None], threshold, 0.0)[0].around(float(q[index]))
@@ -46,7 +46,7 @@ def around(
     if not low < high:
         low, high = domain
     near = q.copy()
-    near[index] = min(max(float(q[index]), low), high)  # what lies beyond is free, and ends nothing
+    near[index] = min(max(float(q[index]), low), high)  # the part beyond is free, and has no contact
     from pinbound.limits import isolated
 
     found = isolated.around(path, index, name, near, threshold, (low, high))
@@ -56,9 +56,9 @@ def around(
 
 
 def _farthest_contact(path: RelativePath, index: int, q: Array, distance: float) -> float:
-    """Return how large coordinate `index` may be in contact, the others as in q (n,); infinite if nothing bounds it.
+    """Return an upper bound of coordinate `index` in contact, the others as in q (n,); infinite if there is none.
 
-    Where one block alone slides with it, by L a unit, `|r| >= |L| |x| - sum of all other lengths`.
+    If only one block translates with it, by L for each unit, `|r| >= |L| |x| - sum of all other lengths`.
     """
     chain = path.minimal
     rates = np.linalg.norm(chain.slides[:, :, index], axis=1)
@@ -82,7 +82,7 @@ def arounds(
     threshold: float,
     domain: tuple[float, float],
 ) -> Array:
-    """Return `around` for many q (N, n) whose values are in the domain: (N, 2), NaN where the value is in contact."""
+    """Return `around` for many q (N, n) with values in the domain: (N, 2), NaN if the value is in contact."""
     chain = path.minimal
     used = chain.coefficients[chain.coefficients[:, index] != 0.0, index]
     repeats = len(used) and not np.any(chain.slides[:, :, index])

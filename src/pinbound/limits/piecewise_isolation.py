@@ -1,11 +1,11 @@
-"""All contacts along one coordinate where the separation is smooth in pieces: free is proven, the rest is contact.
+"""All contacts along one coordinate for a piecewise smooth separation: free is proven, the rest counts as contact.
 
-Distances of segments are smooth only in pieces, so that roots cannot be isolated by derivatives as in `isolation`.
-Instead the line of the coordinate is halved until each piece is proven free (lower bound above the threshold), proven
-in contact (upper bound below), or so short that halving cannot tell more: that is the width of rounding, and counts as
-contact. Both bounds are of second order, so that the pieces that are left shrink to the contacts quadratically. What is
-left at the end of a free interval is then bisected to the last bit. Many configurations of the other coordinates are
-halved together. `docs/segments.md`.
+Distances of segments are only piecewise smooth. So their roots cannot be isolated by derivatives as in `isolation`.
+Instead the range of the coordinate is halved until each piece is proven free (lower bound above the threshold), proven
+in contact (upper bound below), or too short for halving to help. Its width is then that of rounding, and it counts as
+contact. Both bounds are of second order, so the remaining pieces shrink to the contacts quadratically. The undecided
+end of a free interval is then bisected to the last bit. Many configurations of the other coordinates are handled
+together. `docs/segments.md`.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from pinbound.typing import Array, Flags, Ints
 
 __all__ = ["arcs", "around", "smallest", "turn_arcs"]
 
-_PIECES = 5  # 2^5 pieces to begin with
+_PIECES = 5  # 2^5 pieces at the start
 _FINEST = 50  # 2^50 steps in all
-_MOST_OPEN = 1 << 15  # pieces a configuration: more are a separation that is all but the threshold along a stretch
-_STRETCH = 64  # pieces in a row, all at the threshold: so many are no end of a contact, if each was cut in two
+_MOST_OPEN = 1 << 15  # pieces for each configuration: more mean that the separation is the threshold along an interval
+_STRETCH = 64  # consecutive pieces, all at the threshold: so many are not the end of a contact, if each was halved
 _CUTS = (32, 3), (256, 2)  # so few pieces are cut into 2^3, or 2^2, at once: a round costs as much for one
-_SECTIONS = 7  # places between an end and its contact that are looked at in one go
+_SECTIONS = 7  # points between an end and its contact that are tested in one call
 _ROWS = 64  # configurations at a time, to bound memory
 _WIDENINGS, _WIDER, _LAST_BIT = 14, 8.0, 4e-16  # from the width of a root to any wall, and back to the last bit
 
@@ -42,18 +42,18 @@ def arcs(
 ) -> tuple[list[Array], float, tuple[float, float]]:
     """Return the free intervals (k, 2) of coordinate `index` for each row of Q (N, n), their period, and the window.
 
-    Where the separation is the threshold to rounding along a whole stretch, the stretch counts as contact.
+    If the separation equals the threshold up to rounding along an interval, this interval counts as contact.
 
     Raises:
-        UnsupportedError: If nothing repeats and there is no finite window, or the coordinate turns the path more than
-            `isolation.MOST_TURNS` times over it.
+        UnsupportedError: If there is no period and no finite window, or the coordinate rotates the path by more than
+            `isolation.MOST_TURNS` turns in the window.
     """
     used = path.minimal.coefficients[:, index]
     used = used[used != 0.0]
     slides = bool(np.any(path.minimal.slides[:, :, index]))
     period = listed_period(used, window) if len(used) and not slides else None
     if not len(used) and not slides:
-        period = 2.0 * math.pi  # it changes nothing: all or nothing is free
+        period = 2.0 * math.pi  # it changes nothing: everything is free, or nothing
     if period is None and (window is None or not all(map(math.isfinite, window))):
         raise UnsupportedError(
             f"{name!r} translates the path, or rotates it by angles without a common period, and without "
@@ -76,10 +76,10 @@ def around(
 ) -> tuple[float, float] | None:
     """Return the free interval of coordinate `index` around q's own value within a domain; None if it is in contact.
 
-    Ends of the domain are returned as they are: nothing is in contact up to there.
+    Ends of the domain are returned unchanged: there is no contact up to them.
 
     Raises:
-        UnsupportedError: If nothing is met over `isolation.MOST_TURNS` turns.
+        UnsupportedError: If no contact is found over `isolation.MOST_TURNS` turns.
     """
     used = path.minimal.coefficients[:, index]
 
@@ -95,7 +95,7 @@ def _found(
     path: RelativePath, index: int, name: str, Q: Array, threshold: float, domain: tuple[float, float]
 ) -> list[Array]:
     """Return the free intervals (k, 2) of a finite domain for each row of Q."""
-    if not domain[0] < domain[1]:  # a joint that its limits hold
+    if not domain[0] < domain[1]:  # a joint whose limits are equal
         apart = separation.separations(path, Q) > threshold
         return [np.array([domain] if one else []).reshape(-1, 2) for one in apart]
     free, open_too = _free(path, index, name, Q, threshold, *domain)
@@ -103,16 +103,16 @@ def _found(
 
 
 def turn_arcs(path: RelativePath, threshold: float) -> Array:
-    """Return the free intervals (k, 2) over one turn of a path of one rotation, in its effective angle [rad]."""
+    """Return the free intervals (k, 2) over one turn of a path with one rotation, in its effective angle [rad]."""
     return arcs(_one_coordinate(path), 0, "the angle", np.zeros((1, 1)), threshold, None)[0][0]
 
 
 def smallest(path: RelativePath) -> tuple[float, float]:
-    """Return the smallest separation over a turn of a path of one rotation [m]: a proven lower bound, and one attained.
+    """Return the smallest separation over a turn of a path with one rotation [m]: a proven bound, a value.
 
-    They are `tolerances.PRECISION` apart at most, unless the separation is flat over so long an interval, as between
-    two boxes side by side, that the pieces become too many. Bodies that overlap are apart by the path's floor, zero, to
-    rounding: no piece need be smaller.
+    They differ by at most `tolerances.PRECISION`, unless the separation is constant over so long an interval, as
+    between two boxes side by side, that there are too many pieces. The separation of bodies that overlap is the path's
+    floor, zero, up to rounding: no piece needs to be smaller.
     """
     one = _one_coordinate(path)
     bundle, error = _bundle(one, np.full(1, -math.pi), np.full(1, math.pi))
@@ -133,7 +133,7 @@ def smallest(path: RelativePath) -> tuple[float, float]:
 
 
 def _one_coordinate(path: RelativePath) -> RelativePath:
-    """Return a path of one rotation over its effective angle alone, counted as `univariate.one_angle` counts it."""
+    """Return a path of one rotation over its effective angle alone, with the sign of `univariate.one_angle`."""
     chain, c = path.minimal, path.minimal.coefficients[0]
     sign = np.sign(c[np.flatnonzero(c)[-1]])
     only = replace(chain, slides=np.zeros((2, 3, 1)), axes=sign * chain.axes, coefficients=np.ones((1, 1)))
@@ -142,7 +142,7 @@ def _one_coordinate(path: RelativePath) -> RelativePath:
 
 def _bundle(path: RelativePath, lower: Array, upper: Array) -> tuple[SweptBundle, float]:
     bundle = swept_bundle([path], lower, upper)
-    return bundle, float(rounding_bound(bundle, None, lower, upper)[0])  # limits are of the path as it is, as elsewhere
+    return bundle, float(rounding_bound(bundle, None, lower, upper)[0])  # limits are those of the reduced path
 
 
 def _bound(bundle: SweptBundle, Q: Array, index: int, middle: Array, half: float, error: float) -> Bounds:
@@ -156,10 +156,10 @@ def _bound(bundle: SweptBundle, Q: Array, index: int, middle: Array, half: float
 def _free(
     path: RelativePath, index: int, name: str, Q: Array, threshold: float, low: float, high: float
 ) -> tuple[list[Array], list[Array]]:
-    """Return the intervals (k, 2) of [low, high] that are proven free, a row of Q at a time; and those not in contact.
+    """Return the intervals (k, 2) of [low, high] that are proven free, for each row of Q; and those not in contact.
 
-    Between two of the latter everything counts as contact: it is proven to be, or the separation is the threshold,
-    to rounding, along a whole stretch, as of faces that slide along each other.
+    Everything between two of the latter counts as contact: it is proven to be, or the separation equals the threshold
+    up to rounding along an interval, as for faces that slide along each other.
     """
     ends = Q.min(axis=0), Q.max(axis=0)
     ends[0][index], ends[1][index] = low, high
@@ -171,7 +171,7 @@ def _free(
     cuts = 1
     kept: list[tuple[Ints, Ints, int]] = []
     undecided: list[tuple[Ints, Ints, int]] = []
-    reached = max(threshold, path.floor + 4.0 * error)  # a distance of zero is known to rounding
+    reached = max(threshold, path.floor + 4.0 * error)  # a distance of zero is known up to rounding
     while len(row):
         half = size * step / 2.0
         middle: Any = low + step * start + half
@@ -199,7 +199,7 @@ def _free(
 
 
 def _inside_stretches(row: Ints, start: Ints, size: int, flat: Flags, many: int) -> Flags:
-    """Return which pieces lie inside a long run of neighbours that all are at the threshold, its ends left out."""
+    """Return which pieces lie inside a long run of neighbours that are all at the threshold, without its ends."""
     order = np.lexsort((start, row))
     flat = flat[order]
     follows = np.zeros(len(row), dtype=np.bool_)
@@ -222,11 +222,11 @@ def _polished(
     open_too: list[Array],
     domain: tuple[float, float],
 ) -> list[Array]:
-    """Move ends of free intervals onto the contact, over what rounding left undecided, and over nothing else."""
+    """Move ends of free intervals to the contact, only over what rounding left undecided."""
     rows = np.repeat(np.arange(len(free)), [len(one) for one in free])
     ends = np.concatenate(free)
     walls, beside = (np.concatenate(part) for part in zip(*map(_walls, free, open_too), strict=True))
-    joined = np.ones((len(ends), 2), dtype=np.bool_)  # no contact between an end and the interval beside it
+    joined = np.ones((len(ends), 2), dtype=np.bool_)  # no contact between an end and the next interval
     for side in (0, 1):
         q, inside, wall = Q[rows], ends[:, side].copy(), walls[:, side]
 
@@ -241,13 +241,13 @@ def _polished(
             if not np.any(apart & (outside != wall)):
                 break
             step = np.where(apart, _WIDER * step, step)
-        met = ~above(outside) & (inside > domain[0]) & (inside < domain[1])  # ends of the window are no contacts
+        met = ~above(outside) & (inside > domain[0]) & (inside < domain[1])  # ends of the window are not contacts
         joined[:, side] = ~met & (outside == wall) & beside[:, side]
         every, shares = np.tile(rows, _SECTIONS), np.arange(1, _SECTIONS + 1)[:, None] / (_SECTIONS + 1)
         while np.any(met & (np.abs(outside - inside) > _LAST_BIT * np.maximum(1.0, np.abs(inside)))):
             between = np.concatenate((inside[None], inside + shares * (outside - inside), outside[None]))
             apart = above(between[1:-1].ravel(), Q[every]).reshape(_SECTIONS, -1)
-            first = np.argmin(np.concatenate((apart, np.zeros_like(apart[:1]))), axis=0)  # that is not apart
+            first = np.argmin(np.concatenate((apart, np.zeros_like(apart[:1]))), axis=0)  # the first that is in contact
             inside, outside = (between[first + beyond, np.arange(len(first))] for beyond in (0, 1))
         ends[met, side] = inside[met]
     cuts = np.cumsum([len(one) for one in free])[:-1]
@@ -257,7 +257,7 @@ def _polished(
 def _walls(free: Array, open_too: Array) -> tuple[Array, Flags]:
     """Return how far each end of free intervals (k, 2) may move (k, 2), and whether another free one begins there.
 
-    That is up to where contact is proven: an end of the interval of `open_too` that holds it.
+    The limit is the proven contact: an end of the interval of `open_too` that contains it.
     """
     holder = np.searchsorted(open_too[:, 0], free[:, 0], side="right") - 1
     walls, beside = open_too[holder], np.zeros(free.shape, dtype=np.bool_)
@@ -268,7 +268,7 @@ def _walls(free: Array, open_too: Array) -> tuple[Array, Flags]:
 
 
 def _united(intervals: Array, joined: Flags) -> Array:
-    """Return intervals (k, 2) that do not overlap: what was undecided between some of them is free after all."""
+    """Return intervals (k, 2) that do not overlap: undecided parts between some of them turned out to be free."""
     found: list[Array] = []
     for place, one in enumerate(intervals):
         if place and (one[0] < found[-1][1] or (joined[place, 0] and joined[place - 1, 1])):
@@ -279,7 +279,7 @@ def _united(intervals: Array, joined: Flags) -> Array:
 
 
 def _joined(kept: list[tuple[Ints, Ints, int]], count: int, low: float, high: float) -> list[Array]:
-    """Return free pieces of [low, high] joined to intervals, row by row; its own ends are exact."""
+    """Return free pieces of [low, high] joined to intervals, row by row; the ends of the range are exact."""
     step = (high - low) / 2**_FINEST
     row = np.concatenate([part[0] for part in kept])
     start = np.concatenate([part[1] for part in kept])

@@ -1,12 +1,12 @@
 """All contacts along a prismatic coordinate of bodies, lines or planes: at most one interval; the distance is convex.
 
-With the other coordinates held, `r(x, t) = w + d x + sum_i t_i e_i`. The set of all r is convex in (x, t) together, so
-that the distance `f(x) = min_t |r(x, t)|` is a convex function of x, and contact, `f <= T`, is one interval or nothing.
-f is least where r is nearest to the line along d: with P the projection across d,
+If the other coordinates are fixed, `r(x, t) = w + d x + sum_i t_i e_i`. The set of all r is convex in (x, t) together.
+So the distance `f(x) = min_t |r(x, t)|` is a convex function of x, and contact, `f <= T`, is one interval or empty. f
+is least where r is nearest to the line along d. With P the projection normal to d,
 
     m = min_t |P (w + sum_i t_i e_i)|,     x* = -d . (w + sum_i t*_i e_i) / |d|^2.
 
-From outside, Newton's steps `x - (f - T) / f'` never pass the end of the contact, since a convex function lies above
+From outside, Newton's steps `x - (f - T) / f'` never pass the end of the contact, because a convex function is above
 its tangents; the last bits are halved. A height above a plane is affine in x. No window is needed. `docs/segments.md`.
 """
 
@@ -27,25 +27,25 @@ from pinbound.typing import Array, Flags
 
 __all__ = ["intervals", "only_slides"]
 
-_MOST_STEPS = 60  # of Newton; each bend of f costs one or two
+_MOST_STEPS = 60  # Newton steps; each kink of f needs one or two
 _MOST_HALVINGS = 64
 
 
 def only_slides(path: RelativePath, index: int) -> bool:
-    """Return whether a coordinate turns no rotation of the path: it slides it, or does not change it."""
+    """Return whether a coordinate is in no rotation of the path: it translates the path, or does not change it."""
     return not np.any(path.minimal.coefficients[:, index])
 
 
 def intervals(path: RelativePath, index: int, Q: Array, threshold: float) -> Array:
-    """Return the free intervals (N, 2, 2) of coordinate `index`, the others as in Q (N, n); NaN where there are fewer.
+    """Return the free intervals (N, 2, 2) of coordinate `index`, the others as in Q (N, n); NaN if there are fewer.
 
-    Ends are contacts, known to the last bits, or infinite.
+    Ends are contacts, accurate to the last bits, or infinite.
 
     Args:
-        path: A path whose coordinate `index` turns nothing.
+        path: A path whose coordinate `index` is in no rotation.
         index: The coordinate.
         Q: (N, n) finite.
-        threshold: T, up to which there is contact [m].
+        threshold: T, the largest separation in contact [m].
     """
     rest = Q.copy()
     rest[:, index] = 0.0
@@ -88,7 +88,7 @@ def _of_distances(
     if not len(rows):
         return found
     lowest = -along[rows] / speed[rows]
-    # Where f only just reaches T, or is T along a stretch, rounding decides where it ends: all of it is contact.
+    # Where f only just reaches T, or equals T along an interval, rounding decides where it ends: all of it is contact.
     level = np.maximum(threshold, np.minimum(smallest[rows] + 2.0 * rounding[rows], threshold + rounding[rows]))
     level[smallest[rows] < threshold - rounding[rows]] = threshold
     reach = (level + 2.0 * size[rows]) / speed[rows] * (1.0 + 1e-9)
@@ -124,7 +124,7 @@ def _end(
     lowest: Array,
     reach: Array,
 ) -> Array:
-    """Return where f first exceeds the level (N,) on the way from its least (N,) to `lowest + reach`, from outside."""
+    """Return where f first exceeds the level (N,) between its minimum (N,) and `lowest + reach`, from outside."""
     w, edges, d = line
     x = lowest + reach
     scale = np.abs(lowest) + np.abs(reach)
@@ -139,7 +139,7 @@ def _end(
             break
 
     def apart(places: Array) -> Flags:
-        """Ask what users ask, so that at the end and beyond it they are told the same."""
+        """Evaluate the public function, so that users get the same answer at the end and beyond it."""
         rows = Q.copy()
         rows[:, index] = places
         return separation.separations(path, rows) > level
