@@ -1,1 +1,1 @@
-"""`Boundary` and `BoundarySet`: what users ask of two marks, and of all of them together."""
+"""`Boundary` and `BoundarySet`: the public methods for two marks, and for all boundaries together."""

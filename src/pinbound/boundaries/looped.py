@@ -1,6 +1,6 @@
-"""Boundaries of a robot with loops that are not parallelograms: those over z, asked at `z = F(q)`, by the chain rule.
+"""Boundaries of a robot with loops that are not parallelograms: those over z, evaluated at `z = F(q)`.
 
-What is not answered through such a loop is refused with its name: nothing here takes F for linear.
+A question that cannot be answered through such a loop is refused with the loop's name: F is never treated as linear.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class LoopBoundary(Boundary):
     closing: tuple[LinearLimit, ...]
 
     def __init__(self, opened: Boundary, lift: Lift, closing: Sequence[LinearLimit] = ()) -> None:
-        """Hold a boundary over z."""
+        """Store a boundary over z."""
         n = len(lift.coordinates)
         own = ("name", "point_a", "point_b", "min_distance", "contact_tolerance", "place_error", "stop")
         for name in own:
@@ -84,17 +84,17 @@ class LoopBoundary(Boundary):
 
     @property
     def kind(self) -> Kind:
-        """How the two links lie to each other in the tree, the loop's pin left out."""
+        """The relation of the two links in the tree, without the pin of the loop."""
         return self.opened.kind
 
     @property
     def ancestor(self) -> str:
-        """The lowest common ancestor link in the tree, helper links aside."""
+        """The lowest common ancestor of the two links in the tree. Helper links do not count."""
         return self.opened.ancestor
 
     @property
     def coordinates(self) -> tuple[str, ...]:  # type: ignore[override]
-        """The active coordinates that the norm depends on, through loops too."""
+        """The active coordinates that the norm depends on, also through loops."""
         uses = set(self.opened.path.minimal.coordinates)
         for one in reversed(self.lift.linkages):
             if uses & set(one.passive):
@@ -103,12 +103,12 @@ class LoopBoundary(Boundary):
 
     @property
     def is_direct(self) -> bool:
-        """Whether no passive joint of these loops lies on its path."""
+        """Whether its path contains no passive joint of these loops."""
         return max(self.opened.path.minimal.coordinates, default=0) < len(self.robot_coordinates)
 
     @property
     def contact_distance(self) -> float:
-        """Up to which separation there is contact [m]."""
+        """The largest separation that is contact [m]."""
         return self.opened.contact_distance
 
     @property
@@ -118,12 +118,12 @@ class LoopBoundary(Boundary):
 
     @property
     def has_size(self) -> bool:
-        """Whether it keeps two bodies apart, not two mere points of zero threshold."""
+        """Whether it keeps bodies apart, and not two points of zero threshold."""
         return self.opened.has_size
 
     @property
     def contacts(self) -> None:  # type: ignore[override]
-        """None: what is one effective angle in z is none in q."""
+        """None: one effective angle in z is not one in q."""
         return None
 
     def vector(self, q: ArrayLike) -> Array:
@@ -135,7 +135,7 @@ class LoopBoundary(Boundary):
         return self.opened.norm(self.lift(q))
 
     def nearest(self, q: ArrayLike) -> Array:
-        """Return where on its segments the boundary is nearest: (k,) or (N, k) in [0, 1]."""
+        """Return the parameters of the nearest points on the segments: (k,) or (N, k) in [0, 1]."""
         return self.opened.nearest(self.lift(q))
 
     def nearest_points(self, q: ArrayLike) -> Array:
@@ -143,15 +143,15 @@ class LoopBoundary(Boundary):
         return self.opened.nearest_points(self.lift(q))
 
     def signed_clearance(self, q: ArrayLike) -> Any:
-        """Return how free q is: a float, or (N,) [m]."""
+        """Return the signed clearance: a float, or (N,) [m]; positive is free."""
         return self.opened.signed_clearance(self.lift(q))
 
     def signed_distance(self, q: ArrayLike) -> Any:
-        """Return the distance of the two bodies, or minus their depth: a float, or (N,) [m]."""
+        """Return the distance between the two bodies, or minus their depth: a float, or (N,) [m]."""
         return self.opened.signed_distance(self.lift(q))
 
     def penetration(self, q: ArrayLike) -> Penetration:
-        """Return how deep the bodies are in each other."""
+        """Return the depth of overlap, and the direction that separates the bodies."""
         return self.opened.penetration(self.lift(q))
 
     def signed_gradient(self, q: ArrayLike) -> Array:
@@ -183,11 +183,11 @@ class LoopBoundary(Boundary):
         return found if Q.ndim > 1 else found[0]
 
     def parts(self, start: Array, end: Array) -> bool:
-        """Return whether a contact line of a stop lies between two configurations (n,), as it does between their z."""
+        """Return whether a contact line of a stop lies between two configurations (n,), that is between their z."""
         return self.opened.parts(self.lift(start), self.lift(end))
 
     def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> Any:
-        """Return the allowed values of a coordinate: out of contact, loops closed. Limits of joints do not count.
+        """Return the values of a coordinate that are not in contact and at which the loops close. Limits do not count.
 
         Raises:
             UnknownNameError: If the robot has no such coordinate.
@@ -224,7 +224,7 @@ class LoopBoundarySet(BoundarySet):
     """The boundaries of a robot with loops that are not parallelograms, evaluated together at `z = F(q)`."""
 
     def __init__(self, opened: BoundarySet, lift: Lift) -> None:
-        """Hold the boundaries over z, with their kernel."""
+        """Store the boundaries over z, with their kernel."""
         self.opened, self.lift = opened, lift
         names = lift.toggle_names()
         self._closing = tuple(one for one in opened._limits if one.joint in names)
@@ -232,25 +232,25 @@ class LoopBoundarySet(BoundarySet):
         super().__init__(looped, lift.coordinates, home=None)
 
     def select(self, names: str | Iterable[str]) -> LoopBoundarySet:
-        """Return some boundaries as a set of their own, in the order of `names`."""
+        """Return a set of some boundaries, in the order of `names`."""
         return LoopBoundarySet(self.opened.select(names), self.lift)
 
     @property
     def kernel(self) -> Any:  # type: ignore[override]
-        """Refused: the kernel speaks of z."""
+        """Refused: the kernel is over z."""
         refuse_linear("B.kernel does not exist", self.lift)
 
     @property
     def signed_kernel(self) -> Any:  # type: ignore[override]
-        """Refused: the kernel speaks of z."""
+        """Refused: the kernel is over z."""
         refuse_linear("B.signed_kernel does not exist", self.lift)
 
     def to_casadi(self, name: str = "signed_clearances") -> Any:
-        """Refuse: the graph of a loop is not written."""
+        """Refuse: the graph of a loop is not supported."""
         refuse_linear("B.to_casadi is not written", self.lift)
 
     def vectors(self, Q: ArrayLike) -> Array:
-        """Return every r in its ancestor's frame: (m, 3) for one q, (N, m, 3) for many [m]."""
+        """Return r of every boundary in its ancestor's frame: (m, 3) for one q, (N, m, 3) for many [m]."""
         return self.opened.vectors(self.lift(Q))
 
     def hessians(self, Q: ArrayLike) -> Array:
@@ -293,9 +293,9 @@ class LoopBoundarySet(BoundarySet):
         return self.opened.smallest(self.lift(Q), out, threads=threads, backend=backend, dtype=dtype)
 
     def free(self, Q: ArrayLike, *, limits: bool = True, threads: int = 1, backend: Any = "auto") -> Any:
-        """Return whether q is free: a bool, or (N,) bools; False where a loop does not close, with or without limits.
+        """Return whether q is free: a bool, or (N,) bools; False if a loop does not close, with or without limits.
 
-        Limits of passive joints count as others do.
+        Limits of passive joints count, like all others.
         """
         array = as_configurations(Q, self._coordinates)
         Z = self.lift(array)
@@ -303,7 +303,7 @@ class LoopBoundarySet(BoundarySet):
         return found if limits else (found & self.closed(Z))
 
     def closed(self, Z: Array) -> Any:
-        """Return whether every loop closes at z, in home's assembly: a bool, or (N,)."""
+        """Return whether every loop closes at z, in the assembly of home: a bool, or (N,)."""
         found: Any = np.ones(Z.shape[:-1], dtype=np.bool_)
         for one, columns in zip(self.lift.linkages, self.lift.columns, strict=True):
             low, high = one.transmission_range
@@ -316,15 +316,15 @@ class LoopBoundarySet(BoundarySet):
         return self.opened.beyond(self.lift(q))
 
     def limits(self, coordinate: str, q: ArrayLike, window: tuple[float, float] | None = None) -> CoordinateLimits:
-        """Return how far one coordinate can move from q, the others standing still, and what stops it.
+        """Return how far one coordinate can move from q, and what stops it. The other coordinates are fixed.
 
-        As for robots without loops; limits of passive joints and toggles count. What moves through a loop is proven
-        from q outwards (`looped_limits`), and where two turns on nothing is met, a window is asked for.
+        Limits of passive joints and toggles count, too. Motions through a loop are proven from q outwards
+        (`looped_limits`). If nothing stops the coordinate within two turns, a window is needed.
 
         Raises:
             UnknownNameError: If the robot has no such coordinate.
             DimensionError: If q is not one finite configuration, or the window is none, or does not hold q's value.
-            UnsupportedError: If nothing is met within two turns, and the coordinate has no limits.
+            UnsupportedError: If nothing stops it within two turns, and the coordinate has no limits.
         """
         from pinbound.boundaries.looped_limits import coordinate_limits
 
@@ -339,7 +339,7 @@ class LoopBoundarySet(BoundarySet):
         return coordinate_limits(*given, index, point, window, self.beyond(point))
 
     def limits_table(self, coordinate: str, Q: ArrayLike) -> tuple[Array, NDArray[np.str_]]:
-        """Return how far one coordinate can move from each of many q (N, n), as `limits` does one by one."""
+        """Return how far one coordinate can move from each of many q (N, n), one by one as `limits` does."""
         rows = np.atleast_2d(as_configurations(Q, self._coordinates))
         found = [self.limits(coordinate, row) for row in rows]
         ends = np.array([(one.lower, one.upper) for one in found]).reshape(-1, 2)
@@ -347,17 +347,17 @@ class LoopBoundarySet(BoundarySet):
         return ends, np.array(stops, dtype=np.str_).reshape(-1, 2)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how to make it again."""
+        """Return how to make the set again."""
         return LoopBoundarySet, (self.opened, self.lift)
 
 
 def over_z(boundary: Boundary) -> Boundary:
-    """Return a boundary that has a path: itself, or through loops that are not parallelograms the one over z."""
+    """Return a boundary with a path: the boundary itself, or the one over z for loops that are not parallelograms."""
     return boundary.opened if isinstance(boundary, LoopBoundary) else boundary
 
 
 def formula_joints(boundary: Boundary) -> tuple[str, ...]:
-    """Return the names of the joints in both forms of a boundary's expression, passive ones of loops included."""
+    """Return the names of the joints in both forms of a boundary's expression, with passive joints of loops."""
     one = over_z(boundary)
     used = {*one.path.branch_a.chain.coordinates, *one.path.branch_b.chain.coordinates}
     return tuple(one.robot_coordinates[index] for index in sorted(used))

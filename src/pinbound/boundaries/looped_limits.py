@@ -1,8 +1,8 @@
-"""How far a coordinate can move that turns loops which are not parallelograms, with proof through `z = F(q)`.
+"""How far a coordinate that moves loops which are not parallelograms can move, with proof through `z = F(q)`.
 
 Along one coordinate every contact and limit over z is a function with bounds over intervals (`loops/through_loops`),
-exact to second order. From q outwards intervals are proven free until one cannot be; there the one that stops it is
-zero.
+which are exact to second order. From q outwards, intervals are proven free until this fails; there the function that
+stops the coordinate is zero.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ __all__ = ["allowed_arcs", "coordinate_limits", "moved_by"]
 
 Span = tuple[float, float] | None
 _Curves = Sequence[LoopContact | LoopLimit]
-_FARTHEST = 4.0 * math.pi  # rad or m: how far a coordinate without limits is looked at, to either side
+_FARTHEST = 4.0 * math.pi  # rad or m: search range of a coordinate without limits, to either side
 
 
 def moved_by(lift: Lift, index: int) -> Flags:
-    """Return which coordinates of z follow a coordinate of q through a loop."""
+    """Return which coordinates of z depend on a coordinate of q through a loop."""
     moves, found = {index}, np.zeros(len(lift.names), dtype=np.bool_)
     for one, columns in zip(lift.linkages, lift.columns, strict=True):
         if moves & set(one.inputs):
@@ -74,23 +74,23 @@ def coordinate_limits(
 
     Args:
         lift: `z = F(q)`.
-        boundaries: Over z.
-        limits: Over z, toggles among them.
-        guarded: Over z.
-        index: Of the coordinate.
+        boundaries: Boundaries over z.
+        limits: Limits over z, with toggles.
+        guarded: Guarded limits over z.
+        index: Index of the coordinate.
         q: (n,).
-        window: Within which to look.
+        window: The search range.
         beyond: Boundaries whose contact lies between home and q.
 
     Raises:
-        UnsupportedError: If neither a limit nor a contact is met within two turns, and it has no limits of its own.
+        UnsupportedError: If neither a limit nor a contact is found within two turns, and it has no limits of its own.
     """
     z, moved, line, name = lift(q), moved_by(lift, index), _line(lift, q, index), lift.coordinates[index]
     spans: list[tuple[str, Span]] = []
     curves: list[LoopContact | LoopLimit] = []
 
     def add(source: str, through: bool, holds: bool, own: Callable[[], Span], more: Callable[[], _Curves]) -> None:
-        """Add what does not follow the coordinate through a loop as a span, the rest as curves."""
+        """Add a limit or boundary as a span if the coordinate does not move it through a loop, else as curves."""
         if not through:
             spans.append((source, own()))
             return
@@ -141,14 +141,14 @@ def allowed_arcs(
 
     Args:
         lift: `z = F(q)`.
-        boundary: Over z.
-        limits: That the loops close, over z.
-        index: Of the coordinate.
+        boundary: A boundary over z.
+        limits: Limits over z that keep the loops closed.
+        index: Index of the coordinate.
         q: (n,).
-        window: Finite.
+        window: A finite window.
 
     Raises:
-        UnsupportedError: If contact is within rounding of the distance to keep along a whole stretch.
+        UnsupportedError: If, along an interval, the separation equals the contact distance up to rounding.
     """
     line, moved = _line(lift, q, index), moved_by(lift, index)
     curves = contacts_through(boundary.name, boundary.rule, line)

@@ -12,10 +12,10 @@ __all__ = ["NamedBoundaries"]
 
 
 class NamedBoundaries(Sequence[Boundary]):
-    """A sequence of boundaries that knows their names."""
+    """A sequence of boundaries with access by name."""
 
     def __init__(self, boundaries: Sequence[Boundary]) -> None:
-        """Hold boundaries, each of a name of its own."""
+        """Store boundaries with different names."""
         self._boundaries = tuple(boundaries)
         self._index = {boundary.name: boundary for boundary in boundaries}
 
@@ -25,7 +25,7 @@ class NamedBoundaries(Sequence[Boundary]):
         return tuple(self._index)
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of boundaries."""
         return len(self._boundaries)
 
     def __iter__(self) -> Iterator[Boundary]:

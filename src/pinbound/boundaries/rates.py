@@ -1,10 +1,10 @@
-"""How fast one coordinate can bring a contact nearer, whatever q: boundaries that are too far away need no closer look.
+"""How fast one coordinate can reduce a clearance, for all q: boundaries that are far enough away need no search.
 
-A distance, or a height above a plane, changes by at most `sum_i rho_i |c_ij|` per unit of coordinate j. rho_i bounds
-the lever arm of rotation i, of bodies that of all pairs of their corners; c_i is its angle's coefficient; a height is a
-projection. A block that slides with the coordinate adds its length a unit. A stop's signed clearance `A sin(d / 2)`
-changes by at most `A |c_j| / 2`, and one that does not depend on the coordinate not at all. So a clearance
-s > L |x - q_j| is one between q_j and x, too; `ahead` makes more of it.
+A distance, or a height above a plane, changes by at most `sum_i rho_i |c_ij|` for each unit of coordinate j. Here rho_i
+bounds the lever arm of rotation i (for bodies, over all pairs of their corners), and c_i are the coefficients of its
+angle; a height is a projection. A block with a prismatic joint on the coordinate adds its length for each unit. A
+stop's signed clearance `A sin(d / 2)` changes by at most `A |c_j| / 2`; it does not change if it does not depend on the
+coordinate. So a clearance s > L |x - q_j| means that there is no contact between q_j and x; `ahead` extends this.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["farthest", "rates_of", "spans_of", "tighten_all"]
 
 
 def farthest(limits: Sequence[LinearLimit], n: int) -> Array:
-    """Return how large each coordinate can be while joint limits are kept (n,) [rad or m]; infinite if nothing says so.
+    """Return upper bounds (n,) of the coordinates within joint limits [rad or m]; infinite if there is no bound.
 
     Example:
         >>> import pinbound as pb
@@ -40,13 +40,14 @@ def farthest(limits: Sequence[LinearLimit], n: int) -> Array:
         if len(used) == 1:
             ends = (np.array([limit.lower, limit.upper]) - limit.offset) / limit.coefficients[used[0]]
             found[used[0]] = min(found[used[0]], float(np.abs(ends).max()))
-    return found * INFLATION + LIMIT  # a limit is kept to rounding
+    return found * INFLATION + LIMIT  # limits are kept up to rounding
 
 
 def rates_of(boundaries: Sequence[Boundary], index: int, reach: Array | None = None) -> Array:
-    """Return bounds (m,) of how fast coordinate `index` changes signed clearances [m per unit]; infinite if unknown.
+    """Return bounds (m,) of the rates at which coordinate `index` changes signed clearances; infinite if unknown.
 
-    `reach` (n,) is how large each coordinate can be [rad or m], which counts for joints that slide; None: not known.
+    They are in m per unit. `reach` (n,) bounds each coordinate [rad or m], which matters for prismatic joints; None:
+    unknown.
 
     Example:
         >>> import pinbound as pb
@@ -87,16 +88,16 @@ def spans_of(
     within: tuple[float, float],
     ask: Ask,
 ) -> list[tuple[float, float] | None]:
-    """Return `boundary.span` of each boundary, the nearest looked at first: what lies beyond its stops, stops nothing.
+    """Return `boundary.span` of each boundary, the nearest first: later ones are searched only up to the stops found.
 
     Args:
         boundaries: m boundaries of one robot.
-        ahead: What is known of them before the coordinate moves.
+        ahead: Their data before the coordinate moves.
         clearances: (m,) signed clearances at q [m].
         coordinate: A coordinate.
         q: (n,) configuration.
-        within: The interval to look in; if it does not hold the coordinate's value, everywhere.
-        ask: Signed clearances (N, m) at other configurations (N, n).
+        within: The search interval; if it does not contain the coordinate's value, the search is everywhere.
+        ask: Returns signed clearances (N, m) at other configurations (N, n).
     """
     spans: list[tuple[float, float] | None] = [(-math.inf, math.inf) if s > 0.0 else None for s in clearances.tolist()]
     if not spans:
@@ -104,7 +105,7 @@ def spans_of(
     index = boundaries[0].robot_coordinates.index(coordinate)
     value = float(q[index])
     low, high = within if within[0] <= value <= within[1] else (-math.inf, math.inf)
-    seen = low, high  # a little wider than what is known, so that of several stops at one place each is told
+    seen = low, high  # a little wider than the known interval, so that of several stops at one value each is found
     down, up = ahead.reach(clearances, value, (low, high), _along(ask, q, index))
     nearest_first: list[int] = np.argsort(np.minimum(down, up), kind="stable").tolist()
     for k in nearest_first:
@@ -129,9 +130,9 @@ def tighten_all(
     stops: NDArray[np.object_],
     ask: Ask,
 ) -> None:
-    """Intersect intervals (N, 2) with what each boundary leaves, in place, and name what stops there.
+    """Intersect intervals (N, 2) with those that each boundary allows, in place, and name what stops there.
 
-    Arguments are as for `spans_of`, of N rows: clearances (N, m), Q (N, n); the intervals hold the values.
+    The arguments are those of `spans_of` for N rows: clearances (N, m), Q (N, n); the intervals contain the values.
     """
     if not len(boundaries):
         return
@@ -150,21 +151,21 @@ def tighten_all(
         spans = boundaries[k].spans(coordinate, Q[near], held, np.ones(len(near), dtype=np.bool_))
         for side, sign in ((0, 1.0), (1, -1.0)):
             new, old = sign * spans[:, side], sign * ends[near, side]
-            # of several at one place the first is named: joint limits, then boundaries, in order
+            # of several stops at one value the first is named: joint limits, then boundaries, in order
             first = (new > old) | (np.isfinite(new) & (new == old) & (rank[near, side] > k))
             rows = near[first]
             ends[rows, side], stops[rows, side], rank[rows, side] = spans[first, side], boundaries[k].name, k
 
 
 def _is_beyond(reach: Array, end: Array | float) -> Flags:
-    """Return whether what is reached lies beyond an end of the interval; both may be infinite."""
+    """Return whether a reach goes beyond an end of the interval; both may be infinite."""
     return (reach > end) | np.isinf(reach)
 
 
 def _reaches(
     ahead: Ahead, clearances: Array, index: int, Q: Array, ends: Array, rows: Indices, ask: Ask
 ) -> tuple[Array, Array]:
-    """Return `ahead.reach` of rows of Q (N, n), each within its ends: (N, m), (N, m); of other rows the least."""
+    """Return `ahead.reach` of rows of Q (N, n), each within its ends: (N, m), (N, m); for other rows the least."""
     down = farness(clearances, ahead.rates)
     up = down.copy()
     for row in rows if np.any(ahead.sampled) else ():
@@ -174,7 +175,7 @@ def _reaches(
 
 
 def _along(ask: Ask, q: Array, index: int) -> Ask:
-    """Return what `ask` says of q (n,) with other values (N,) of one coordinate."""
+    """Return a function that evaluates `ask` at q (n,) with other values (N,) of one coordinate."""
 
     def along(x: Array) -> Array:
         moved = np.tile(q, (len(x), 1))

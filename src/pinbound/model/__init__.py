@@ -1,1 +1,1 @@
-"""A robot read from its files: XML, xacro, links and joints, the tree and its coupling, and it as Pinocchio's model."""
+"""A robot read from its files: XML, xacro, links and joints, the tree with its coupling, and the Pinocchio model."""

@@ -1,4 +1,4 @@
-"""Coupled joints: `theta = S q + o`, from followers of followers to the coordinates that the user commands."""
+"""Coupled joints: `theta = S q + o`, from chains of mimic joints to the coordinates that the user commands."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 _LARGEST = float(np.finfo(np.float64).max)
-_BLOCK = 1 << 13  # rows at a time: they stay in the cache
+_BLOCK = 1 << 13  # rows at a time, so that they stay in the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Coupling(Value):
         Raises:
             DimensionError: If the last axis of Q is not n long.
         """
-        with np.errstate(invalid="ignore"):  # a row that is not finite gives NaN, and no warning
+        with np.errstate(invalid="ignore"):  # a row that is not finite gives NaN without a warning
             return as_configurations(Q, self.coordinates) @ self.S.T + self.offset
 
     def row(self, joint: str) -> tuple[Array, float]:
@@ -75,19 +75,19 @@ class Coupling(Value):
 
     @cached_property
     def places(self) -> FrozenDict[str, int]:
-        """The row of each joint."""
+        """The row index of each joint."""
         return FrozenDict({name: row for row, name in enumerate(self.joints)})
 
     @cached_property
     def own(self) -> FrozenDict[str, int]:
-        """Which coordinate each joint follows that follows one alone, without an offset."""
+        """For each joint that follows only one coordinate, without an offset, the index of this coordinate."""
         sizes = np.abs(self.S)
         single = (np.count_nonzero(sizes, axis=1) == 1) & (sizes.max(axis=1, initial=0.0) > FOLLOWS)
         rows = np.flatnonzero(single & (self.offset == 0.0)).tolist()
         return FrozenDict({self.joints[row]: int(np.argmax(sizes[row])) for row in rows})
 
     def text(self, joint: str) -> str:
-        """Return what a joint does in terms of q, for people.
+        """Return the joint as a function of q, as text.
 
         Example:
             >>> Coupling(("q1",), ("q1", "f"), np.array([[1.0], [-2.0]]), np.array([0.0, 0.5])).text("f")
@@ -98,7 +98,7 @@ class Coupling(Value):
 
 
 def linear_text(coefficients: Array, names: Sequence[str], offset: float = 0.0) -> str:
-    """Return `c . q + o` for people, positive terms first.
+    """Return `c . q + o` as text, with positive terms first.
 
     Example:
         >>> linear_text(np.array([0.0, -1.0, 1.0]), ("q1", "q2", "q3"))
@@ -114,10 +114,10 @@ def linear_text(coefficients: Array, names: Sequence[str], offset: float = 0.0) 
 
 @dataclass(frozen=True, eq=False)
 class LinearLimit(Value):
-    """`lower <= coefficients @ q + offset <= upper`: the limits of one tree joint, said of q.
+    """`lower <= coefficients @ q + offset <= upper`: the limits of one tree joint, in terms of q.
 
     Attributes:
-        joint: The tree joint whose limit it is; a follower's limit binds its primary.
+        joint: The tree joint with this limit; the limit of a mimic joint also limits its primary.
         coefficients: (n,).
         offset: [rad or m].
         lower: [rad or m], may be -inf.
@@ -135,7 +135,7 @@ class LinearLimit(Value):
         return combination(self.coefficients, np.asarray(Q, dtype=np.float64)) + self.offset
 
     def holds(self, Q: ArrayLike) -> Flags:
-        """Return which rows (N,) of Q (N, n) keep the limit; see `Intervals` for what that means at its ends.
+        """Return which rows (N,) of Q (N, n) keep the limit; `Intervals` defines this at the ends.
 
         Example:
             >>> LinearLimit("f", np.array([3.0]), 0.0, -0.3, 0.3).holds([[0.1], [0.1 + 1e-12]])  # 3 * 0.1 > 0.3
@@ -144,7 +144,7 @@ class LinearLimit(Value):
         return self._interval.hold(np.asarray(Q, dtype=np.float64))
 
     def holds_at(self, q: Sequence[float]) -> bool:
-        """Return what `holds` does for one q, by plain Python."""
+        """Return `holds` for one q, by plain Python."""
         return self._interval.holds_at(q)
 
     @cached_property
@@ -154,10 +154,10 @@ class LinearLimit(Value):
 
 @dataclass(frozen=True, eq=False)
 class GuardedLimit(Value):
-    """One end of a rule that is asked for under conditions only: `limit` binds q where all of `where` hold.
+    """One end of a rule that applies under conditions only: `limit` applies to q where all of `where` hold.
 
-    What it forbids is convex: q keeps every condition, and passes the end. Conditions are closed, as limits are: one
-    that is passed by no more than `tolerances.LIMIT` still holds.
+    The set that it forbids is convex: q satisfies every condition, and passes the end. Conditions are closed, as limits
+    are: a condition that is passed by at most `tolerances.LIMIT` still holds.
 
     Attributes:
         limit: The end, as a limit with one finite end; its `joint` is the rule's name.
@@ -180,12 +180,12 @@ class GuardedLimit(Value):
 
     @property
     def name(self) -> str:
-        """The rule and the end, as ends of joint limits are named, e.g. ``"front lower"``."""
+        """The rule and the end, named like ends of joint limits, e.g. ``"front lower"``."""
         return f"{self.rule} {'upper' if math.isfinite(self.limit.upper) else 'lower'}"
 
     @property
     def uses(self) -> Flags:
-        """(n,) which coordinates it depends on."""
+        """(n,) whether it depends on each coordinate."""
         return np.any([one.coefficients != 0.0 for one in (self.limit, *self.where)], axis=0)
 
     def holds(self, Q: Array) -> Flags:
@@ -196,7 +196,7 @@ class GuardedLimit(Value):
         return kept & np.all(np.isfinite(Q), axis=1)
 
     def holds_at(self, q: Sequence[float]) -> bool:
-        """Return what `holds` does for one q, by plain Python."""
+        """Return `holds` for one q, by plain Python."""
         return self.limit.holds_at(q) or (
             all(map(math.isfinite, q)) and not all(condition.holds_at(q) for condition in self.where)
         )
@@ -206,15 +206,15 @@ class GuardedLimit(Value):
 class Intervals(Value):
     """Closed intervals of linear combinations of q, all of which must hold; and q must be finite.
 
-    The one rule for what "within a limit" means: a joint's value `c . q + o` may pass an end of its limits by
+    This is the one definition of "within a limit": a joint's value `c . q + o` may pass an end of its limits by
     `tolerances.LIMIT`, and by the rounding of that sum.
 
     Attributes:
         coefficients: (k, n); the first n rows are the coordinates themselves.
         low: (k,) [rad or m].
         high: (k,).
-        is_sum: (k,) whether the combination has several terms, whose rounding is granted on top.
-        guarded: Ends of rules that bind under conditions only, all of which must hold, too.
+        is_sum: (k,) whether the combination has several terms, whose rounding is allowed in addition.
+        guarded: Ends of rules that apply under conditions only, all of which must hold, too.
     """
 
     coefficients: Array
@@ -231,7 +231,7 @@ class Intervals(Value):
         between: Sequence[tuple[Array, tuple[float, float]]] = (),
         guarded: Sequence[GuardedLimit] = (),
     ) -> Intervals:
-        """Return what joint limits allow, and open intervals `low < c . q < high`; rows of one c are intersected."""
+        """Return joint limits and open intervals `low < c . q < high`; rows with the same c are intersected."""
         rows = {tuple(row): [-_LARGEST, _LARGEST, 0.0] for row in np.eye(n).tolist()}
         for limit in limits:
             c = limit.coefficients
@@ -246,13 +246,13 @@ class Intervals(Value):
         for c, (low, high) in between:
             row = rows.setdefault(tuple((c + 0.0).tolist()), [-_LARGEST, _LARGEST, 0.0])
             inside = math.nextafter(low, math.inf), math.nextafter(high, -math.inf)
-            row[0], row[1] = max(inside[0], row[0]), min(inside[1], row[1])  # NaN, home on a contact line, stays
+            row[0], row[1] = max(inside[0], row[0]), min(inside[1], row[1])  # NaN (home on a contact line) stays
         table = np.array(list(rows.values())).reshape(-1, 3)
         C = np.array(list(rows)).reshape(len(rows), n)
         return cls(C, table[:, 0].copy(), table[:, 1].copy(), table[:, 2] > 0.0, tuple(guarded))
 
     def holds_at(self, q: Sequence[float]) -> bool:
-        """Return what `hold` does for one q, by plain Python."""
+        """Return `hold` for one q, by plain Python."""
         for terms, low, high, is_sum in self._rows:
             value, size = 0.0, 0.0
             for index, c in terms:
@@ -297,7 +297,7 @@ class Intervals(Value):
 
 
 def combination(c: Array, Q: Array) -> Array:
-    """Return `c . q` (N,) for the rows of Q (N, n), term by term: a row's bits do not depend on the other rows."""
+    """Return `c . q` (N,) for the rows of Q (N, n), term by term: the bits of a row do not depend on other rows."""
     total: Array | None = None
     for index in np.flatnonzero(c).tolist():
         factor, column = float(c[index]), Q[:, index]
@@ -307,7 +307,7 @@ def combination(c: Array, Q: Array) -> Array:
 
 
 def real_array(values: Any, what: str) -> Array:
-    """Return values as float64; nothing that is not a real number passes for one.
+    """Return values as float64; values that are not real numbers are refused.
 
     Raises:
         DimensionError: If a value is complex, masked, a text or a date, or the rows have different lengths.
@@ -320,7 +320,7 @@ def real_array(values: Any, what: str) -> Array:
         pinbound.exceptions.DimensionError: q is complex; give real numbers
     """
     given: Any = values
-    # NumPy imports its masked arrays when they are first named, for 10 ms: who has one has imported them.
+    # NumPy imports its masked arrays when they are first named, for 10 ms: users of them have imported them.
     is_masked = "numpy.ma" in sys.modules and isinstance(given, np.ma.MaskedArray)
     if is_masked and np.any(cast(Any, np.ma).getmaskarray(given)):
         raise DimensionError(f"{what} has masked entries; fill them or leave their rows out")
@@ -358,10 +358,10 @@ def as_configurations(Q: ArrayLike, coordinates: Sequence[str]) -> Array:
 
 
 def coordinate_index(name: str, coordinates: Sequence[str]) -> int:
-    """Return the place of a coordinate.
+    """Return the index of a coordinate.
 
     Raises:
-        UnknownNameError: If there is none of that name; also for what is no name, an array given by mistake, say.
+        UnknownNameError: If it does not exist; also if the argument is not a name (an array by mistake).
     """
     if str(name) not in coordinates:
         raise UnknownNameError("coordinate", name, coordinates)
@@ -369,13 +369,13 @@ def coordinate_index(name: str, coordinates: Sequence[str]) -> int:
 
 
 def couple(joints: Sequence[Joint]) -> Coupling:
-    """Flatten every chain of followers down to the active joints.
+    """Resolve every chain of mimic joints down to the active joints.
 
-    A joint without `mimic` is active. `theta_f = m theta_p + o` is applied repeatedly, whatever the order of
-    declaration; the URDF reader has refused cycles.
+    A joint without `mimic` is active. `theta_f = m theta_p + o` is applied repeatedly, for any order of declaration;
+    the URDF reader has refused cycles.
 
     Raises:
-        UnsupportedError: If a chain of followers overflows float64.
+        UnsupportedError: If a chain of mimic joints overflows float64.
     """
     mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None}
     active = tuple(joint.name for joint in joints if joint.name not in mimics)
@@ -388,10 +388,10 @@ def couple(joints: Sequence[Joint]) -> Coupling:
 
 
 def _flatten(name: str, mimics: dict[str, Mimic]) -> Mimic:
-    """Return what a joint follows in the end, in exact arithmetic, rounded once.
+    """Return the active joint that a joint follows in the end, in exact arithmetic, rounded once.
 
     Offsets of a chain may cancel (`0.1 * 1e6 - 1e5` is 5.55e-12 for the float64 nearest to 0.1, and 0 if it is rounded
-    on the way); rounded once, multiplier and offset are off by half a digit of themselves, whatever the chain.
+    in between). Rounded once, multiplier and offset have an error of half a digit, for any chain.
     """
     primary, multiplier, offset = name, Fraction(1), Fraction(0)
     while primary in mimics:
@@ -416,10 +416,10 @@ def linear_limits(joints: Sequence[Joint], coupling: Coupling) -> tuple[LinearLi
 
 
 def narrowed_by_mimics(joints: Sequence[Joint], coupling: Coupling, limits: Sequence[LinearLimit]) -> list[str]:
-    """Return a note for every limit of a mimic joint that leaves its primary less than the primary's own limits do.
+    """Return a note for every limit of a mimic joint that allows its primary less than the primary's own limits do.
 
     A mimic joint `theta = m q_j + o` within `[l, u]` keeps q_j between `(l - o) / m` and `(u - o) / m`. Gripper fingers
-    that mirror each other often keep the limits of their primary, and so freeze it.
+    that mirror each other often repeat the limits of their primary, and so fix it.
     """
     own = {joint.name: (joint.lower, joint.upper) for joint in joints}
     notes: list[str] = []

@@ -106,10 +106,10 @@ def read_document(
         if trust == "urdf-only" and path not in packaged_robots().values():
             remedy = "Expand it yourself in a safe place, or trust it: trust='xacro', --trust xacro"
             raise refusal(path.name, "is a xacro file, which can run code, and trust is 'urdf-only'", remedy)
-        parse_file(path)  # what is wrong with the file itself is said with its own lines
+        parse_file(path)  # faults of the file itself are reported with its own lines
         ours = next(
             iter(packaged_robots().values())
-        ).parent  # what $(find pinbound) means, unless somebody says otherwise
+        ).parent  # the meaning of $(find pinbound), unless another one is given
         expanded = expand_xacro(path, xacro_args or {}, [*map(str, package_dirs), str(ours)])
         label = f"{path.name} (as printed by xacro)"
         root = parse_bytes(expanded.text.encode(), label)
@@ -121,10 +121,10 @@ def read_document(
 
 
 def _from_text(text: str, xacro_args: Mapping[str, str] | None) -> Document:
-    """Read the text of a URDF; files that it names are looked up from the working folder."""
+    """Read the text of a URDF; files that it names are searched from the working folder."""
     if xacro_args:
         raise refusal(URDF_TEXT, f"xacro_args {sorted(xacro_args)} given for the text of a URDF", "leave them out")
-    # A text is decoded already: the encoding that its declaration names is that of a file.
+    # A text is already decoded: the encoding in its declaration is that of a file.
     root = parse_bytes(_DECLARATION.sub("", text, count=1).encode(), URDF_TEXT)
     return _without_default_namespace(Document(URDF_TEXT, Path.cwd() / URDF_TEXT, root))
 
@@ -141,7 +141,7 @@ def _locate(robot: str | Path) -> Path:
 
 
 def _without_default_namespace(document: Document) -> Document:
-    """Drop a default `xmlns` of the root: to a URDF reader it means nothing, to an XML reader it hides all.
+    """Remove a default `xmlns` of the root: URDF readers ignore it, but for an XML reader it hides all elements.
 
     Elements of that namespace that are written with a prefix stay in it: a URDF reader sees the prefix.
     """

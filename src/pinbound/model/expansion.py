@@ -1,9 +1,9 @@
-"""xacro expanded: in a child process, because a xacro file runs code and xacro keeps its state in globals.
+"""Expansion of xacro in a child process, because a xacro file runs code and xacro keeps its state in globals.
 
-The child (`xacro_child`) is started at the first xacro file and kept; each file is expanded in a fork of it, one after
-another. So loads from several threads never mix their arguments, an expression that does not end is ended, and
-nothing that a file changes in its process outlives it. This is isolation of state, no sandbox: an expression can do
-what the user can do. Load files of strangers with `trust="urdf-only"`.
+The child (`xacro_child`) is started at the first xacro file and kept. Each file is expanded in a fork of it, one after
+another. So loads from several threads never mix their arguments, an expression that does not end is stopped, and
+changes that a file makes in its process do not survive it. This isolates state, but it is not a sandbox: an expression
+can do everything that the user can do. Load untrusted files with `trust="urdf-only"`.
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ _CHILD = Path(__file__).with_name("xacro_child.py")
 _BOOT = """import json, sys
 sys.path[:] = json.loads(sys.argv[1])
 exec(compile(open(sys.argv[2], encoding="utf-8").read(), sys.argv[2], "exec"), {"__name__": "__main__"})"""
-_MOST_KEPT, _MOST_TEXT = 32, 4 * 2**20  # answers, and letters of each
-_GRACE = 10.0  # seconds to start the child, or to hear from one that should have ended an expansion
+_MOST_KEPT, _MOST_TEXT = 32, 4 * 2**20  # number of answers, and characters of each
+_GRACE = 10.0  # seconds to start the child, or to wait for one that should have stopped an expansion
 
 
 @dataclass(frozen=True, slots=True)
 class Expanded:
-    """A xacro file expanded.
+    """An expanded xacro file.
 
     Attributes:
         text: The URDF.
-        notes: What xacro warned of, and which packages were found beside the file only.
+        notes: Warnings of xacro, and packages that were found beside the file only.
     """
 
     text: str
@@ -92,7 +92,7 @@ _answers_lock = threading.Lock()
 
 
 def _keep(key: str, answer: dict[str, Any]) -> None:
-    """Keep an answer that says which files it was made of, and that nothing else was asked for."""
+    """Keep an answer that lists all files it depends on."""
     if "files" not in answer or len(answer["text"]) > _MOST_TEXT:
         return
     with _answers_lock:
@@ -103,7 +103,7 @@ def _keep(key: str, answer: dict[str, Any]) -> None:
 
 
 def _kept(key: str) -> dict[str, Any] | None:
-    """Return the answer to the same question, if each of its files still has the same bytes."""
+    """Return the answer to the same question, if its files still have the same bytes."""
     with _answers_lock:
         answer = _answers.get(key)
     if answer is None:
@@ -152,14 +152,14 @@ def _fault(answer: dict[str, Any], path: Path, seconds: float) -> Problem:
 
 
 class _Child:
-    """The waiting process; there is one a process, and one question at a time."""
+    """The waiting process; each process has one, with one question at a time."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
         self.process: subprocess.Popen[bytes] | None = None
 
     def forget(self) -> None:
-        """Leave the parent's child alone after a fork: its pipes are the parent's."""
+        """Do not use the parent's child after a fork: its pipes belong to the parent."""
         self.__init__()
 
     def start(self) -> subprocess.Popen[bytes]:
@@ -174,7 +174,7 @@ class _Child:
         return self.process
 
     def stop(self) -> None:
-        """End the process and all that it started."""
+        """End the process and all processes that it started."""
         process, self.process = self.process, None
         if process is None:
             return
@@ -189,10 +189,10 @@ class _Child:
                     stream.close()
 
     def ask(self, question: bytes, seconds: float) -> bytes | None:
-        """Return the answer; None if there is none in time, or the process has died."""
+        """Return the answer; None if there is none in time, or if the process has died."""
         process = self.start()
         if process.stdin is None or process.stdout is None:
-            return None  # never: both were asked for as pipes
+            return None  # never, because both are pipes
         deadline = time.monotonic() + seconds
         try:
             process.stdin.write(struct.pack(">I", len(question)) + question)
@@ -204,7 +204,7 @@ class _Child:
 
 
 def _receive(stream: Any, count: int, deadline: float) -> bytes | None:
-    """Return so many bytes of a pipe, or None if they do not come in time."""
+    """Return `count` bytes of a pipe, or None if they do not come in time."""
     found = bytearray()
     with selectors.DefaultSelector() as selector:
         selector.register(stream, selectors.EVENT_READ)
@@ -225,7 +225,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def _ask(request: dict[str, Any], path: Path) -> dict[str, Any]:
-    """Ask the child; one that died between two questions is started again once."""
+    """Ask the child; if it died between two questions, it is started again once."""
     question = json.dumps(request).encode()
     if not sys.executable:
         message = "xacro is expanded in a separate Python process, and this program cannot find a Python interpreter"

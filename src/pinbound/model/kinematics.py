@@ -13,12 +13,12 @@ __all__ = ["JOINT_TYPES", "MOVING_TYPES", "Joint", "JointType", "Kinematics", "L
 JointType = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
 JOINT_TYPES: tuple[str, ...] = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 MOVING_TYPES = ("revolute", "continuous", "prismatic")
-"""Joint types with one coordinate: the ones that a boundary can depend on."""
+"""Joint types with one coordinate; only on these can a boundary depend."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mimic:
-    """`theta = multiplier * theta_primary + offset`, as a `<mimic>` element says it."""
+    """`theta = multiplier * theta_primary + offset`, as in a `<mimic>` element."""
 
     primary: str
     multiplier: float
@@ -27,7 +27,7 @@ class Mimic:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A link: its name, and whether there is a body behind it."""
+    """A link: its name, and whether it has a body."""
 
     name: str
     has_inertia: bool

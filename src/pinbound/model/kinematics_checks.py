@@ -1,4 +1,4 @@
-"""Links and joints together: one tree, mimic joints that follow something, axes that are nearly parallel."""
+"""Checks of links and joints together: one tree, mimic joints with a moving primary, nearly parallel axes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NAMED = 4
 
 
 def listed(names: Iterable[str]) -> str:
-    """Return the first names and how many more there are.
+    """Return the first names and the number of the others.
 
     Example:
         >>> listed(["a", "b", "c", "d", "e", "f"])
@@ -28,9 +28,9 @@ def listed(names: Iterable[str]) -> str:
 def check_mimics(
     joints: Mapping[str, Joint], problems: Problems, places: Mapping[str, tuple[int | None, str | None]]
 ) -> list[str]:
-    """Refuse mimic joints that follow nothing that moves, or themselves; return what stock readers get wrong.
+    """Refuse mimic joints that follow themselves or no moving joint; return notes on what other readers get wrong.
 
-    `places` holds line and file of those that are said elsewhere than in the URDF.
+    `places` has line and file of mimic joints that are not declared in the URDF.
     """
     notes, still = list[str](), list[str]()
     moving = {name: joint for name, joint in joints.items() if joint.moves}
@@ -57,7 +57,7 @@ def check_mimics(
 
 
 def _note_follower(joint: Joint, primary: Joint, notes: list[str]) -> None:
-    """Say what stock readers refuse or get wrong about a follower, and pinbound does not."""
+    """Note properties of a mimic joint that other readers refuse or get wrong, and pinbound does not."""
     if primary.mimic is not None:
         notes.append(
             f"joint {joint.name!r} follows {primary.name!r}, which is itself a mimic joint: the chain is flattened"
@@ -69,7 +69,7 @@ def _note_follower(joint: Joint, primary: Joint, notes: list[str]) -> None:
 
 
 def _followed(joint: Joint, joints: Mapping[str, Joint]) -> set[str]:
-    """Return every joint that this one follows, directly or not."""
+    """Return every joint that this one follows, directly or through others."""
     names: set[str] = set()
     step: Joint | None = joint
     while step is not None and step.mimic is not None and step.mimic.primary not in names:
@@ -79,7 +79,7 @@ def _followed(joint: Joint, joints: Mapping[str, Joint]) -> set[str]:
 
 
 def check_tree(links: Mapping[str, Link], joints: Mapping[str, Joint], problems: Problems) -> None:
-    """Refuse what is not one tree of links."""
+    """Refuse links that do not form one tree."""
     parent_joint: dict[str, Joint] = {}
     for joint in joints.values():
         first = parent_joint.setdefault(joint.child, joint)
@@ -106,7 +106,7 @@ def check_tree(links: Mapping[str, Link], joints: Mapping[str, Joint], problems:
 
 
 def note_nearly_parallel(joints: Mapping[str, Joint]) -> list[str]:
-    """Name successive axes that nearly have one direction: they are taken as written, not as perhaps meant."""
+    """Name successive axes that are nearly parallel: they are used as written."""
     below = {joint.child: joint for joint in joints.values()}
     found: list[str] = []
     for joint in joints.values():

@@ -1,7 +1,7 @@
-"""What is settled in a robot's XML before anything reads it, so that all readers see one robot: each with a note.
+"""Corrections of a robot's XML before anything reads it, so that all readers see the same robot; each gives a note.
 
-An angle that prints pi to some digits means pi; an axis too long or too short for float64 to square has a direction
-all the same; a parent `world` that no link declares is the root.
+An angle that is printed like a multiple of pi/2 becomes exact. An axis that is too long or too short to square in
+float64 still has a direction. A parent `world` that no link declares becomes the root.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ _MOST_QUARTERS = 8
 _NUMBER = re.compile(r"[+-]?(\d*)\.?(\d*)(?:[eE]([+-]?\d{1,3}))?")
 _NAMED = 4
 _SHORTEST = len("1.571")  # no shorter number is within `PRINTED_PI` of a multiple of pi/2
-_PLAIN = 120  # characters; three numbers without an exponent that are this short have squares that float64 holds
+_PLAIN = 120  # characters; three numbers without an exponent in so short a text have squares within float64
 _SQUARES = (1e-140, 1e140)
-"""Lengths whose squares, and sums of them, float64 holds without loss: 1e-280 is far above 1e-308 / 2**-53."""
+"""Lengths whose squares, and sums of squares, float64 holds without loss: 1e-280 is far above 1e-308 / 2**-53."""
 
 
 def normalise(document: Document) -> Document:
-    """Return the document with exact quarter turns, usable axes and a declared root; each change is a note.
+    """Return the document with exact quarter turns, usable axes and a declared root; each change gives a note.
 
-    The XML of the document is changed in place: it was read for this robot alone.
+    The XML of the document is changed in place, because it was read for this robot only.
     """
     notes = [*_declare_world(document.root), *_exact_turns(document.root), *_usable_axes(document.root)]
     return replace(document, notes=(*document.notes, *notes)) if notes else document
 
 
 def _declare_world(root: etree._Element) -> list[str]:
-    """Add the link `world` where a joint hangs on it and no link or joint is it: simulators take it for given."""
+    """Add the link `world` if a joint uses it as parent and it is not declared: simulators assume that it exists."""
     if any(link.get("name") == "world" for link in root.findall("link")):
         return []
     if not any(end.get("link") == "world" for end in root.findall("joint/parent")):
@@ -51,7 +51,7 @@ def _declare_world(root: etree._Element) -> list[str]:
 
 
 def _exact_turns(root: etree._Element) -> list[str]:
-    """Write multiples of pi/2 that were printed to some digits as float64 has them."""
+    """Replace rounded multiples of pi/2 by their float64 values."""
     found: dict[tuple[str, int], list[str]] = {}
     for joint in root.findall("joint"):
         origin = joint.find("origin")
@@ -87,10 +87,10 @@ def _in_pi(turn: int) -> str:
 
 
 def quarter_turns(word: str) -> int | None:
-    """Return k if a decimal number is k pi/2 rounded or cut to the digits that it has, and not k pi/2 itself.
+    """Return k if a decimal number is k pi/2, rounded or cut to its digits, and not exactly k pi/2.
 
-    The number must be within `PRINTED_PI` of k pi/2, and within one unit of its own last digit of it, or of k pi/2 in
-    single precision. Zero is not rounded to: a small angle is what it says.
+    The number must be within `PRINTED_PI` of k pi/2. It must also be within one unit of its own last digit of it, or of
+    k pi/2 in single precision. Zero is never a result: a small angle is used as written.
 
     Example:
         >>> [quarter_turns(word) for word in ("3.14159265359", "-1.5708", "3.1415926", "1.571", "1.57079637")]
@@ -113,7 +113,7 @@ def quarter_turns(word: str) -> int | None:
 
 
 def _usable_axes(root: etree._Element) -> list[str]:
-    """Write axes whose squared length overflows or underflows as unit vectors: readers would see no direction."""
+    """Replace axes whose squared length overflows or underflows by unit vectors that all readers can use."""
     notes: list[str] = []
     for joint in root.findall("joint"):
         axis = joint.find("axis")
@@ -133,12 +133,12 @@ def _usable_axes(root: etree._Element) -> list[str]:
 
 
 def unit_vector(vector: tuple[float, ...]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Return a vector's direction, whatever its length: it is scaled by its largest entry first.
+    """Return the direction of a vector of any length: it is scaled by its largest entry first.
 
     Example:
         >>> unit_vector((0.0, 0.0, -2e200)).tolist(), unit_vector((0.0, 5e-324, 0.0)).tolist()
         ([0.0, 0.0, -1.0], [0.0, 1.0, 0.0])
     """
-    exponent = math.frexp(max(map(abs, vector)))[1]  # a power of two: scaling rounds nothing
+    exponent = math.frexp(max(map(abs, vector)))[1]  # a power of two, so scaling does not round
     scaled = np.array([math.ldexp(part, -exponent) for part in vector])
     return scaled / np.linalg.norm(scaled)

@@ -1,4 +1,4 @@
-"""The robot in Pinocchio: its whole tree as a model, and Pinocchio's own reading of the file compared with ours."""
+"""The robot in Pinocchio: its whole tree as a model, and a comparison of Pinocchio's reading of the file with ours."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from pinbound.typing import Array
 
 __all__ = ["build_model", "compare_with_pinocchio", "placements"]
 
-_UNBOUNDED = "1e9"  # urdfdom does not read "inf"; build_model puts the infinity back
+_UNBOUNDED = "1e9"  # urdfdom does not read "inf"; build_model restores infinity
 
 
 def build_model(document: Document, kinematics: Kinematics) -> Any:
-    """Build the `pinocchio.Model` of the whole tree, one coordinate a moving joint.
+    """Build the `pinocchio.Model` of the whole tree, with one coordinate for each moving joint.
 
-    Followers are free joints in it, continuous joints are revolute ones without limits (so nq = nv), and floating
-    and planar joints are held at their origin: no boundary may depend on them.
+    In it, mimic joints are free joints, and continuous joints are revolute ones without limits (so nq = nv). Floating
+    and planar joints are fixed at their origin, because no boundary may depend on them.
 
     Raises:
         InputError: If Pinocchio refuses the normalised URDF.
@@ -78,17 +78,17 @@ def _normalise_joint(element: etree._Element, joint: Joint) -> None:
 def compare_with_pinocchio(
     document: Document, tree: Tree, problems: Problems, limits: Collection[str] = (), followers: Collection[str] = ()
 ) -> None:
-    """Build the file as a user of Pinocchio would, and refuse what is read differently there.
+    """Build the file as a user of Pinocchio would, and refuse it if Pinocchio reads it differently.
 
-    Limits of every joint, and the placement of every link at one random configuration, must agree to `AGREEMENT`:
-    with free mimic joints, and once more with `mimic=True` where Pinocchio can build that. What Pinocchio refuses and
-    pinbound accepts with a note (a limit without effort, say) is first written as Pinocchio wants it.
+    Limits of every joint, and the placement of every link at one random configuration, must agree to `AGREEMENT`: with
+    free mimic joints, and also with `mimic=True` if Pinocchio can build that. Files that Pinocchio refuses and pinbound
+    accepts with a note (a limit without effort, for example) are first rewritten for Pinocchio.
 
     Args:
         document: The normalised document.
         tree: Links and joints as read from it.
-        problems: Where differences go, each with joint or link and both values.
-        limits: Joints whose limits annotations replace: those of the file are not in force.
+        problems: Collects the differences, each with joint or link and both values.
+        limits: Joints whose limits annotations replace, so that those of the file do not apply.
         followers: Joints whose `<mimic>` annotations replace.
     """
     if not any(joint.type != "fixed" for joint in tree.kinematics.joints):
@@ -106,7 +106,7 @@ def compare_with_pinocchio(
     try:
         model = _build(text, document.label, mimic=True)
     except ValueError:
-        return  # what it refuses in mimic joints is said by `check_mimics`, or is one of its own limitations
+        return  # `check_mimics` reports what it refuses in mimic joints, or it is one of its own limitations
     _compare_placements(model, tree, theta, problems, ", with mimic joints")
 
 
@@ -123,10 +123,11 @@ def _build(text: str, label: str, mimic: bool = False) -> Any:
 
 
 def _stock_text(document: Document, kinematics: Kinematics) -> str:
-    """Return what Pinocchio reads of the kinematics: links without bodies, joints as they stand.
+    """Return the kinematics for Pinocchio: links without bodies, and joints as written.
 
-    Only what it refuses is changed: a robot without a name, limits without `effort`, `velocity` or any, numbers that
-    are not finite, negative, or have spaces around them; and what moves no link is left out (`<dynamics>`, say).
+    Only what Pinocchio refuses is changed: a robot without a name; limits without `effort`, `velocity` or any; numbers
+    that are not finite, negative, or surrounded by spaces. Elements that move no link are left out (`<dynamics>`, for
+    example).
     """
     joints = {joint.name: joint for joint in kinematics.joints}
     parts = [f"<robot name={_quoted(kinematics.name)}>"]
@@ -158,7 +159,7 @@ def _stock_joint(element: etree._Element, joint: Joint | None) -> str:
                 child.set(key, child.get(key, "").strip())
     limit = element.find("limit")
     if joint is not None and joint.type == "continuous" and limit is not None:
-        for key in ("lower", "upper"):  # they do nothing
+        for key in ("lower", "upper"):  # they have no effect
             limit.attrib.pop(key, None)
     if joint is not None and joint.moves:
         missing = [key for key in ("effort", "velocity") if limit is None or not _usable(limit.get(key))]
