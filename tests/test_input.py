@@ -240,6 +240,32 @@ LATER = {
     ),
     "home outside a limit": ("\n\nhome: {q1: 2.5}\n", 3, "outside the limits of 'q1'"),
     "home of no joint": ("\nhome:\n  q7: 2.5\n", 3, "'q7', which does not exist"),
+    "a rule that nothing keeps": (
+        "rules:\n  - {name: r, lower: 1, upper: 2, coefficients: {q1: 1}}\n"
+        "  - {name: s, lower: -2, upper: -1, coefficients: {q1: 1}}\n",
+        2,
+        "no configuration keeps all joint limits: at zero 'r' is 0",
+    ),
+    "limits that a mimic joint cannot keep": (
+        "followers: [{joint: q1_rod, primary: q1}]\nlimits: [\n  {joint: q1_rod, lower: 3, upper: 4}]\n",
+        3,
+        "no configuration keeps all joint limits: at zero 'q1_rod' is 0",
+    ),
+    "axes that determine nothing": (
+        "axes:\n  - {name: s, instead_of: q1, coefficients: {q1: 1, q1_rod: 1}}\n",
+        2,
+        "axes s do not determine the joints",
+    ),
+    "a mark beyond all lengths": ("points:\n\n  - {name: p, link: base, xyz: [1e80, 0, 0]}\n", 3, "'p' is 1e\\+80 m"),
+    "a mapping for a name": ("points:\n  - {name: {p: 1}, link: base, xyz: [1, 0, 0]}\n", 2, "holds a mapping"),
+    "a mapping for a vector": ("points:\n  - {name: p, link: base, xyz: {x: 1}}\n", 2, "holds a mapping"),
+    "a list in a vector": ("points:\n  - {name: p, link: base, xyz: [[1, 0], 0]}\n", 2, "holds a list"),
+    "rows of other lengths": (
+        "hulls:\n  - {name: h, link: arm, vertices: [[0, 0, 0, 1],\n    [1, 0]]}\n",
+        2,
+        "a vector has 4 numbers",
+    ),
+    "an assumption that is a mapping": ("assumptions:\n  - {a: b}\n", 2, "holds a mapping"),
     "a mimic of nothing": ("\n\n\nfollowers: [{joint: q1, primary: q1}]\n", 4, "follows itself"),
 }
 

@@ -1,5 +1,6 @@
 """Loops whose sides differ: every joint and link is within what is stated of the linkage as written."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -80,6 +81,20 @@ def test_a_loop_that_passes_through_its_flat_pose_needs_equal_sides(load_text: L
     with pytest.raises(pb.InputError, match=r"comes within 0\.229 deg of its flat pose"):
         load_text(crank_loop(off, lower=0.004).urdf(WALL))
     assert load_text(crank_loop(off, lower=0.0174533, upper=3.12414).urdf(WALL)).coordinates == ("A",)
+
+
+def test_a_loop_of_a_sidecar_is_refused_by_its_file_and_line(load_text: Load) -> None:
+    text = crank_loop(0.9e-6, lower=-1.0).urdf(WALL)
+    (mark,) = re.findall(r"<pinbound:closure ([^>]*)/>", text)
+    fields = {
+        key: re.sub(r"^(\S+) (\S+) (\S+)$", r"[\1, \2, \3]", value)
+        for key, value in re.findall(r'(\w+)="([^"]*)"', mark)
+    }
+    fields["passive"] = f"[{', '.join(fields['passive'].split())}]" if "passive" in fields else "[]"
+    sidecar = f"closures:\n\n  - {{{', '.join(f'{key}: {value}' for key, value in fields.items() if value != '[]')}}}\n"
+    with pytest.raises(pb.InputError, match="passes through its flat pose") as said:
+        load_text(text.replace(f"<pinbound:closure {mark}/>", ""), sidecar)
+    assert [(one.source, one.line) for one in said.value.problems] == [("robot.pinbound.yaml", 3)]
 
 
 def test_near_the_flat_pose_a_micrometre_is_not_certified_away(load_text: Load) -> None:

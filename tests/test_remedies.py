@@ -501,6 +501,9 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield yaml("Write the values out", "home: {lift: 0.1}", "home: &h {lift: 0.1}\nleft_out: *h")
     yield yaml("A sidecar holds lists of mappings of numbers and names", "[1, 0, 0.9]", "[" * 40 + "1" + "]" * 40)
     yield yaml(HINT, "points:", "pionts:")
+    yield yaml("Write a number, a name, or one list of numbers", "xyz: [0, 0, 0]", "xyz: {z: 0}")
+    old, row = "left_out: [", "hulls: [{{name: h, link: hook, vertices: [[0, 0, 0], [1, 0{}]]}}]\nleft_out: ["
+    yield yaml("Give three numbers for each", old, row.format(""), row.format(", 0"))
     yield yaml("Write [ ... ]", "limits: [{joint: reach, lower: 0, upper: 0.3}]", "limits: {joint: reach}")
     yield yaml("Write {key: value}", "home: {lift: 0.1}", "home: [0.1]")
     yield yaml("Keep one", "lower: 0,", "lower: 0, lower: 0,")

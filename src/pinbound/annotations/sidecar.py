@@ -186,14 +186,29 @@ class _Sidecar:
                 {key: self._field(key, value) for key, value in self._mapping(entry, name).items()}
                 for entry in node.value
             )
-        return self._plain(node)
+        return self._plain(node, rows=name in ("vertices", "ways"))
 
-    @staticmethod
-    def _plain(node: yaml.Node) -> str:
-        """Return the node as the text of an XML attribute: a scalar, or a list of scalars joined by spaces."""
-        if isinstance(node, yaml.SequenceNode):
-            return " ".join(_Sidecar._plain(entry) for entry in node.value)
-        return str(node.value)
+    def _plain(self, node: yaml.Node, rows: bool = False) -> str:
+        """Return the node as the text of an XML attribute: a scalar, or a list of scalars joined by spaces.
+
+        With `rows` a list may also hold lists of three scalars, each one vector.
+        """
+        if isinstance(node, yaml.ScalarNode):
+            return str(node.value)
+        entries: list[yaml.Node] = node.value if isinstance(node, yaml.SequenceNode) else [node]
+        for entry in entries:
+            if isinstance(entry, yaml.ScalarNode):
+                continue
+            if not rows or not isinstance(entry, yaml.SequenceNode):
+                kind = "list" if isinstance(entry, yaml.SequenceNode) else "mapping"
+                remedy = "Write a number, a name, or one list of numbers"
+                self.problems.add(f"holds a {kind} where a value belongs", remedy, _node_line(entry), self.source)
+                return ""
+            if len(entry.value) != 3:
+                said = f"a vector has {len(entry.value)} numbers"
+                self.problems.add(said, "Give three numbers for each", _node_line(entry), self.source)
+                return ""
+        return " ".join(self._plain(entry) for entry in entries)
 
 
 def _node_line(node: yaml.Node) -> int:

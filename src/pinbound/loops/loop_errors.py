@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from pinbound.annotations import Annotations
+from pinbound.annotations import Annotations, ClosureMark
 from pinbound.exceptions import Problems
 from pinbound.loops.closures import Closure, Deviation, augmented, close
 from pinbound.loops.parallelograms import Settled
@@ -87,6 +87,11 @@ class _Linkage:
         self.tree, self.settled, self.coupling, self.limits = tree, settled, settled.coupling, limits
         self.home = np.array([annotations.home.get(name, 0.0) for name in self.coupling.coordinates])
         self.opened: dict[str, _Opened] = {}
+        self.sources = annotations.sources
+
+    def place(self, mark: ClosureMark) -> tuple[int | None, str | None]:
+        """Return line and file of a closure."""
+        return mark.line, self.sources.get(f"closure {mark.name}")
 
     @property
     def n(self) -> int:
@@ -260,7 +265,8 @@ def carry(
         found = linkage.open(closure)
         if isinstance(found, Refusal):
             message = f"closure {closure.name!r}: its ends are up to {1e3 * closure.bound:.3g} mm apart, and the error"
-            problems.add(f"{message} of its links has no bound: {found.reason}", found.remedy, closure.mark.line)
+            said = f"{message} of its links has no bound: {found.reason}"
+            problems.add(said, found.remedy, *linkage.place(closure.mark))
             return settled.closures, notes
         linkage.opened[closure.name] = found[0]
     if not linkage.opened:
@@ -269,7 +275,7 @@ def carry(
     if lost is not None:
         mark = next(closure.mark for closure in settled.closures if closure.name == lost)
         message = f"closure {lost!r} shares joints with loops whose sides differ, and its response to them has no bound"
-        problems.add(message, "Give these loops equal sides", mark.line)
+        problems.add(message, "Give these loops equal sides", *linkage.place(mark))
         return settled.closures, notes
     if not _bound(linkage, problems):
         return settled.closures, notes
@@ -329,7 +335,7 @@ def _too_flat(
     if bounds is not None:
         does = f"this moves {joints[int(np.argmax(bounds))]!r} by up to {float(bounds.max()):.3g} rad"
     message = f"closure {name!r}: the sides of its loop differ by {by} in total; within the joint limits it {comes}"
-    problems.add(f"{message}{where}, where {does}", _remedy(linkage, shape), mark.line)
+    problems.add(f"{message}{where}, where {does}", _remedy(linkage, shape), *linkage.place(mark))
 
 
 def _remedy(linkage: _Linkage, shape: _Shape) -> str:

@@ -124,7 +124,8 @@ def new_coordinates(
     if back is None:
         if len(problems.found) == faults:
             said = f"the axes {', '.join(axis.name for axis in axes)} do not determine the joints"
-            problems.add(said, "Give each axis a coefficient of the joint that it replaces (instead_of)", axes[0].line)
+            remedy = "Give each axis a coefficient of the joint that it replaces (instead_of)"
+            problems.add(said, remedy, axes[0].line, (sources or {}).get(f"axis {axes[0].name}"))
         return None
     matrix = np.array([[float(one) for one in row] for row in T])
     return NewCoordinates(tuple(names), matrix, np.array([float(one) for one in t]), back)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinbound.annotations import Annotations, HullFiles, Mark, Measure, RawItem, raw_items, read_inline, validate
+from pinbound.annotations.records import kind_of
 from pinbound.boundaries.boundary import Boundary
 from pinbound.boundaries.boundary_set import BoundarySet
 from pinbound.contact import stop_fault
@@ -36,7 +37,7 @@ from pinbound.robot.axes import joint_home, new_coordinates
 from pinbound.robot.home import feasible_start
 from pinbound.robot.presets import FAMILY, PREFIX, find_model
 from pinbound.robot.robot import Robot
-from pinbound.robot.rules import rule_limits
+from pinbound.robot.rules import place_of_limit, rule_limits
 from pinbound.tolerances import CONTACT, HOME, LONGEST, NEAR_STOP, PLACED
 from pinbound.typing import Array
 
@@ -280,7 +281,10 @@ def _check_lengths(kinematics: Kinematics, marks: Annotations, problems: Problem
     for mark in marks.marks.values():
         longest = float(np.abs(mark.shape.vertices).max())
         if longest > LONGEST:
-            problems.add(f"mark {mark.name!r} is {longest:.3g} m from the origin of its link", remedy, mark.line)
+            source = marks.sources.get(f"{kind_of(mark)} {mark.name}")
+            problems.add(
+                f"mark {mark.name!r} is {longest:.3g} m from the origin of its link", remedy, mark.line, source
+            )
 
 
 def _home(
@@ -312,6 +316,7 @@ def _home(
                     message = f"no configuration keeps all joint limits: at zero {limit.joint!r} is {value:.6g}"
                     message += f", which is not in {ends}"
                     remedy = "Correct the limits, or the multipliers and offsets of mimic joints"
+                    where, source = place_of_limit(limit.joint, marks, joints)
                 problems.add(message, remedy, where, source)
         for one in guarded:
             if not one.holds(home[None])[0]:

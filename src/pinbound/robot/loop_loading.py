@@ -30,13 +30,16 @@ def opened_loops(tree: Tree, settled: Settled, marks: Annotations, problems: Pro
         if not one.is_exact:
             message = f"closure {one.name!r} has sides that differ, and loop {name!r} is not a parallelogram"
             remedy = f"Give closure {one.name!r} equal sides, or couple loop {name!r} by <mimic>"
-            problems.add(f"{message}: the effect of one loop's error on the other has no bound", remedy, one.mark.line)
+            source = marks.sources.get(f"closure {one.name}")
+            said = f"{message}: the effect of one loop's error on the other has no bound"
+            problems.add(said, remedy, one.mark.line, source)
     if marks.axes:
         message = (
             f"the file defines axes, and loop {name!r} is not a parallelogram: its closed form needs the "
             "joints themselves as coordinates"
         )
-        problems.add(message, "Remove the axes, or couple the loop by <mimic>", marks.closures[0].line)
+        source = marks.sources.get(f"closure {marks.closures[0].name}")
+        problems.add(message, "Remove the axes, or couple the loop by <mimic>", marks.closures[0].line, source)
     problems.raise_if_any()
     linked = tuple(close(tree, coupling, one.mark) for one in settled.linked)
     return replace(settled, coupling=coupling, closures=closures, linked=linked), lift

@@ -8,12 +8,13 @@ from fractions import Fraction
 
 import numpy as np
 
-from pinbound.annotations import Condition, Rule
+from pinbound.annotations import Annotations, Condition, Rule
 from pinbound.exceptions import Problems, name_hint
 from pinbound.model.coupling import Coupling, GuardedLimit, LinearLimit, linear_text
+from pinbound.model.kinematics import Joint
 from pinbound.typing import Array
 
-__all__ = ["condition_text", "rule_limits"]
+__all__ = ["condition_text", "place_of_limit", "rule_limits"]
 
 
 def rule_limits(
@@ -94,3 +95,14 @@ def condition_text(condition: LinearLimit, names: Sequence[str], factor: float =
     if lower and not upper:
         return f"{middle} >= {factor * condition.lower:.6g}{unit}"
     return f"{lower}{middle}{upper}"
+
+
+def place_of_limit(name: str, marks: Annotations, joints: Mapping[str, Joint]) -> tuple[int | None, str | None]:
+    """Return line and file of what sets a limit: a rule, limits or a mimic joint of the annotations, or the joint."""
+    said = {f"rule {one.name}": one.line for one in marks.rules}
+    said |= {f"limit {one.joint}": one.line for one in marks.limits}
+    said |= {f"follower {one.joint}": one.line for one in marks.followers}
+    for key in (f"{kind} {name}" for kind in ("rule", "limit", "follower")):
+        if key in said:
+            return said[key], marks.sources.get(key)
+    return (joints[name].line if name in joints else None), None
