@@ -1,11 +1,13 @@
 """Fixtures: the packaged robot, and small robots written out as URDF."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import pages
 import pinbound as pb
 import robots
 import tiers
@@ -35,6 +37,12 @@ def minerva() -> pb.Robot:
 @pytest.fixture(scope="session")
 def as_printed() -> pb.Robot:
     return pb.load("minervabot_v3", xacro_args={"bridge": "as_printed"})
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A headless Chromium, started once a file; tests are skipped, with the reason, where there is none."""
+    yield from pages.launched()
 
 
 @pytest.fixture

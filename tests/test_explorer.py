@@ -6,8 +6,6 @@ Tests of the page are skipped, with the reason, where no Chromium or no Playwrig
 import json
 import math
 import re
-import shutil
-import time
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
@@ -16,22 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-import linkages
 import pinbound as pb
+from pages import opened, until
 from pinbound.explorer.program import ways
 from pinbound.explorer.solids import _triangles
 from robots import joint, robot_xml
 
-FLAGS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--enable-unsafe-swiftshader",  # WebGL by the processor, to compare with
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
 NEAR = 1e-12  # what the page's numbers may differ by [m]
 STEPPED = 1e-8  # the clearance at which the page stops stepping [m]
 EXACT_AT_CONTACT = 1e-7  # closed forms by other formulas: half the digits where a contact is grazed [rad]
@@ -75,19 +63,6 @@ def every_mark() -> pb.Robot:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    programs = [shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome")]
-    program = next((one for one in programs if one), None)
-    if program is None:
-        pytest.skip("no Chromium is installed: apt-get install chromium")
-    playwright = pytest.importorskip("playwright.sync_api", reason="no Playwright is installed: pip install playwright")
-    with playwright.sync_playwright() as driver:
-        found = driver.chromium.launch(executable_path=program, headless=True, args=FLAGS)
-        yield found
-        found.close()
-
-
-@pytest.fixture(scope="module")
 def robots() -> dict[str, pb.Robot]:
     return {"minervabot_v3": pb.load("minervabot_v3"), "every mark": every_mark()}
 
@@ -101,27 +76,6 @@ def pages(robots: dict[str, pb.Robot], tmp_path_factory: pytest.TempPathFactory)
         "every mark": pb.explorer_page(robots["every mark"], planes=[("j2", "j3")], budget=0.0),
     }
     return {name: page.save(folder / f"{name}.html") for name, page in made.items()}
-
-
-def until(page: Any, condition: str, seconds: float = 30.0) -> None:
-    """Ask until it holds: Playwright's own waiting makes code from text, which the page's security policy forbids."""
-    end = time.monotonic() + seconds
-    while not page.evaluate(condition):
-        assert time.monotonic() < end, condition
-        page.wait_for_timeout(20)
-
-
-def opened(browser: Any, path: Path, scripts: str = "", **options: Any) -> Any:
-    page = browser.new_page(**{"viewport": {"width": 1280, "height": 900}} | options)
-    page.faults = []
-    page.on("pageerror", lambda error: page.faults.append(str(error)))
-    page.on("console", lambda said: page.faults.append(said.text) if said.type == "error" else None)
-    page.on("request", lambda asked: asked.url.startswith(("file:", "data:")) or page.faults.append(asked.url))
-    if scripts:
-        page.add_init_script(scripts)
-    page.goto(path.as_uri())
-    until(page, "() => window.pinbound?.panels && pinbound.frames > 0")
-    return page
 
 
 @pytest.fixture
@@ -551,7 +505,7 @@ def test_meshes_come_along_only_when_asked_for(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_explored_is_refused(robots: dict[str, pb.Robot]) -> None:
-    robot, looped = robots["minervabot_v3"], linkages.scene("four-bar", np.random.default_rng(0), pb.load)
+    robot = robots["minervabot_v3"]
     with pytest.raises(pb.UnknownNameError, match="q9"):
         pb.explorer_page(robot, planes=[("q2", "q9")])
     with pytest.raises(pb.DimensionError, match="a plane has two coordinates"):
@@ -560,8 +514,6 @@ def test_what_cannot_be_explored_is_refused(robots: dict[str, pb.Robot]) -> None
         pb.explorer_page(robot, at=[0.0, math.nan, 0.0])
     with pytest.raises(pb.UnsupportedError, match="has no coordinate"):
         pb.explorer_page(pb.load(robot_xml([joint("f", "fixed", "base", "a")], {}, [])))
-    with pytest.raises(pb.UnsupportedError, match="not parallelograms"):
-        pb.explorer_page(looped)
 
 
 @pytest.mark.parametrize("sides", [3, 4, 6, 9])

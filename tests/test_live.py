@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
+import linkages
 import pinbound as pb
 from pinbound.cli import app
 from pinbound.explorer.live import LiveView, live_view
@@ -119,3 +120,15 @@ def test_viser_itself_takes_it(robot: pb.Robot) -> None:
     shown.show([0.0, 0.1, 0.2])
     assert shown.server.get_port() >= 8765
     shown.server.stop()
+
+
+def test_a_four_bar_moves_by_its_independent_joints() -> None:
+    robot, server = pb.load(linkages.lifter_urdf(linkages.lifter())), Server()
+    shown = LiveView(robot, server)
+    assert [one.label for one in server.sliders] == ["crank_joint [deg]", "tool_joint [deg]"]
+    assert server.text.content.startswith("**Free**")
+    server.sliders[0].put(40.0)
+    for frame, link in zip(server.frames.values(), robot.tree.links, strict=True):
+        assert np.abs(frame.position - robot.positions(link, shown.q)).max() < 1e-12
+    server.sliders[0].put(150.0)
+    assert server.text.content.startswith("**Not free**: a loop cannot be closed: four_bar")

@@ -1265,8 +1265,6 @@ def others() -> Iterator[Entry]:
     )
     yield one("this needs viser, which is not installed: pip install 'pinbound[view]'", gone, there)
     explored = lambda robot: lambda _: pb.explorer_page(robot())
-    use = "use pinbound limits or region, in Python boundaries.limits(coordinate, q) or feasible_region(robot)"
-    yield one(use, explored(linkage), how_far())
     still = lambda: made(robot_xml([joint("f", "fixed", "base", "a")], {}, []))
     yield one("give a robot with a joint that moves", explored(still), explored(bare))
     arcs = lambda window: lambda _: linkage().boundaries[0].limits(turned, linkage().home, window=window)

@@ -20,14 +20,13 @@ from pinbound.explorer.planes import chosen_planes
 from pinbound.explorer.record import motion_record, page_record
 from pinbound.extras import Needs
 from pinbound.motion.history import Motion
-from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import EXPLORER_BUDGET, REGION_WIDTH
 
 __all__ = ["ExplorerPage", "explorer_page"]
 
 SCRIPTS = (
-    *("interpreter.js", "nearest.js", "limits.js", "plane.js"),
+    *("loops.js", "interpreter.js", "nearest.js", "limits.js", "plane.js"),
     *("solids.js", "pen_gl.js", "pen_soft.js", "scene.js", "app.js"),
 )
 """Files of `page/`; each needs only the files before it."""
@@ -112,7 +111,7 @@ def explorer_page(
         UnknownNameError: If the robot has no such coordinate.
         DimensionError: If an entry of `planes` has not two coordinates, or if `at`, the motion or the window does not
             fit.
-        UnsupportedError: If the robot has no coordinate, or has loops that are not parallelograms.
+        UnsupportedError: If the robot has no coordinate.
 
     Example:
         >>> import pinbound as pb
@@ -120,11 +119,6 @@ def explorer_page(
         >>> page.planes, page.size < 500_000, page.text[:15]
         ((('q2', 'q3'),), True, '<!DOCTYPE html>')
     """
-    if isinstance(robot, LoopRobot):
-        raise UnsupportedError(
-            f"the explorer does not follow loops that are not parallelograms, and {robot.name!r} has such loops; "
-            "use pinbound limits or region, in Python boundaries.limits(coordinate, q) or feasible_region(robot)"
-        )
     if not robot.coordinates:
         raise UnsupportedError(f"{robot.name!r} has no coordinate; give a robot with a joint that moves")
     start = np.array(robot.home if at is None else one_configuration(at, robot.coordinates), dtype=np.float64)

@@ -19,6 +19,7 @@ from pinbound.coverage.bodies import SHAPES, Body, collision_bodies
 from pinbound.exceptions import UnsupportedError
 from pinbound.explorer.planes import windows
 from pinbound.figures.plots import PALETTE
+from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array, Ints
 
@@ -138,10 +139,22 @@ class LiveView:
             )
             lines = [f"**Free**{least}"]
         else:
-            lines = [f"**Not free**: {', '.join(touching) or 'a joint limit is passed'}"]
+            lines = [f"**Not free**: {self._open() or ', '.join(touching) or 'a joint limit is passed'}"]
         if not touching and 0 < len(names) <= _MOST_LIMITS:
             lines += ["", *(f"- {self._limits(name)}" for name in self.robot.coordinates)]
         return "\n".join([*lines, "", f"Coverage: {self.robot.coverage.summary}.", *self.missing])
+
+    def _open(self) -> str:
+        """Return which loops cannot be closed, so that no robot has these values; else ""."""
+        if not isinstance(self.robot, LoopRobot):
+            return ""
+        z, lift = self.robot.lift(self.q), self.robot.lift
+        ends = [one.transmission_range for one in lift.linkages]
+        values = [float(z[columns[2]]) for columns in lift.columns]
+        names = [
+            one.name for one, w, (low, high) in zip(lift.linkages, values, ends, strict=True) if not low <= w <= high
+        ]
+        return f"a loop cannot be closed: {', '.join(names)}" if names else ""
 
     def _limits(self, name: str) -> str:
         unit = "rad" if self.robot.turns(name) else "m"

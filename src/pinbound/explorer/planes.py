@@ -13,6 +13,7 @@ from pinbound import units
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.region import Edge, Region, feasible_region
 from pinbound.region.halfplanes import HalfPlane
+from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array
 
@@ -53,12 +54,16 @@ def chosen_planes(robot: Robot, planes: Sequence[Sequence[str]] | None) -> list[
 def windows(robot: Robot, at: Array, window: dict[str, tuple[float, float]]) -> list[tuple[float, float]]:
     """Return the values of each coordinate that the page shows: what limits allow, else the window, else a turn or 2 m.
 
-    Limits of mimic joints and rules of one coordinate count, too.
+    Limits of mimic joints and rules of one coordinate count, too. Where loops toggle does not: the page says there that
+    they cannot be closed.
     """
     ends: list[tuple[float, float]] = []
+    is_looped = isinstance(robot, LoopRobot)
+    toggles = robot.lift.toggle_names() if is_looped else ()
+    limits = [one for one in (robot.opened if is_looped else robot).linear_limits if one.joint not in toggles]
     for index, name in enumerate(robot.coordinates):
         low, high = float(robot.lower[index]), float(robot.upper[index])
-        for limit in robot.linear_limits:
+        for limit in limits:
             c = float(limit.coefficients[index])
             if c and np.count_nonzero(limit.coefficients) == 1:
                 two = sorted(((limit.lower - limit.offset) / c, (limit.upper - limit.offset) / c))
@@ -109,6 +114,7 @@ def plane_record(
         "is_exact": region.accuracy == 0.0,
         "said": _said(region),
         "implied": _implied(region),
+        "slits": [np.round(slit.points, _DIGITS).tolist() for slit in region.slits],
     }
 
 
@@ -125,6 +131,9 @@ def _said(region: Region) -> str:
     """Return what the outline is worth, in one sentence."""
     unit = units.area_name(region.area_unit)
     area = f"area {region.area:.6g} {unit}"
+    cuts = ", ".join(dict.fromkeys(slit.name for slit in region.slits))
+    if cuts:
+        area += f"; no motion crosses the dashed cut ({cuts})"
     if region.accuracy == 0.0:
         return f"straight edges, exact; {area}"
     low, high = region.area_interval

@@ -23,7 +23,7 @@ from pinbound.robot.robot import Robot
 from pinbound.tolerances import EXPLORER_SPEED, OVERLAP, REDUCTION
 from pinbound.typing import Array
 
-__all__ = ["Searched", "chain_nodes", "program_record", "ways"]
+__all__ = ["Searched", "chain_nodes", "program_record", "speeds", "ways"]
 
 _CODES = {
     "constant": "k",
@@ -202,12 +202,12 @@ def ways(rule: ContactRule, reach: Array) -> list[dict[str, Any]]:
     chain, used = path.minimal, set(path.minimal.coordinates)
     for turned in path.difference.turned:
         used |= set(turned.coordinates)
-    speeds = _speeds(path, reach)
+    found_speeds = speeds(path, reach)
     found: list[dict[str, Any]] = []
     for index in range(len(reach)):
         rates = chain.coefficients[:, index][chain.coefficients[:, index] != 0.0]
         slides = bool(np.any(chain.slides[:, :, index]))
-        speed = float(speeds[index])
+        speed = float(found_speeds[index])
         if rule.stop is not None:
             found.append({"way": "stop" if rule.stop.coefficients[index] else "none"})
         elif index not in used:
@@ -221,7 +221,7 @@ def ways(rule: ContactRule, reach: Array) -> list[dict[str, Any]]:
     return found
 
 
-def _speeds(path: RelativePath, reach: Array) -> Array:
+def speeds(path: RelativePath, reach: Array) -> Array:
     """Return bounds (n,) of `|d separation / d q_j|`: those of the point, and of every t's edge vector on top."""
     chain, difference = path.minimal, path.difference
     speed = lever_arms(chain, reach).first

@@ -9,14 +9,17 @@ from typing import Any
 import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
+from pinbound.boundaries.looped import formula_joints
 from pinbound.certificates import Certificate
 from pinbound.coverage import Coverage
+from pinbound.explorer.loops import boundary_speeds, loops_record
 from pinbound.explorer.planes import plane_record, windows
 from pinbound.explorer.program import program_record, ways
 from pinbound.explorer.solids import bodies_record, marks_record
 from pinbound.figures.plots import PALETTE
 from pinbound.model.coupling import GuardedLimit, Intervals, LinearLimit
 from pinbound.motion.history import Motion
+from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import UNIT_ROUNDOFF
 from pinbound.typing import Array
@@ -49,12 +52,14 @@ def page_record(
         budget: [s] for each region.
         width: As in `feasible_region`.
     """
-    boundaries = list(robot.boundaries)
+    looped = robot if isinstance(robot, LoopRobot) else None
+    over = robot if looped is None else looped.opened  # the page evaluates it at z = F(q)
+    boundaries = list(over.boundaries)
     marks = [(one.point_a.name, one.point_b.name) for one in boundaries]
     rules = [one.rule for one in boundaries]
-    program, values, places = program_record(robot, rules, marks, robot.boundaries.common)
+    program, values, places = program_record(over, rules, marks, over.boundaries.common)
     shown = windows(robot, at, window)
-    reach = np.maximum(np.abs(robot.lower), np.abs(robot.upper))
+    reach = np.maximum(np.abs(over.lower), np.abs(over.upper))
     drawn, missing = bodies_record(robot, meshes)
     regions = [plane_record(robot, plane, at, shown, budget, width) for plane in planes]
     points = [one for one in boundaries if not one.path.difference.directions]
@@ -71,9 +76,13 @@ def page_record(
         "at": at.tolist(),
         "program": program,
         "boundaries": [
-            _boundary(one, value, reach, named.get(one.name, [])) for one, value in zip(boundaries, values, strict=True)
+            _boundary(one, value, reach, named.get(one.name, []))
+            | {"coordinates": list(robot.boundaries[one.name].coordinates)}
+            | ({} if looped is None else _through(looped, one, reach))
+            for one, value in zip(boundaries, values, strict=True)
         ],
-        "limits": _limits(robot.linear_limits, robot.guarded_limits, robot.intervals),
+        "limits": _limits(over.linear_limits, over.guarded_limits, over.intervals),
+        "loops": looped and loops_record(looped, shown),
         "links": [
             {"name": name, "parent": joint.parent if (joint := robot.tree.parent_joint.get(name)) else None} | place
             for name, place in zip(robot.tree.links, places, strict=True)
@@ -98,7 +107,6 @@ def _boundary(one: Boundary, value: dict[str, Any], reach: Array, formula: Seque
         "links": [one.point_a.link, one.point_b.link],
         "kind": one.kind.value,
         "ancestor": one.ancestor,
-        "coordinates": list(one.coordinates),
         "threshold": one.threshold,
         "distance": one.contact_distance,
         "is_height": one.path.floor < 0.0,
@@ -112,6 +120,11 @@ def _boundary(one: Boundary, value: dict[str, Any], reach: Array, formula: Seque
         ],
         "formula": list(formula),
     }
+
+
+def _through(robot: LoopRobot, one: Boundary, reach: Array) -> dict[str, Any]:
+    """Return what the page needs to follow a boundary over z through loops."""
+    return {"speeds": boundary_speeds(one.rule, reach), "solved": robot.coupling.solved(formula_joints(one))}
 
 
 def _formula(one: Boundary) -> list[str]:

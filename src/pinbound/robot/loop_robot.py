@@ -77,6 +77,7 @@ class LoopRobot(Robot):
         lift: `z = F(q)`.
     """
 
+    coupling: LoopCoupling
     opened: Robot
     lift: Lift
 

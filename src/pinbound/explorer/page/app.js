@@ -45,6 +45,7 @@ class State {
     this.signed = this.robot.evaluate(this.q);
     this.touching = this.robot.clearances.filter((_, k) => !(this.signed[k] > 0));
     this.broken = this.robot.broken(this.q);
+    this.open = this.robot.open(this.q);
   }
 
   set(column, value) {
@@ -171,7 +172,9 @@ class Panels {
     });
     const verdict = element("verdict");
     let text;
-    if (state.isFree) {
+    if (state.open.length) {
+      text = `▲ Not free: loop ${state.open.join(", ")} cannot be closed here, so no robot has these values. The picture shows its pin open`;
+    } else if (state.isFree) {
       const least = state.signed.length ? state.signed.indexOf(Math.min(...state.signed)) : -1;
       text = least < 0 ? "● Free: no boundary is marked, and limits are kept" : `● Free: smallest clearance ${millimetres(state.signed[least])}, ${state.data.boundaries[least].name}`;
     } else {
@@ -182,7 +185,7 @@ class Panels {
     verdict.className = state.isFree ? "good" : "bad";
     const order = [...state.signed.keys()].sort((a, b) => state.signed[a] - state.signed[b]);
     this.nearest.forEach((button, k) => {
-      const one = order[k];
+      const one = state.open.length ? undefined : order[k];
       button.parentElement.hidden = one === undefined;
       if (one === undefined) return;
       button.dataset.name = state.data.boundaries[one].name;
@@ -209,7 +212,7 @@ class Panels {
       ends.classList.remove("waits");
       if (!state.isFree) {
         band.style.opacity = 0;
-        ends.textContent = "no limits: this configuration is not free";
+        ends.textContent = state.open.length ? "no limits: a loop cannot be closed here" : "no limits: this configuration is not free";
         return null;
       }
       const found = state.reach.of(Float64Array.from(state.q), k, state.signed);
@@ -226,7 +229,7 @@ class Panels {
     });
     const words = {
       "closed form": "Contacts are closed forms of the reduced paths.",
-      stepped: `Stepped: by clearance over a proven bound of its speed, so that no contact is stepped over; the end is at most ${1e9 * NEAR} nm of clearance away from contact.`,
+      stepped: `Stepped: by clearance over a proven bound of its speed, so that no contact is stepped over; the end is at most ${1e9 * NEAR} nm of clearance away from contact${state.robot.loops ? `, or ${NEAR} rad or m from a limit of a passive joint` : ""}.`,
       "at least": "At least: the coordinate can go this far; further was not looked.",
       sampled: `Sampled: ${SAMPLES} values; a contact between two of them can be missed.`,
     };
@@ -332,8 +335,14 @@ class Panels {
     if (!boundary) {
       const limit = state.data.limits.linear.find(({ joint }) => `${joint} lower` === chosen || `${joint} upper` === chosen);
       const unit = this.unitOf(limit?.joint);
-      box.innerHTML = `<p><b>${escape(chosen)}</b> is a joint limit or a rule, no contact.</p>${
-        limit ? `<table><tr><th>limits</th><td>${amount(limit.lower ?? -Infinity, unit)} to ${amount(limit.upper ?? Infinity, unit)}</td></tr></table>` : ""
+      const loop = state.robot.loops?.toggles.get(limit?.joint ?? chosen);
+      const what = loop
+        ? limit?.joint.endsWith(" turn")
+          ? `is the cut of loop ${escape(loop)}: beyond it a passive joint is counted in another turn.`
+          : `is where loop ${escape(loop)} toggles: its two assemblies meet there, and beyond it the loop cannot be closed.`
+        : `is a joint limit or a rule, no contact${limit && this.solved[limit.joint] ? `: ${escape(limit.joint)} = ${escape(this.solved[limit.joint])} is passive` : ""}.`;
+      box.innerHTML = `<p><b>${escape(chosen)}</b> ${what}</p>${
+        limit && !loop ? `<table><tr><th>limits</th><td>${amount(limit.lower ?? -Infinity, unit)} to ${amount(limit.upper ?? Infinity, unit)}</td></tr></table>` : ""
       }`;
       return;
     }
@@ -343,12 +352,14 @@ class Panels {
       if (half === null) return `never: the distance is at least ${millimetres(smallest)}`;
       return `${escape(text)} = ${amount(angle, "rad", 6)}${half ? ` ± ${amount(half, "rad", 6)}` : ""}, every turn`;
     });
+    const solved = Object.entries(one.solved ?? {}).map(([name, text]) => `${escape(name)} = ${escape(text)}`);
     const formula = one.formula.map((line) => `<div class="formula">${line}</div>`).join("");
     box.innerHTML = `<table>
       ${row("marks", `${escape(one.marks[0])} on ${escape(one.links[0])}; ${escape(one.marks[1])} on ${escape(one.links[1])}`)}
       ${row("kind", `${escape(one.kind)}; depends on ${escape(one.coordinates.join(", ") || "nothing")}`)}
       ${row("contact", one.contacts ? contact.join("; ") : "a curve in several angles")}
       ${row("contact at", one.stop ? `alignment of two arms (a stop): limits ${one.stop.gap.map((end) => amount(end, "rad", 6)).join(" to ")}` : `${one.is_height ? "height" : "distance"} ${millimetres(one.distance)}`)}
+      ${solved.length ? row("passive", `${solved.join("; ")}, solved from the loop`) : ""}
       ${row("now", '<span id="now"></span>')}
       ${row("slope", '<span id="slope"></span>')}
     </table>${formula ? `<h3>Vector between the marks [mm]</h3>${formula}` : '<p class="soft">No formula is on the page: it is long, its nearest points are searched for, or boundaries are many; <code>pinbound derive</code> prints it.</p>'}`;
@@ -356,12 +367,21 @@ class Panels {
   }
 
   unitOf(joint) {
-    return this.state.data.coordinates.find(({ name }) => name === joint)?.unit ?? "rad";
+    const { coordinates, loops } = this.state.data;
+    return coordinates.find(({ name }) => name === joint)?.unit ?? loops?.units[joint] ?? "rad";
+  }
+
+  get solved() {
+    return this.state.data.loops?.solved ?? {};
   }
 
   numbers() {
     const { boundary } = this.state;
     if (!boundary || !element("now")) return;
+    if (this.state.open.length) {
+      for (const id of ["now", "slope"]) element(id).textContent = "none: a loop cannot be closed here";
+      return;
+    }
     const { value, gradient } = boundary.gradient(this.state.q);
     element("now").textContent = `signed clearance ${millimetres(value, 6)} (${value > 0 ? "free" : "contact"})`;
     const slopes = gradient
@@ -395,6 +415,13 @@ class Panels {
       "Free means that every marked pair is apart and every limit kept. It does not mean that the robot can get there from home, but for stops, which know on which side home is.",
       "Positions in the picture are rounded for drawing; numbers are not.",
     ];
+    if (data.loops) {
+      const solved = Object.entries(this.solved).map(([name, text]) => `${name} = ${text}`);
+      hows.push(
+        `Passive joints of loops that are not parallelograms are solved here in closed form, in the assembly of home, as in Python: ${solved.join(", ")}. Sliders move the other joints.`,
+        "Where a loop cannot be closed, the page says so and has no numbers: no robot is there. Limits through loops are stepped by proven bounds of the loop's speed; where no bound is known they are sampled, and called so.",
+      );
+    }
     element("said").innerHTML = `<h3>How</h3>${list(hows)}
       <h3>What is watched</h3><p>${escape(data.coverage.summary)}.</p>
       ${open.length ? `<details><summary>${open.length} pairs of links are not watched, or in part</summary>${list(open)}</details>` : ""}
@@ -471,7 +498,11 @@ class Player {
     if (!width) return;
     if (!this.least) {
       const count = 240;
-      this.least = Array.from({ length: count + 1 }, (_, k) => Math.min(...this.state.robot.evaluate(this.q(k / count))));
+      this.least = Array.from({ length: count + 1 }, (_, k) => {
+        const q = this.q(k / count);
+        const least = Math.min(...this.state.robot.evaluate(q));
+        return this.state.robot.open(q).length ? Math.min(least, 0) : least; // where a loop cannot be closed nothing is free
+      });
       this.state.look();
     }
     const [low, high] = [Math.min(0, ...this.least), Math.max(0, ...this.least)];

@@ -5,9 +5,11 @@ const OPERANDS = { k: 0, q: 1, c: 1, s: 1, "+": 2, "-": 2, "*": 2, "/": 2, r: 1,
 
 class Program {
   // record: { n, kinds: a letter a node, args: operands one after the other, constants, angles }
-  constructor(record) {
+  // With loops its n coordinates are those of z = F(q).
+  constructor(record, loops = null) {
     const size = record.kinds.length;
     this.n = record.n;
+    this.loops = loops;
     this.size = size;
     this.angles = record.angles.map((row) => Float64Array.from(row));
     this.kind = new Uint8Array(size);
@@ -47,8 +49,13 @@ class Program {
     return sum;
   }
 
-  run(q, nodes = this.all) {
+  full(q) {
+    return this.loops ? this.loops.at(q) : q;
+  }
+
+  run(given, nodes = this.all) {
     const { kind, args, values } = this;
+    const q = this.full(given);
     for (let i = 0; i < nodes.length; i++) {
       const k = nodes[i];
       const a = args[4 * k];
@@ -71,8 +78,9 @@ class Program {
   }
 
   // The gradient over q of sum_i weight_i node_i, after run(q, nodes). A hold passes nothing on.
-  gradient(q, seeds, nodes = this.all) {
+  gradient(given, seeds, nodes = this.all) {
     const { kind, args, values, slopes } = this;
+    const q = this.full(given);
     for (let i = 0; i < nodes.length; i++) slopes[nodes[i]] = 0;
     for (const [k, weight] of seeds) slopes[k] += weight;
     const found = new Float64Array(this.n);
@@ -99,7 +107,7 @@ class Program {
         case 9: slopes[values[a] < values[b] ? args[4 * k + 2] : args[4 * k + 3]] += s; break;
       }
     }
-    return found;
+    return this.loops ? this.loops.chain(given, found) : found;
   }
 
   turn(found, index, slope) {
@@ -146,7 +154,8 @@ class Robot {
   constructor(data) {
     this.data = data;
     this.n = data.coordinates.length;
-    this.program = new Program(data.program);
+    this.loops = data.loops ? new Loops(data.loops, this.n) : null;
+    this.program = new Program(data.program, this.loops);
     this.clearances = data.boundaries.map((one) => new Clearance(this.program, one));
     this.watched = this.program.needed(
       data.boundaries.flatMap((one) => (one.hull ? [...one.hull.w, ...one.hull.edges.flat()] : [one.value])),
@@ -178,9 +187,15 @@ class Robot {
     });
   }
 
+  // Names of the loops that cannot be closed at q.
+  open(q) {
+    return this.loops ? this.loops.open(q) : [];
+  }
+
   // Names of the joint limits and rules that q does not keep; the same rule as in Python, to its tolerance.
-  broken(q) {
+  broken(given) {
     const { rows, guarded, roundoff } = this.data.limits;
+    const q = this.program.full(given);
     const keeps = rows.every(({ coefficients, low, high, is_sum }) => {
       let [value, size] = [0, 0];
       coefficients.forEach((c, j) => {

@@ -5,19 +5,22 @@
 
 const NEAR = 1e-8; // m: stepping ends at this clearance
 const MOST_STEPS = 600;
+const MOST_THROUGH = 12000; // steps through loops: one coordinate may have hundreds of parts
 const SAMPLES = 400;
 
 class Reach {
   constructor(robot) {
     this.robot = robot;
-    this.steps = robot.clearances.some((one) => one.record.ways.some(({ way }) => way === "step"));
+    this.steps = Boolean(robot.loops) || robot.clearances.some((one) => one.record.ways.some(({ way }) => way === "step"));
+    this.through = robot.data.coordinates.map((_, j) => (robot.loops?.rates[j] ? throughLoops(robot, j) : null));
   }
 
   // The interval around q_j in which one boundary is out of contact, in closed form; null if nothing ends it, or there is
   // no closed form.
   span(one, q, j) {
     const { way, rate } = one.record.ways[j];
-    return CLOSED[way]?.(one, q, j, rate) ?? null;
+    if (this.through[j]?.clearances.has(one)) return null;
+    return CLOSED[way]?.(one, way === "stop" ? this.robot.program.full(q) : q, j, rate) ?? null;
   }
 
   // { lower: { value, name, how }, upper: ... }; null where q itself is in contact or out of limits.
@@ -31,13 +34,17 @@ class Reach {
     const tighten = (side, value, name, how) => {
       if (side ? value < ends[1].value : value > ends[0].value) ends[side] = { value, name, how };
     };
+    const through = this.through[j];
+    const z = Float64Array.from(this.robot.program.full(q));
     for (const limit of data.limits.linear) {
-      const [low, high] = linearSpan(limit, q, j);
+      if (through?.limits.has(limit)) continue;
+      const [low, high] = linearSpan(limit, z, j);
       tighten(0, low, limit.joint, "exact");
       tighten(1, high, limit.joint, "exact");
     }
     for (const { name, limit, where } of data.limits.guarded) {
-      const forbidden = guardedSpan(limit, where, q, j);
+      if (through?.limits.has(limit)) continue;
+      const forbidden = guardedSpan(limit, where, z, j);
       if (!forbidden) continue;
       if (forbidden[0] >= x) tighten(1, forbidden[0], name, "exact");
       else if (forbidden[1] <= x) tighten(0, forbidden[1], name, "exact");
@@ -45,6 +52,7 @@ class Reach {
     const stepped = [];
     clearances.forEach((one, k) => {
       const { way, speed } = one.record.ways[j];
+      if (through?.clearances.has(one)) return;
       if (way === "step") stepped.push([one, speed, speed ? signed[k] / speed : Infinity]);
       const span = this.span(one, q, j);
       if (!span) return;
@@ -61,8 +69,96 @@ class Reach {
         if (end) tighten(side, end.value, one.name, end.how);
       }
     }
+    const windows = data.coordinates.map((one) => one.window);
+    const isInside = windows.every(([low, high], k) => low <= q[k] && q[k] <= high);
+    for (const { name, value, rates, turn } of through?.followed ?? []) {
+      const speeds = this.robot.loops.speeds(j, rates, q, windows);
+      for (const side of [0, 1]) {
+        const sign = side ? 1 : -1;
+        const open = Number.isFinite(ends[side].value) ? ends[side].value : side ? to : from;
+        const end =
+          isInside && speeds.every(Number.isFinite)
+            ? follow(value, q, j, { speeds, from, to }, sign, open)
+            : sampleTo({ at: value, turn }, q, j, sign, open);
+        if (end) tighten(side, end.value, name, end.how);
+      }
+    }
     return { lower: ends[0], upper: ends[1] };
   }
+}
+
+// What a coordinate moves through loops: clearances, contact of stops, and limits of what is passive. Each is a function
+// of q that is positive where it is allowed, with bounds of how fast it changes in each part of the coordinate's window.
+function throughLoops(robot, j) {
+  const { loops, data, clearances, program } = robot;
+  const passive = Array.from({ length: program.n }, (_, k) => k).filter((k) => k >= robot.n && loops.moves(j, k));
+  const isMoved = (row) => passive.some((k) => row[k]);
+  const found = { clearances: new Set(), limits: new Set(), followed: [] };
+  const add = (name, value, speeds, turn) => found.followed.push({ name, value, rates: speeds, turn });
+  const sizes = (rows) => Array.from({ length: program.n }, (_, k) => Math.max(...rows.map((row) => Math.abs(row[k]))));
+  for (const one of clearances) {
+    const { ways, stop, speeds } = one.record;
+    if (!passive.some((k) => ways[k].way !== "none")) continue;
+    found.clearances.add(one);
+    if (stop) {
+      const row = { coefficients: stop.coefficients, offset: 0, lower: stop.gap[0], upper: stop.gap[1] };
+      add(one.name, (q) => room(row, program.full(q)), sizes([row.coefficients]));
+    } else add(one.name, (q) => one.at(q), speeds);
+  }
+  for (const limit of data.limits.linear) {
+    if (!isMoved(limit.coefficients)) continue;
+    found.limits.add(limit);
+    const [w, turn] = [2, 3].map((place) => loops.linkages.some(({ columns }) => limit.coefficients[columns[place]]));
+    if (w && data.limits.linear.some((other) => other !== limit && other.joint === limit.joint)) continue; // where it toggles is known
+    const value = (q) => room(limit, program.full(q));
+    add(limit.joint, value, sizes([limit.coefficients]), turn ? (q) => dot(limit.coefficients, program.full(q)) : undefined);
+  }
+  for (const { name, limit, where } of data.limits.guarded) {
+    if (![limit, ...where].some((part) => isMoved(part.coefficients))) continue;
+    found.limits.add(limit);
+    const value = (q) => {
+      const z = program.full(q);
+      return Math.max(room(limit, z), ...where.map((part) => -room(part, z)));
+    };
+    add(name, value, sizes([limit, ...where].map((part) => part.coefficients)));
+  }
+  return found;
+}
+
+// How far a sum is inside its limits; negative outside.
+function room(limit, z) {
+  const value = dot(limit.coefficients, z) + limit.offset;
+  return Math.min(limit.lower === null ? Infinity : value - limit.lower, limit.upper === null ? Infinity : limit.upper - value);
+}
+
+// As stepTo, with a bound for each part of the window: a step goes on through parts until their speeds have used it up.
+function follow(value, q, j, { speeds, from, to }, sign, end) {
+  const x = q[j];
+  const size = (to - from) / speeds.length;
+  let at = x;
+  let found = null;
+  for (let step = 0; ; step++) {
+    q[j] = at;
+    let left = value(q);
+    if (left <= NEAR || step === MOST_THROUGH) {
+      found = { value: at, how: left <= NEAR ? "stepped" : "at least" };
+      break;
+    }
+    let cell = Math.min(Math.max(Math.floor((at - from) / size), 0), speeds.length - 1);
+    while (left > 0 && cell >= 0 && cell < speeds.length && sign * (at - end) < 0) {
+      const border = from + (sign > 0 ? cell + 1 : cell) * size;
+      const used = speeds[cell] * Math.max(sign * (border - at), 0);
+      if (used >= left) at += (sign * left) / speeds[cell];
+      else {
+        at = sign > 0 ? Math.max(at, border) : Math.min(at, border);
+        cell += sign;
+      }
+      left -= used;
+    }
+    if (sign * (at - end) >= 0 || (left > 0 && (cell < 0 || cell >= speeds.length))) break;
+  }
+  q[j] = x;
+  return found;
 }
 
 function linearSpan({ coefficients, offset, lower, upper }, q, j) {
@@ -161,16 +257,26 @@ function stepTo(one, q, j, speed, sign, end) {
   return found;
 }
 
+// `turn`, if there is one, jumps by a whole turn at its cut, which ends what is allowed.
 function sampleTo(one, q, j, sign, end) {
   const x = q[j];
   let found = null;
+  let turn = one.turn?.(q);
+  const isFree = () => {
+    if (!(one.at(q) > 0)) return false;
+    if (!one.turn) return true;
+    const now = one.turn(q);
+    if (Math.abs(now - turn) > Math.PI) return false;
+    turn = now;
+    return true;
+  };
   for (let k = 1; k <= SAMPLES && !found; k++) {
     q[j] = x + ((end - x) * k) / SAMPLES;
-    if (one.at(q) > 0) continue;
+    if (isFree()) continue;
     let [free, hit] = [x + ((end - x) * (k - 1)) / SAMPLES, q[j]];
     for (let half = 0; half < 60; half++) {
       q[j] = 0.5 * (free + hit);
-      if (one.at(q) > 0) free = q[j];
+      if (isFree()) free = q[j];
       else hit = q[j];
     }
     found = { value: free, how: "sampled" };

@@ -157,6 +157,7 @@ class Plane {
     const fill = region.loops.map((loop) => `M${this.line(loop.flatMap((edge) => edge.points))}Z`).join("");
     const parts = [`<g clip-path="url(#inside)"><path class="free" fill-rule="evenodd" d="${fill}"/>`];
     for (const { name, normal, bound } of region.implied) parts.push(this.implied(name, normal, bound, region));
+    for (const slit of region.slits) parts.push(`<path class="path" d="M${this.line(slit)}"><title>a cut that no motion crosses</title></path>`);
     const names = [];
     region.loops.flat().forEach((edge, k) => {
       const d = `M${this.line(edge.points)}`;
@@ -196,6 +197,8 @@ class Plane {
       }
       const place = [x + ((centre[0] - x) / away) * (half + 8), y + ((centre[1] - y) / away) * 16 + 4];
       place[0] = Math.min(Math.max(place[0], PAD.left + half), this.width - PAD.right - half);
+      const home = this.toPixels(this.columns.map((k) => this.state.data.home[k]));
+      if (Math.abs(place[0] - home[0]) < half + 8 && Math.abs(place[1] - 4 - home[1]) < 16) place[1] = home[1] + (place[1] - 4 < home[1] ? -16 : 24);
       if (taken.some((one) => Math.abs(one[0] - place[0]) < one[2] + half && Math.abs(one[1] - place[1]) < 14)) continue;
       taken.push([...place, half]);
       done.add(name);

@@ -214,7 +214,9 @@ class Scene {
   skeleton(places) {
     const { links } = this.state.data;
     this.parents ??= links.map(({ parent }) => links.findIndex(({ name }) => name === parent));
-    return links.flatMap((_, k) => (this.parents[k] < 0 ? [] : [...places[this.parents[k]].slice(12, 15), ...places[k].slice(12, 15)]));
+    const joints = links.flatMap((_, k) => (this.parents[k] < 0 ? [] : [...places[this.parents[k]].slice(12, 15), ...places[k].slice(12, 15)]));
+    this.pins ??= (this.state.data.loops?.pins ?? []).map(({ link, xyz }) => [links.findIndex(({ name }) => name === link), xyz]);
+    return [...joints, ...this.pins.flatMap(([k, xyz]) => [...places[k].slice(12, 15), ...through(places[k], xyz)])];
   }
 
   // Names of the chosen marks, beside them.
