@@ -101,7 +101,7 @@ class LoopCoupling(Coupling):
         return linear_text(coefficients, names, offset)
 
     def solved(self, used: Iterable[str]) -> dict[str, str]:
-        """Return those of these joints that a loop determines, each with the loop and what it is solved from."""
+        """Return the joints, of those given, that a loop determines, each with its loop and the joints used there."""
         passive = [index for one in self.lift.linkages for index in one.passive if self.lift.names[index] in used]
         return {self.lift.names[index]: self._function(index) for index in passive}
 
@@ -162,7 +162,7 @@ def toggle_limits(lift: Lift, home: Array) -> tuple[LinearLimit, ...]:
         for first, last in at.kept:
             turns = 2.0 * np.pi * np.floor((value - first) / (2.0 * np.pi))
             if first + turns <= value <= last + turns:
-                sign = float(np.sign(at.row[np.flatnonzero(at.row)[0]]))  # "upper" is that of its first coordinate
+                sign = float(np.sign(at.row[np.flatnonzero(at.row)[0]]))  # "upper" refers to its first coordinate
                 ends = sorted((sign * (first + turns), sign * (last + turns)))
                 found.append(LinearLimit(names[0], sign * at.row + 0.0, 0.0, ends[0], ends[1]))
     return tuple(found)

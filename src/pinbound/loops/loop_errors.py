@@ -194,7 +194,7 @@ class _Linkage:
         return changed
 
     def span(self, shape: _Shape) -> tuple[float, float]:
-        """Return the range of a loop's shape [rad] within all joint limits, the other loops' deviations included."""
+        """Return the range of a loop's shape [rad] within all joint limits, with the deviations of the other loops."""
         lower, upper = _range(shape.coefficients[: self.n], self.limits)
         others = np.concatenate([one.bounds for one in self.opened.values()]) if self.opened else np.zeros(0)
         tail = np.abs(shape.coefficients[self.n :][: len(others)])
@@ -244,14 +244,14 @@ def _factor(c: Array, other: Array) -> float | None:
 def carry(
     tree: Tree, settled: Settled, annotations: Annotations, limits: Sequence[LinearLimit], problems: Problems
 ) -> tuple[tuple[Closure, ...], list[str]]:
-    """Return the closures with the deviations of their passive joints, and what is to be said of them.
+    """Return the closures with the deviations of their passive joints, and notes about them.
 
     Args:
         tree: The robot's tree.
         settled: The closures and the coupling.
         annotations: The robot's annotations; home is the assembled pose.
-        limits: All joint limits, said of q.
-        problems: Where loops go whose error cannot be bounded.
+        limits: All joint limits, in terms of q.
+        problems: Collects loops whose error cannot be bounded.
     """
     linkage, notes = _Linkage(tree, settled, annotations, limits), list[str]()
     for closure in settled.closures:
@@ -261,7 +261,7 @@ def carry(
                 notes += _flat_note(linkage, closure, found[1])
             continue
         if not any(joint.moves for joint in tree.path_between(closure.mark.link_a, closure.mark.link_b)):
-            continue  # both ends are on one rigid body: nothing can give way
+            continue  # both ends are on one rigid body: nothing can move
         found = linkage.open(closure)
         if isinstance(found, Refusal):
             message = f"closure {closure.name!r}: its ends are up to {1e3 * closure.bound:.3g} mm apart, and the error"
@@ -293,7 +293,7 @@ def carry(
 
 
 def _bound(linkage: _Linkage, problems: Problems) -> bool:
-    """Bound all deviations; a loop whose deviations depend on another's grows until both agree."""
+    """Bound all deviations; if they depend on those of other loops, the bounds grow until all agree."""
     shapes = {name: linkage.now(name) for name in linkage.opened}
     for _ in range(_ROUNDS):
         settled = True
@@ -322,7 +322,7 @@ def _too_flat(
     bounds: Array | None,
     problems: Problems,
 ) -> None:
-    """Say that a loop comes too near its flat pose for what its sides differ by, and what limits would do."""
+    """Report that a loop comes too near its flat pose for the difference of its sides, and which limits would help."""
     mark, joints = linkage.opened[name].closure.mark, linkage.opened[name].joints
     flats = _flats(span)
     from_flat = min(abs(math.remainder(end, math.pi)) for end in span) if np.all(np.isfinite(span)) else 0.0
@@ -352,7 +352,7 @@ def _remedy(linkage: _Linkage, shape: _Shape) -> str:
 
 
 def _as_limit(linkage: _Linkage, shape: _Shape, span: tuple[float, float]) -> tuple[str, tuple[float, float]]:
-    """Return the joint that has a loop's shape, and a range of the shape as its range; else the shape in terms of q."""
+    """Return the joint whose value is the loop's shape, and the range for it; else the shape in terms of q."""
     c = shape.coefficients[: linkage.n]
     for limit in linkage.limits:
         factor = _factor(c, limit.coefficients)
@@ -363,7 +363,7 @@ def _as_limit(linkage: _Linkage, shape: _Shape, span: tuple[float, float]) -> tu
 
 
 def _flats(span: tuple[float, float]) -> list[float]:
-    """Return the flat poses in a range of shapes, eight at most; of an endless range, those of a turn."""
+    """Return the flat poses in a range of shapes, at most eight; for an infinite range, those within a turn."""
     low, high = (end if math.isfinite(end) else math.copysign(math.pi, end) for end in span)
     first = math.ceil(low / math.pi)
     return [k * math.pi for k in range(first, min(math.floor(high / math.pi), first + 7) + 1)]
@@ -411,9 +411,9 @@ def narrowed(limits: Sequence[LinearLimit], coupling: Coupling, errors: Array) -
     """Return limits that hold for the true linkage if they hold for the coupling.
 
     Args:
-        limits: All joint limits, said of q.
+        limits: All joint limits, in terms of q.
         coupling: The coupling.
-        errors: (n_tree,), how far each tree joint may be from the coupling [rad or m].
+        errors: (n_tree,), the largest difference of each tree joint from the coupling [rad or m].
     """
     found: list[LinearLimit] = []
     for limit in limits:

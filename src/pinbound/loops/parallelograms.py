@@ -1,8 +1,9 @@
-"""Parallelograms in open trees: passive joints become followers, and the residual over all q proves it.
+"""Parallelograms in open trees: passive joints become mimic joints, and the bound of the residual over all q proves it.
 
-A closure of an open tree leaves `sum_i R(g_i . q) V_i = 0` over its distinct angles. If four terms are left whose
-lengths agree in two pairs, and each pair is opposite in the assembled pose, opposite sides stay parallel: the angles
-`g_i . q` and `g_j . q` differ by a constant. Two such equations express two passive joints. `docs/closures.md`.
+A closure of an open tree gives `sum_i R(g_i . q) V_i = 0` over its distinct angles. Suppose that four terms remain
+whose lengths agree in two pairs, and that the terms of each pair are opposite in the assembled pose. Then opposite
+sides stay parallel: the angles `g_i . q` and `g_j . q` differ by a constant. Two such equations express two passive
+joints. `docs/closures.md`.
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ _RESIDUAL_SAMPLES = 2000
 
 @dataclass(frozen=True, eq=False)
 class Settled(Value):
-    """What `settle` found.
+    """The result of `settle`.
 
     Attributes:
         coupling: The coupling in which every closure closes, to its tolerance.
         closures: The closures with their paths in this coupling.
-        passive: Joints that a closure made follow, by the closure's name.
-        notes: What was coupled.
+        passive: Joints that a closure turned into mimic joints, by the closure's name.
+        notes: Sentences about the joints that were coupled.
         linkages: Loops that are not parallelograms, in the order in which they are solved; their passive joints are
             among the coupling's coordinates.
         linked: The closures of these loops.
@@ -54,14 +55,14 @@ class Settled(Value):
 def couple_parallelogram(
     closure: Closure, coupling: Coupling, reference: Array, depth: Sequence[int]
 ) -> Coupling | Refusal:
-    """Return the coupling in which a loop's passive joints follow, or why it is not a parallelogram.
+    """Return the coupling in which a loop's passive joints are mimic joints, or why it is not a parallelogram.
 
     Args:
-        closure: The closure, its path derived with `coupling`.
-        coupling: Today's coupling; passive joints are among its coordinates.
+        closure: The closure, with its path from `coupling`.
+        coupling: The present coupling; passive joints are among its coordinates.
         reference: (n,) the assembled pose.
-        depth: How far each coordinate's joint is from the root; the furthest, and of equals the later ones, become
-            passive unless the closure names them.
+        depth: The distance of each coordinate's joint from the root (levels of links). The furthest ones (of equals the
+            later ones) become passive unless the closure names the passive joints.
     """
     found = parallelogram(closure, coupling.coordinates, reference)
     if isinstance(found, Refusal):
@@ -73,7 +74,7 @@ def couple_parallelogram(
 
 
 def passive_coordinates(closure: Closure, coupling: Coupling, rows: Array, depth: Sequence[int]) -> list[int] | Refusal:
-    """Return the two coordinates to express: those that the closure names, else the deepest ones that can be."""
+    """Return the two coordinates to express: those that the closure names, else the deepest possible ones."""
     names = coupling.coordinates
     for name in closure.mark.passive:
         if name not in names:
@@ -94,11 +95,11 @@ def passive_coordinates(closure: Closure, coupling: Coupling, rows: Array, depth
 
 
 def settle(tree: Tree, coupling: Coupling, annotations: Annotations, problems: Problems) -> Settled:
-    """Return the coupling in which every closure closes, the closures, and what was coupled.
+    """Return the coupling in which every closure closes, the closures, and notes about what was coupled.
 
-    A closure that already closes is proven; one of an open tree is taken for a parallelogram if its geometry says so;
-    of the others, planar ones with two passive joints are solved in closed form (`solving`). What is left is a fault.
-    Closures may depend on each other, so this goes on while something is gained.
+    A closure that already closes is proven. A closure of an open tree counts as a parallelogram if its geometry shows
+    this. Other planar ones with two passive joints are solved in closed form (`solving`). All others are faults.
+    Closures may depend on each other, so these steps are repeated while something changes.
     """
     notes: list[str] = []
     passive: dict[str, tuple[str, ...]] = {}
@@ -153,7 +154,7 @@ def settle(tree: Tree, coupling: Coupling, annotations: Annotations, problems: P
 
 
 def _refuse_carried_welds(closures: Sequence[Closure], annotations: Annotations, problems: Problems) -> None:
-    """Refuse loops whose sides differ beside closures that hold an orientation: their errors are not carried there."""
+    """Refuse loops with different sides beside closures that fix an orientation: these do not include their errors."""
     welds = [mark.name for mark in annotations.closures if mark.weld]
     for one in closures if welds else ():
         if not one.is_exact:
@@ -165,14 +166,14 @@ def _refuse_carried_welds(closures: Sequence[Closure], annotations: Annotations,
 
 
 def _reference(tree: Tree, coupling: Coupling, annotations: Annotations) -> tuple[Array, list[int]]:
-    """Return the pose that home gives (n,), and how far each coordinate's joint is from the root."""
+    """Return the pose of home (n,), and the depth of each coordinate's joint below the root."""
     reference = np.array([annotations.home.get(name, 0.0) for name in coupling.coordinates])
     depth = {joint.name: level for _, joint, level in tree.walk() if joint is not None}
     return reference, [depth[name] for name in coupling.coordinates]
 
 
 def _followers(mark: ClosureMark, before: Coupling, after: Coupling) -> list[str]:
-    """Say which joints a closure made follow."""
+    """Return sentences about the joints that a closure turned into mimic joints."""
     lost = [name for name in before.coordinates if name not in after.coordinates]
     return [f"closure {mark.name!r}: joint {name!r} follows {after.text(name)}" for name in lost]
 
@@ -180,7 +181,7 @@ def _followers(mark: ClosureMark, before: Coupling, after: Coupling) -> list[str
 def _welded(
     tree: Tree, coupling: Coupling, annotations: Annotations, notes: list[str]
 ) -> tuple[Coupling, dict[str, Refusal]]:
-    """Return the coupling in which the frames of welds have one orientation, and why of others there is none."""
+    """Return the coupling in which the frames of welds have the same orientation, and reasons why others have none."""
     refused: dict[str, Refusal] = {}
     for mark in (one for one in annotations.closures if one.weld):
         try:

@@ -1,7 +1,8 @@
-"""Planar loops of four sides: whether they are parallelograms, and how far they are from one where sides differ.
+"""Planar loops of four sides: whether they are parallelograms, and the deviation from one if their sides differ.
 
-A closure leaves `sum_i R(g_i . q) V_i = 0` over its distinct angles. Four terms whose lengths agree in two pairs, each
-pair opposite in the assembled pose, are a parallelogram. `docs/closures.md` proves what `deviations` returns.
+A closure gives `sum_i R(g_i . q) V_i = 0` over its distinct angles. It is a parallelogram if four terms remain whose
+lengths agree in two pairs, and the terms of each pair are opposite in the assembled pose. `docs/closures.md` proves the
+result of `deviations`.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class Side(Value):
 
     Attributes:
         angle: (n,) coefficients.
-        vector: (3,) [m], across the axis, in the frame of the loop at zero angle.
+        vector: (3,) [m], perpendicular to the axis, in the frame of the loop at zero angle.
     """
 
     angle: Array
@@ -41,15 +42,15 @@ class Side(Value):
 
     @property
     def length(self) -> float:
-        """[m]."""
+        """The length [m]."""
         return float(np.linalg.norm(self.vector))
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why a loop is not taken for a parallelogram, and what to do.
+    """Why a loop is not accepted as a parallelogram, and what to do.
 
-    `is_other`: whether it is surely none, so that it may be a loop of another form (`solving`).
+    `is_other`: whether it is certainly not a parallelogram, so that it may be a loop of another form (`solving`).
     """
 
     reason: str
@@ -59,14 +60,14 @@ class Refusal:
 
 @dataclass(frozen=True, eq=False)
 class Parallelogram(Value):
-    """A loop whose opposite sides stay parallel, but for what its sides differ by.
+    """A loop whose opposite sides stay parallel, except for the effect of the difference of its sides.
 
     Attributes:
         pairs: The two pairs of opposite sides.
-        small: Sides that are no longer than the tolerance.
-        rows: (2, n), `rows @ q = constant` where the sides of each pair are parallel.
-        constant: (2,) [rad], the turn being that of the assembled pose.
-        shape: [rad], the angle from the first pair's first side to the second pair's, in the assembled pose.
+        small: Sides that are not longer than the tolerance.
+        rows: (2, n), `rows @ q = constant` holds where the sides of each pair are parallel.
+        constant: (2,) [rad], in the turn of the assembled pose.
+        shape: [rad], the angle from the first side of the first pair to that of the second pair, in the assembled pose.
         size: [m], the length of the path around the loop.
     """
 
@@ -79,36 +80,36 @@ class Parallelogram(Value):
 
     @property
     def differences(self) -> tuple[float, float]:
-        """What the sides of each pair differ by [m]."""
+        """The difference of the sides of each pair [m]."""
         (a, b), (c, d) = self.pairs
         return abs(a.length - b.length), abs(c.length - d.length)
 
     @property
     def mismatch(self) -> float:
-        """What the sides differ by in all [m], small sides and what the reduction took for zero included.
+        """The total difference of the sides [m], with small sides and the lengths that the reduction took for zero.
 
-        Zero if the loop is exact: then nothing of it is more than rounding. Otherwise all of it counts.
+        It is zero if the loop is exact: then all differences are only rounding. Otherwise all of them count.
         """
         total = sum(self.differences) + sum(side.length for side in self.small)
         return 0.0 if total <= EXACT_LOOP * self.size else total + _SIDES * REDUCTION * self.size
 
 
 def apart_along(chain: Chain) -> float:
-    """Return how far the two pins of a planar loop are apart along the axis of its joints [m]."""
+    """Return the distance of the two pins of a planar loop along the axis of its joints [m]."""
     return abs(float(chain.offsets[0] @ chain.axes[0])) if chain.rotations else 0.0
 
 
 def parallelogram(
     closure: Closure, names: Sequence[str], reference: Array, coupled: Array | None = None
 ) -> Parallelogram | Refusal:
-    """Return a loop as a parallelogram, or why it is none.
+    """Return a loop as a parallelogram, or why it is not one.
 
     Args:
-        closure: The closure, its path derived over the coordinates `names`.
+        closure: The closure, with its path over the coordinates `names`.
         names: Names of the coordinates (n).
         reference: (n,) the assembled pose.
-        coupled: (n, m), directions of q in which the joints of the loop are coupled already, so that the coupling and
-            not the pose says which sides stay parallel; None: nothing is known but the pose.
+        coupled: (n, m), directions of q in which the joints of the loop are already coupled, so that the coupling and
+            not the pose says which sides stay parallel; None: only the pose says it.
     """
     chain, tolerance = closure.path.minimal, closure.tolerance
     moving = ", ".join(names[index] for index in chain.coordinates)
@@ -137,7 +138,7 @@ def parallelogram(
         gap, allowed = (
             float(np.linalg.norm(np.sum(turned, axis=0))),
             2.0 * tolerance,
-        )  # their difference, and home's digits
+        )  # their difference, and the digits of home
         if gap > allowed:
             message = f"it is open by {1e3 * gap:.6g} mm in the pose that home gives, so its assembly is not known"
             return Refusal(f"{message} (sides of {lengths} mm)", f"Let home name an assembled pose of {moving}")
@@ -176,12 +177,12 @@ def _ambiguous(
     lengths: str,
     moving: str,
 ) -> Refusal | None:
-    """Return why the pose does not say which assembly a loop has; None if it does."""
+    """Return why the pose does not determine the assembly of a loop; None if it does."""
     (i, _), (k, _) = (found or across)[0]
     angle = math.remainder(_apart(axis, turned[i], turned[k]), math.pi)
     first, second = (float(np.linalg.norm(turned[index])) for index in (i, k))
     diagonal = float(np.linalg.norm(turned[i] + turned[k]))
-    between = 2.0 * first * second * abs(math.sin(angle)) / diagonal if diagonal else 0.0  # of the two assemblies' pins
+    between = 2.0 * first * second * abs(math.sin(angle)) / diagonal if diagonal else 0.0  # of the assemblies' pins
     if abs(angle) <= FLAT or between <= 4.0 * allowed or len(found) > 1:
         far = f" (within {abs(math.degrees(angle)):.3g} deg)" if angle else ""
         message = f"it is flat in the pose that home gives{far}, so both assemblies fit (sides of {lengths} mm)"
@@ -196,7 +197,7 @@ def _ambiguous(
 
 
 def _unequal(closure: Closure, sides: Sequence[Side], lengths: str, small: float) -> Refusal:
-    """Say by how much the sides of a loop differ, and whether that looks like rounding of the data."""
+    """Return by how much the sides of a loop differ, and whether this looks like rounding of the data."""
     least = small + min(_difference(sides, pairing) for pairing in _PAIRINGS)
     message = f"its sides of {lengths} mm are not equal in two pairs"
     if least > min(CLOSURE_SHARE, 1e-3) * closure.size:
@@ -213,7 +214,7 @@ def _microns(length: float) -> str:
 
 
 def _sides(chain: Chain) -> list[Side]:
-    """Return the terms of a planar chain by distinct cumulative angle; the chain is reduced, so none is zero."""
+    """Return the terms of a planar chain by distinct cumulative angle; the chain is reduced, so no term is zero."""
     axis = chain.axes[0]
     terms = zip(chain.planar_angles, chain.offsets, strict=True)
     sides = [Side(g, offset - axis * (axis @ offset)) for g, offset in terms]
@@ -229,7 +230,7 @@ def _turn(axis: Array, angle: float, vector: Array) -> Array:
 
 
 def _apart(axis: Array, v: Array, w: Array) -> float:
-    """Return the angle about the axis that turns v towards w, exactly zero if rounding alone keeps it from that."""
+    """Return the angle about the axis from v to w; it is exactly zero if the difference is only rounding."""
     angle = math.atan2(float(axis @ np.cross(v, w)), float(v @ w))
     return 0.0 if abs(angle) <= REDUCTION else angle
 
@@ -237,22 +238,22 @@ def _apart(axis: Array, v: Array, w: Array) -> float:
 def deviations(
     lengths: tuple[float, float], mismatch: float, small: float, swing: float, shape: tuple[float, float]
 ) -> tuple[float, float] | None:
-    """Bound how far opposite sides of a loop are from parallel while its shape is in a range.
+    """Bound the angle between opposite sides of a loop while its shape is in a range.
 
-    With `m = mismatch`, `s = small`, `c = swing`, `k_1 = 1 / (l_1 sin)`, `k_2 = 1 / (l_2 sin)`, the sine being the
-    least over the range, widened by X on both sides: if `S = m (k_1 + k_2) / (1 - s c (k_1 + k_2)) <= X`, then the loop
+    With `m = mismatch`, `s = small`, `c = swing`, `k_1 = 1 / (l_1 sin)`, `k_2 = 1 / (l_2 sin)`, where sin is the least
+    sine over the range, widened by X on both sides: if `S = m (k_1 + k_2) / (1 - s c (k_1 + k_2)) <= X`, then the loop
     closes for every shape of the range, and `|delta_1| <= k_1 (m + s c S)`, `|delta_2| <= k_2 (m + s c S)`.
 
     Args:
         lengths: The shorter side of each pair [m].
-        mismatch: What the sides differ by in all, small sides included [m].
+        mismatch: The total difference of the sides, with small sides [m].
         small: The sum of the small sides' lengths [m].
-        swing: By how much a small side turns, at most, as the first or the second pair leaves parallel by one.
-        shape: Least and largest angle between the pairs [rad].
+        swing: The largest rotation of a small side for a deviation of one of the first or second pair.
+        shape: Smallest and largest angle between the pairs [rad].
 
     Returns:
-        `(delta_1, delta_2)` [rad], the angle that is missing to parallel; None if the loop comes so near its flat
-        pose, at a multiple of pi, that there is no such bound.
+        `(delta_1, delta_2)` [rad], the deviations from parallel; None if the loop comes so near its flat pose, at a
+        multiple of pi, that there is no such bound.
 
     Example:
         >>> import math
@@ -285,6 +286,6 @@ def deviations(
 
 
 def _to_flat(lower: float, upper: float) -> float:
-    """Return how far an interval of angles is from the nearest multiple of pi [rad]; negative if it holds one."""
+    """Return the distance of an interval of angles from the nearest multiple of pi [rad]; negative inside."""
     below = math.floor(lower / math.pi) * math.pi
     return min(lower - below, below + math.pi - upper)

@@ -1,7 +1,7 @@
-"""Planar loops that are not parallelograms: which two joints close them, by which closed form, in which assembly.
+"""Planar loops that are not parallelograms: the two joints that close them, the closed form, and the assembly.
 
-Going once round the loop, every term of `sum_k (V_k + L_k z) e^(i g_k . z) = 0` lies before the first passive joint,
-between the two, or behind both. One of these groups may move: it is X of `linkages`. `docs/loops.md`.
+Once around the loop, every term of `sum_k (V_k + L_k z) e^(i g_k . z) = 0` is before the first passive joint, between
+the two, or after both. One of these groups may move: it is X of `linkages`. `docs/loops.md`.
 """
 
 from __future__ import annotations
@@ -46,27 +46,27 @@ class _Terms:
         return _Terms(self.angles[rows], self.vectors[rows], self.slides[rows])
 
     def seen(self, row: Array, unit: complex) -> _Terms:
-        """Return the terms turned back by `row . z` and by a unit number."""
+        """Return the terms, rotated back by `row . z` and by a unit number."""
         return _Terms(self.angles - row, self.vectors / unit, self.slides / unit)
 
     @property
     def is_fixed(self) -> bool:
-        """Whether the length of the sum does not change."""
+        """Whether the length of the sum is constant."""
         return not np.any(self.slides) and bool(np.abs(self.angles - self.angles[:1]).max(initial=0.0) <= REDUCTION)
 
 
 def linkage(
     closure: Closure, names: Sequence[str], guess: Array, depth: Sequence[int], taken: Sequence[int] = ()
 ) -> Linkage | Refusal:
-    """Return a planar loop solved for two of its joints, or why it is not.
+    """Return a planar loop, solved for two of its joints, or why this is not possible.
 
     Args:
-        closure: The closure, its path derived over the coordinates `names`.
+        closure: The closure, with its path over the coordinates `names`.
         names: Names of the coordinates (n).
-        guess: (n,) home; of passive joints it picks the assembly, and the turn that they are counted in.
-        depth: How far each coordinate's joint is from the root; the furthest, and of equals the later ones, become
-            passive unless the closure names them.
-        taken: Coordinates that other loops settle already.
+        guess: (n,) home; the values of passive joints select the assembly and the turn.
+        depth: The distance of each coordinate's joint from the root (levels of links). The furthest ones (of equals the
+            later ones) become passive unless the closure names the passive joints.
+        taken: Coordinates that other loops determine already.
     """
     chain = closure.path.minimal
     moving = [names[index] for index in chain.coordinates]
@@ -95,7 +95,7 @@ def linkage(
 
 
 def ordered(linkages: Sequence[Linkage]) -> tuple[Linkage, ...] | str:
-    """Return linkages so that each comes behind those that move it; or the name of one that moves itself."""
+    """Return linkages in an order in which each follows those that move it; or the name of one that moves itself."""
     left, found = list(linkages), list[Linkage]()
     while left:
         passive = {index for one in left for index in one.passive}
@@ -108,7 +108,7 @@ def ordered(linkages: Sequence[Linkage]) -> tuple[Linkage, ...] | str:
 
 
 def said(found: Linkage, names: Sequence[str]) -> str:
-    """Return for people which joints follow, and where the loop toggles."""
+    """Return as text which joints follow, and where the loop toggles."""
     passive = " and ".join(repr(names[index]) for index in found.passive)
     moved = ", ".join(names[index] for index in found.inputs)
     text = f"joints {passive} follow {moved} by {found.form.value}, no linear function"
@@ -163,7 +163,7 @@ def _solved(
 
 @dataclass(frozen=True, eq=False)
 class _Closed:
-    """X and what closes it; `alpha = turns @ p + rows @ z + angles` of the two passive coordinates p."""
+    """X and the part that closes it; `alpha = turns @ p + rows @ z + angles` for the two passive coordinates p."""
 
     form: Form
     moved: _Terms
@@ -214,7 +214,7 @@ def _with_slide(terms: _Terms, turning: int, sliding: int) -> _Closed | Refusal:
     sign = float(p[p != 0.0][0])
     bare = _without(terms, turning, sliding)
     base, here, there = bare.angles[places[0]], bare.take(own), bare.take(~own)
-    behind = sign if p[places[0]] == 0.0 else -sign  # how the others turn, seen from the slide
+    behind = sign if p[places[0]] == 0.0 else -sign  # the rotation of the others, relative to the slide
     if there.is_fixed and abs(complex(there.vectors.sum())) > 0.0:
         arm = complex(there.vectors.sum())
         return _Closed(
@@ -248,7 +248,7 @@ def _without(terms: _Terms, i: int, j: int) -> _Terms:
 
 
 def _assembled(closure: Closure, closed: _Closed, names: Sequence[str], guess: Array) -> Linkage | Refusal:
-    """Return the linkage in the assembly that is next to home."""
+    """Return the linkage in the assembly that is nearest to home."""
     moved = _merged(closed.moved)
     if not np.any(moved.angles) and not np.any(moved.slides):
         return Refusal("nothing but its passive joints moves it", _REMEDY)
@@ -280,7 +280,7 @@ def _assembled(closure: Closure, closed: _Closed, names: Sequence[str], guess: A
         mix=np.round(inverse).astype(np.float64),
         rows=-inverse @ closed.rows + 0.0,
         offset=-inverse @ closed.angles + 0.0,
-        ahead=far if is_ahead or closed.form is Form.SLIDE else -1,  # SLIDE asks for no angle of X
+        ahead=far if is_ahead or closed.form is Form.SLIDE else -1,  # SLIDE does not need the angle of X
         reference=math.atan2(at_home.imag, at_home.real),
     )
     solved = found.solve([Jet(np.array([value]), np.zeros(1), np.zeros(1)) for value in guess.tolist()])
@@ -309,7 +309,7 @@ def _reach(found: Linkage, w: float) -> str:
 
 
 def _merged(terms: _Terms) -> _Terms:
-    """Return the terms with those of one angle added up."""
+    """Return the terms, with those of equal angle added."""
     rows: list[Array] = []
     vectors: list[complex] = []
     slides: list[Complex] = []
@@ -327,12 +327,12 @@ def _merged(terms: _Terms) -> _Terms:
 
 @dataclass(frozen=True, eq=False)
 class Toggles:
-    """Where a loop of one input angle toggles.
+    """The angles at which a loop of one input angle toggles.
 
     Attributes:
         row: (n,) of the input angle `x = row . z`.
-        angles: [rad], in order within [0, 2 pi): the x at which both assemblies meet; none if it closes all round.
-        kept: [rad], the same less the distance that is kept from them, by pairs (first, last) of the arcs that close.
+        angles: [rad], in order within [0, 2 pi): the x at which both assemblies meet; empty if it closes for all x.
+        kept: [rad], the same minus the distance kept from them, as pairs (first, last) of the arcs that close.
     """
 
     row: Array
@@ -341,9 +341,9 @@ class Toggles:
 
 
 def toggles(found: Linkage) -> Toggles | None:
-    """Return where a loop toggles, in closed form; None if its X has no single angle, or slides.
+    """Return where a loop toggles, in closed form; None if X has no single angle, or has a prismatic joint.
 
-    `D^2`, or the height y of SLIDE, is `m + r cos(x + d)`: it is at an end of its range at two x or none.
+    `D^2` (for SLIDE the height y) is `m + r cos(x + d)`: it is at an end of its range at two x or none.
     """
     angles, vectors = found.angles, found.vectors[:, 0] + 1j * found.vectors[:, 1]
     if np.any(found.slides):

@@ -1,10 +1,10 @@
-"""Contacts and limits along one coordinate, or in a plane of two, through loops that are not parallelograms.
+"""Contacts and limits along one coordinate, or in a slice of two, through loops that are not parallelograms.
 
-Over a box of these coordinates with middle c and half-widths h, F is `F(c) + sum_a s_a J_a h_a + e` with `s_a` in
-[-1, 1], J the middle of an interval that holds F', and |e| bounded by what is left of it (`Lift.linear`). A limit is
-linear in z, and so exact but for e. The distance of two marks is bounded to second order as over any box of z, its
-linear part along the `J_a h_a` alone: what follows q together is not taken for independent. `docs/loops.md` derives
-both.
+Over a box of these coordinates with middle c and half-widths h, F is `F(c) + sum_a s_a J_a h_a + e` with `s_a` in [-1,
+1], J the middle of an interval that contains F', and a bound of |e| from the rest of this interval (`Lift.linear`). A
+limit is linear in z, so it is exact except for e. The distance of two marks is bounded to second order as over any box
+of z, with its linear part along the `J_a h_a` only: so coordinates of z that depend on q together do not count as
+independent. `docs/loops.md` derives both.
 """
 
 from __future__ import annotations
@@ -42,20 +42,20 @@ __all__ = [
     "rules_through",
 ]
 
-_ROWS = 2**12  # boxes whose F is bounded in one go
-_MOST_OPEN = 2**14  # pieces along a coordinate that stay open at one time
-_NOISY = 1e-9  # rad or m: from there on pieces may be open by rounding alone
+_ROWS = 2**12  # boxes whose F is bounded in one call
+_MOST_OPEN = 2**14  # undecided pieces along a coordinate at one time
+_NOISY = 1e-9  # rad or m: shorter pieces may be undecided by rounding alone
 
 
 @dataclass(frozen=True, eq=False)
 class LiftedPlane(Value):
-    """One or two coordinates of q, the others held, seen in z.
+    """One or two coordinates of q, with the others fixed, and their map to z.
 
     Attributes:
         lift: `z = F(q)`.
         at: (n,) the values of the other coordinates.
-        indices: Of the p coordinates.
-        errors: By how much the gap of each loop may be off by rounding of its numbers [m].
+        indices: Indices of the p coordinates.
+        errors: Bounds of the error of each loop's gap, by the rounding of its numbers [m].
     """
 
     lift: Lift
@@ -65,7 +65,7 @@ class LiftedPlane(Value):
 
     @cached_property
     def fastest(self) -> Array:
-        """(p,) how fast angles of the loops turn with each of the coordinates, at most."""
+        """(p,) the largest rates of the loops' angles with each of the coordinates."""
         angles = np.concatenate([one.angles for one in self.lift.linkages])[:, list(self.indices)]
         return np.maximum(np.abs(angles).max(axis=0), 1.0)
 
@@ -80,11 +80,11 @@ class LiftedPlane(Value):
         return self.lift(self.configurations(X))
 
     def jacobians(self, X: Array) -> Array:
-        """Return dz by the coordinates (N, n + k, p)."""
+        """Return the derivatives of z by the coordinates (N, n + k, p)."""
         return self.lift.jacobians(self.configurations(X))[:, :, list(self.indices)]
 
     def over(self, middle: Array, half: Array) -> LinearParts:
-        """Return what holds z over boxes `middle +- half` (N, p)."""
+        """Return bounds of z over boxes `middle +- half` (N, p)."""
         wide = np.zeros((len(half), len(self.at)))
         wide[:, list(self.indices)] = half
         return self.lift.linear(self.configurations(middle), wide, self.indices, self.errors)
@@ -92,7 +92,7 @@ class LiftedPlane(Value):
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """Contact `|r| <= threshold` of a boundary in a plane.
+    """Contact `|r| <= threshold` of a boundary in a slice.
 
     Attributes:
         name: The boundary.
@@ -108,7 +108,7 @@ class Contact:
 
     @property
     def source(self) -> str:
-        """The boundary."""
+        """The boundary's name."""
         return self.name
 
 
@@ -117,18 +117,18 @@ class LoopContact(Contact):
     """Contact `|r(F(x))| <= threshold` of a boundary through loops; its path is over z.
 
     Attributes:
-        plane: What takes points of the plane to z.
+        plane: The map from points of the slice to z.
     """
 
     plane: LiftedPlane
 
     @property
     def fastest(self) -> Array:
-        """(2,) how fast angles turn with each of the coordinates, about."""
+        """(2,) about the rates of angles with each of the coordinates."""
         return self.plane.fastest
 
     def value(self, X: Array) -> Array:
-        """Return the separation less T (N,) [m]."""
+        """Return the separation minus T (N,) [m]."""
         return separation.separations(self.path, self.plane.lifted(X)) - self.threshold
 
     def gradient(self, X: Array) -> Array:
@@ -143,15 +143,15 @@ class LoopContact(Contact):
 
 @dataclass(frozen=True, eq=False)
 class LoopLimit:
-    """What is linear in z: allowed where one of `ends_j - rows_j . z` is positive; of most there is but one.
+    """A constraint that is linear in z: allowed if one of `ends_j - rows_j . z` is positive; most have only one.
 
     Attributes:
-        name: What people read, e.g. ``"B upper"`` or ``"bar toggle upper"``.
+        name: The name for people, e.g. ``"B upper"`` or ``"bar toggle upper"``.
         source: The joint, the loop, the rule or the boundary.
         rows: (p, n + k).
         ends: (p,) [rad or m].
-        plane: What takes points of the plane to z.
-        is_contact: Whether it is a stop of a boundary, and so open; limits are closed.
+        plane: The map from points of the slice to z.
+        is_contact: Whether it is a stop of a boundary, which is open; limits are closed.
     """
 
     name: str
@@ -163,7 +163,7 @@ class LoopLimit:
 
     @property
     def fastest(self) -> Array:
-        """(2,) how fast angles turn with each of the coordinates, about."""
+        """(2,) about the rates of angles with each of the coordinates."""
         return self.plane.fastest
 
     def _each(self, X: Array) -> Array:
@@ -179,7 +179,7 @@ class LoopLimit:
         return -np.einsum("nz,nza->na", self.rows[most], self.plane.jacobians(X))
 
     def free(self, X: Array) -> Flags:
-        """Return whether points (N, p) are out of contact; limits are for `Slice.within`, by their one rule."""
+        """Return whether points (N, p) are out of contact; for limits, `Slice.within` decides by their one rule."""
         if not self.is_contact:
             return np.ones(len(X), dtype=np.bool_)
         return np.asarray(self.value(X) > 0.0, dtype=np.bool_)
@@ -197,7 +197,7 @@ class LoopLimit:
 
 @dataclass(frozen=True, eq=False)
 class LoopFunction:
-    """A contact or limit over the plane in units of its scales, for tracing.
+    """A contact or limit over the slice in units of its scales, for tracing.
 
     Attributes:
         curve: The contact or limit.
@@ -217,10 +217,10 @@ class LoopFunction:
 
 
 class LoopBounds:
-    """Proven bounds of contacts and limits through loops over boxes of the plane."""
+    """Proven bounds of contacts and limits through loops over boxes of the slice."""
 
     def __init__(self, curves: Sequence[LoopContact | LoopLimit], low: Array, high: Array) -> None:
-        """Put the contacts' paths side by side, with lever arms that hold between two corners (2,) of the plane."""
+        """Bundle the contacts' paths, with lever arms that hold between two corners (2,) of the slice."""
         self.curves, self.plane = tuple(curves), curves[0].plane
         self._contacts = [k for k, one in enumerate(curves) if isinstance(one, LoopContact)]
         self._place = np.full(len(curves), -1, dtype=np.intp)
@@ -232,9 +232,9 @@ class LoopBounds:
 
     @cached_property
     def _turns(self) -> list[tuple[int, Array]]:
-        """Of each loop whose X may go round: its turn's column, and by how many turns z jumps where that jumps by one.
+        """For each loop whose X may go around zero: its turn's index, and the jump of z in turns when it jumps by one.
 
-        NaN where another loop takes what jumps.
+        It is NaN if another loop uses a coordinate that jumps.
         """
         lift, found = self.plane.lift, list[tuple[int, Array]]()
         for one, columns in zip(lift.linkages, lift.columns, strict=True):
@@ -260,7 +260,7 @@ class LoopBounds:
     def bounds(self, which: Ints, middle: Array, half: Array) -> tuple[Array, Array]:
         """Return bounds (P,) of the values of curves `which` (P,) over boxes `middle +- half` (P, p).
 
-        Rows of one box follow one another, so that F is bounded once a box.
+        Rows of one box are consecutive, so that F is bounded once for each box.
         """
         lower, upper = np.empty(len(which)), np.empty(len(which))
         new = np.ones(len(which), dtype=np.bool_)
@@ -274,9 +274,9 @@ class LoopBounds:
         return lower, upper
 
     def _around(self, which: Ints, z: LinearParts, box: Indices) -> tuple[Array, Array]:
-        """Return bounds that hold on both sides of a cut, where a box may lie across one.
+        """Return bounds that hold on both sides of a cut, for boxes that may contain one.
 
-        F goes on smoothly over the cut, and is there by whole turns off what the passive joints are.
+        F continues smoothly over the cut, and there it differs from the passive joints by full turns.
         """
         lower, upper = self._over(which, z, box)
         cut = np.zeros(len(box), dtype=np.intp)
@@ -310,7 +310,7 @@ class LoopBounds:
 
 
 def limits_through(limit: LinearLimit, plane: LiftedPlane) -> list[LoopLimit]:
-    """Return both ends of a limit over z, those that are finite."""
+    """Return both ends of a limit over z, if they are finite."""
     c, o = limit.coefficients, limit.offset
     ends = (("upper", c, limit.upper - o), ("lower", -c, o - limit.lower))
     return [
@@ -321,7 +321,7 @@ def limits_through(limit: LinearLimit, plane: LiftedPlane) -> list[LoopLimit]:
 
 
 def rules_through(guarded: Iterable[GuardedLimit], plane: LiftedPlane) -> list[LoopLimit]:
-    """Return guarded ends over z: allowed where the end is kept, or a condition does not hold."""
+    """Return guarded ends over z: allowed if the end is kept, or if a condition does not hold."""
     found: list[LoopLimit] = []
     for one in guarded:
         rows: list[Array] = []
@@ -341,7 +341,7 @@ def rules_through(guarded: Iterable[GuardedLimit], plane: LiftedPlane) -> list[L
 def contacts_through(
     name: str, rule: ContactRule, plane: LiftedPlane, margin: float = 0.0
 ) -> list[LoopContact | LoopLimit]:
-    """Return the contact of a boundary over z: of a stop both ends of home's gap, which are linear in z."""
+    """Return the contact of a boundary over z; for a stop, both ends of home's gap, which are linear in z."""
     if rule.stop is None:
         return [LoopContact(name, rule.path, rule.raised(margin), plane)]
     strips = rule.strips(margin)
@@ -356,11 +356,11 @@ def contacts_through(
 
 
 def proven_end(bounds: LoopBounds, value: float, end: float) -> tuple[float, int]:
-    """Return how far from a value towards an end all curves are proven positive, and which stops it; -1: none does.
+    """Return how far from a value towards an end all curves are proven positive, and which one stops it (-1: none).
 
-    Steps that are proven are taken, and the next one is twice as long; others are halved. The bounds are exact to
-    second order, so that next to a simple zero half of what is left, or more, is proven in one step; where it ends, a
-    curve is zero to `tolerances.ROOT`.
+    A proven step is taken, and the next one is twice as long; other steps are halved. The bounds are exact to second
+    order. So next to a simple zero at least half of the remaining distance is proven in one step. At the end, a curve
+    is zero to `tolerances.ROOT`.
     """
     which, x, step = np.arange(len(bounds.curves)), value, abs(end - value)
     while x != end:
@@ -378,10 +378,10 @@ def proven_end(bounds: LoopBounds, value: float, end: float) -> tuple[float, int
 
 
 def free_parts(bounds: LoopBounds, low: float, high: float, name: str) -> Array:
-    """Return the intervals (k, 2) of [low, high] on which all curves are positive; contact is what is not proven free.
+    """Return the intervals (k, 2) of [low, high] on which all curves are positive; what is not proven free is contact.
 
     Raises:
-        UnsupportedError: If a curve is zero to rounding along a whole stretch.
+        UnsupportedError: If a curve is zero up to rounding along an interval.
     """
     count, start, half = len(bounds.curves), np.array([low]), 0.5 * (high - low)
     free, fewest = list[Array](), _MOST_OPEN
@@ -399,7 +399,7 @@ def free_parts(bounds: LoopBounds, low: float, high: float, name: str) -> Array:
                 "interval; change the threshold, or give a smaller window (window=)"
             )
         fewest = min(fewest, len(start))
-        if half <= _NOISY and len(start) > 4 * fewest:  # no longer a place a contact: what is left is rounding
+        if half <= _NOISY and len(start) > 4 * fewest:  # more than one piece for each contact: the rest is rounding
             break
         half *= 0.5
         start = np.concatenate((start, start + 2.0 * half))

@@ -1,12 +1,12 @@
-"""Closures that hold the orientation of two frames, too: in a planar loop one more linear equation of its joints.
+"""Closures that also fix the orientation of two frames: in a planar loop, one more linear equation of its joints.
 
-Where all joints between two links turn about parallel axes, along u, `R_a = R(u, phi_a) A` and `R_b = R(u, phi_b) B`
-with A and B the orientations at zero, and phi sums of joint angles. So `R_a = R_b` says that `K = A B^T` is a turn
-about u, by kappa, and
+If all joints between two links rotate about parallel axes, along u, then `R_a = R(u, phi_a) A` and `R_b = R(u, phi_b)
+B`, where A and B are the orientations at zero, and phi are sums of joint angles. So `R_a = R_b` means that `K = A B^T`
+is a rotation about u, by kappa, and
 
-    phi_b - phi_a = kappa   (mod 2 pi, the turn being that of the assembled pose),
+        phi_b - phi_a = kappa   (mod 2 pi, in the turn of the assembled pose),
 
-which expresses one joint by the others, best one that turns nothing but the pin. `docs/closures.md`.
+which expresses one joint by the others, if possible one that rotates nothing but the pin. `docs/closures.md`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _REMEDY = "Give the pin alone (of type 3d, or without weld), or couple the joint
 
 
 def substituted(coupling: Coupling, rows: Array, constant: Array, passive: Sequence[int]) -> Coupling:
-    """Return `theta = S q + o` with `rows q = constant` solved for the passive coordinates, as many as rows."""
+    """Return `theta = S q + o` with `rows q = constant` solved for the passive coordinates, one for each row."""
     n = len(coupling.coordinates)
     active = [index for index in range(n) if index not in passive]
     inverse = np.linalg.inv(rows[:, list(passive)])
@@ -44,7 +44,7 @@ def substituted(coupling: Coupling, rows: Array, constant: Array, passive: Seque
 
 
 def _exact(coefficients: Array) -> Array:
-    """Return coefficients with those that miss an integer by rounding alone set to it."""
+    """Return coefficients; those that differ from an integer only by rounding are set to it."""
     whole = np.round(coefficients)
     return np.where(np.abs(coefficients - whole) <= REDUCTION, whole, coefficients) + 0.0
 
@@ -52,15 +52,16 @@ def _exact(coefficients: Array) -> Array:
 def welded(
     tree: Tree, coupling: Coupling, mark: ClosureMark, moved: Collection[int], reference: Array, depth: Sequence[int]
 ) -> Coupling | Refusal:
-    """Return the coupling in which the frames of a closure's two links have one orientation, or why there is none.
+    """Return the coupling in which the frames of a closure's two links have the same orientation, or why there is none.
 
     Args:
         tree: The tree of links.
-        coupling: Today's coupling.
+        coupling: The present coupling.
         mark: The closure.
-        moved: Coordinates that move the two ends of its pin against each other; another one is made to follow first.
+        moved: Coordinates that move the two ends of its pin relative to each other; another coordinate is preferred as
+            the dependent one.
         reference: (n,) the assembled pose.
-        depth: How far each coordinate's joint is from the root.
+        depth: The distance of each coordinate's joint from the root (levels of links).
     """
     axis: Array | None = None
     row, offset = np.zeros(len(coupling.coordinates)), 0.0
