@@ -1,1 +1,1 @@
-"""Nearest points of convex hulls: knows no robot."""
+"""Nearest points of convex hulls, and rotations; this room knows no robot."""

@@ -1,8 +1,8 @@
-"""The nearest point of two hulls in whole numbers, for the few cases that float64 cannot tell: slivers that touch.
+"""The nearest point of two hulls in integer arithmetic, for the few cases that float64 cannot decide: touching slivers.
 
-A float64 is a whole number times a power of two. So vertices, their products and their signs are exact in Python's
-whole numbers, and the algorithm of `geometry/gjk.py` ends at the nearest point itself: v is shorter at each step, no
-step is decided by rounding, and the last corner proves that none is nearer. It takes some milliseconds.
+A float64 is an integer times a power of two. So vertices, their products and their signs are exact in Python's
+integers, and the algorithm of `geometry/gjk.py` ends at the nearest point itself: v is shorter at each step, rounding
+decides no step, and the last corner proves that no point is nearer. It takes some milliseconds.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ __all__ = ["nearest_exactly"]
 
 Whole = tuple[int, int, int]
 
-_MOST_ROUNDS = 1_000  # a bound for what ends by itself
+_MOST_ROUNDS = 1_000  # a limit for a loop that ends by itself
 
 
 def nearest_exactly(w: Array, directions: Array, corners: tuple[Array, Array]) -> Array:
-    """Return t (m,) at which `|w + sum_i t_i e_i|` is least; arguments as for `gjk.nearest_vertices`, of one row.
+    """Return t (m,) for which `|w + sum_i t_i e_i|` is least; arguments as for one row of `gjk.nearest_vertices`.
 
     Example:
         >>> w, needle = np.array([0.5, 1e-9, 0.0]), np.array([[0.0], [1.0]])
@@ -54,7 +54,7 @@ def nearest_exactly(w: Array, directions: Array, corners: tuple[Array, Array]) -
     shares, v = [1], point
     for _ in range(_MOST_ROUNDS):
         point, pair = support(v)
-        if pair in pairs or _dot(v, point) * sum(shares) >= _dot(v, v):  # v is sum(shares) times what it stands for
+        if pair in pairs or _dot(v, point) * sum(shares) >= _dot(v, v):  # v is the point times sum(shares)
             break
         points, pairs = [*points, point], [*pairs, pair]
         used, shares, v = _nearest(points)
@@ -68,7 +68,7 @@ def nearest_exactly(w: Array, directions: Array, corners: tuple[Array, Array]) -
 
 
 def _whole(values: Array) -> tuple[NDArray[Any], int]:
-    """Return an array as whole numbers over a power of two, and the power."""
+    """Return an array as integers times a power of two, and the power."""
     ratios = [float(value).as_integer_ratio() for value in values.ravel()]
     power = max((below.bit_length() - 1 for _, below in ratios), default=0)
     found = np.empty(len(ratios), dtype=object)
@@ -77,7 +77,7 @@ def _whole(values: Array) -> tuple[NDArray[Any], int]:
 
 
 def _nearest(points: list[Whole]) -> tuple[list[int], list[int], Whole]:
-    """Return which of up to four points carry the one nearest to the origin, their shares, and their sum times it."""
+    """Return which of up to four points span the nearest feature, their shares, and the point times their sum."""
     best: tuple[list[int], list[int], Whole] | None = None
     for count in range(1, len(points) + 1):
         for used in combinations(range(len(points)), count):
@@ -88,12 +88,12 @@ def _nearest(points: list[Whole]) -> tuple[list[int], list[int], Whole]:
             v = (x, y, z)
             if best is None or _dot(v, v) * sum(best[1]) ** 2 < _dot(best[2], best[2]) * sum(shares) ** 2:
                 best = list(used), shares, v
-    assert best is not None  # a single point is always one
+    assert best is not None  # a single point always gives a result
     return best
 
 
 def _shares(points: list[Whole]) -> list[int] | None:
-    """Return positive shares of points whose hull's inside holds the foot of the origin; None if it does not."""
+    """Return positive shares of points if the foot of the origin is inside their hull; else None."""
     if len(points) == 1:
         return [1]
     if len(points) == 2:

@@ -1,11 +1,11 @@
-"""The point of a convex body nearest to the origin, known by its support function alone.
+"""The point of a convex body nearest to the origin, from the support function of the body.
 
-The algorithm of Gilbert, Johnson and Keerthi (1988): v is the point nearest to the origin of the hull of up to four
-corners, and the next corner s(v) is the furthest of the body against v. With it
+This is the algorithm of Gilbert, Johnson and Keerthi (1988). v is the point nearest to the origin in the hull of up to
+four corners, and the next corner s(v) is the furthest corner of the body against v. Then
 
     v . s(v) / |v| <= distance <= |v|,
 
-so that every answer carries its own proof: the search ends when both sides agree to rounding. `docs/hulls.md`.
+so every answer has its own proof: the search ends when both sides agree up to rounding. `docs/hulls.md`.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ __all__ = ["AGREE", "INSIDE", "MOST_ROUNDS", "nearest_vertices", "reach", "searc
 Support = Callable[[Array, Indices], tuple[Array, Array, Array]]
 
 MOST_ROUNDS = 60
-AGREE = 8.0 * UNIT_ROUNDOFF  # relative to the furthest corner: both bounds differ by no more
-INSIDE = 1e-8  # relative to four corners: further from the origin, what they say of it is rounding of a flat body
+AGREE = 8.0 * UNIT_ROUNDOFF  # relative to the furthest corner: the largest difference of both bounds at the end
+INSIDE = 1e-8  # relative to four corners: beyond this distance from the origin, they are a flat body with rounding
 _FIRST, _SECOND = np.array(list(combinations(range(4), 2))).T  # corners of the six edges
 _FACES = np.array(list(combinations(range(4), 3)))  # of the four faces
 _FEATURES = 14
 
 
 def nearest_vertices(w: Array, directions: Array, corners: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return t (N, m) at which `|w + sum_i t_i e_i|` is least, and a proven lower bound of that distance (N,).
+    """Return t (N, m) for which `|w + sum_i t_i e_i|` is least, and a proven lower bound of that distance (N,).
 
     t runs over the product of two convex hulls: its first m_a entries over the hull of the rows of `corners[0]`, the
     others over that of the rows of `corners[1]`. The bound is zero or less if the origin is inside; minus it is then
@@ -69,9 +69,10 @@ def nearest_vertices(w: Array, directions: Array, corners: tuple[Array, Array]) 
 
 
 def settled(w: Array, directions: Array, corners: tuple[Array, Array], t: Array, bound: Array) -> tuple[Array, Array]:
-    """Return t and bound of a search, those t in whole numbers that the search has not proven: slivers that touch.
+    """Return t and bound of a search; unproven ones (touching slivers) are computed in integers.
 
-    Bodies `NEARLY_TOUCHING` apart have their distance proven to `PROVEN_GAP`; nearer ones to `AGREE`, all of the size.
+    For bodies `NEARLY_TOUCHING` apart the distance is proven to `PROVEN_GAP`, for nearer ones to `AGREE`, both relative
+    to the size.
     """
     scale = reach(w, directions, corners)
     with np.errstate(invalid="ignore"):
@@ -84,7 +85,7 @@ def settled(w: Array, directions: Array, corners: tuple[Array, Array], t: Array,
 
 
 def reach(w: Array, directions: Array, corners: tuple[Array, Array]) -> Array:
-    """Return a bound of `|w + sum_i t_i e_i|` over all t (N,): what rounding is relative to."""
+    """Return a bound of `|w + sum_i t_i e_i|` over all t (N,), to which rounding is relative."""
     lengths = np.linalg.norm(directions, axis=2)
     split = corners[0].shape[1]
     sides = zip((lengths[:split], lengths[split:]), corners, strict=True)
@@ -92,15 +93,15 @@ def reach(w: Array, directions: Array, corners: tuple[Array, Array]) -> Array:
 
 
 def search(w: Array, edges: Array, support: Support, start: Array, scale: Array) -> tuple[Array, Array]:
-    """Return the least t (N, k), and a proven lower bound of the distance (N,), zero or less if the origin is inside.
+    """Return the least t (N, k), and a proven lower bound of the distance (N,); zero or less if the origin is inside.
 
     Args:
         w: (N, 3).
         edges: (k, N, 3).
-        support: Takes v (n, 3) of some rows, and which rows they are (n,), and returns the corner furthest against v
+        support: Takes v (n, 3) of some rows, and the indices of these rows (n,). Returns the corner furthest against v
             (n, 3), its product with v (n,), and its t (n, k).
-        start: (N, 3) the first direction to look against.
-        scale: (N,) what rounding is relative to.
+        start: (N, 3) the first search direction.
+        scale: (N,) the lengths to which rounding is relative.
     """
     count, k = len(w), len(edges)
     t, bound = np.zeros((count, k)), np.full(count, np.nan)
@@ -116,9 +117,9 @@ def search(w: Array, edges: Array, support: Support, start: Array, scale: Array)
         length = np.sqrt(np.einsum("ni,ni->n", v[rows], v[rows]))
         below = np.divide(towards, length, out=np.zeros_like(length), where=length > 0.0)
         bound[rows] = np.maximum(bound[rows], below)
-        known = np.all(corners[rows] == corner[:, None], axis=2) & used[rows]  # no further corner: v is the nearest
-        agree = length - np.maximum(below, 0.0) <= AGREE * scale[rows]  # zero to rounding has no direction to look in
-        stalled = length >= shortest[rows] * (1.0 - AGREE)  # the corner is new by rounding alone
+        known = np.all(corners[rows] == corner[:, None], axis=2) & used[rows]  # no new corner: v is the nearest
+        agree = length - np.maximum(below, 0.0) <= AGREE * scale[rows]  # zero up to rounding has no direction
+        stalled = length >= shortest[rows] * (1.0 - AGREE)  # the corner is new only by rounding
         has_corners = used[rows].any(axis=1)
         done = np.any(known, axis=1) | (has_corners & (agree | stalled))
         shortest[rows[has_corners]] = length[has_corners]
@@ -138,7 +139,7 @@ def search(w: Array, edges: Array, support: Support, start: Array, scale: Array)
 
 
 def _nearest_in_hull(points: Array, used: Flags) -> tuple[Array, Array]:
-    """Return the weights (N, 4) of the hull's point nearest to the origin, and how deep inside four it lies (N,).
+    """Return the weights (N, 4) of the hull's point nearest to the origin, and the depth inside four corners (N,).
 
     The point is the nearest of a corner, an edge or a face: all fourteen are tried at once.
     """
@@ -156,7 +157,7 @@ def _nearest_in_hull(points: Array, used: Flags) -> tuple[Array, Array]:
     a, b, c = (points[:, _FACES[:, corner]] for corner in range(3))
     n = cross(b - a, c - a)
     areas = np.stack((dot(n, cross(b, c)), dot(n, cross(c, a)), dot(n, cross(a, b))), axis=2)
-    square = areas.sum(axis=2, keepdims=True)  # |n|^2 but for rounding, with which a sliver's weights would not add up
+    square = areas.sum(axis=2, keepdims=True)  # not |n|^2, with which weights of a sliver add up badly
     shares = np.divide(areas, square, out=np.full_like(areas, -1.0), where=square > 0.0)
     weights[:, np.arange(10, 14)[:, None], _FACES] = shares
     valid[:, 10:] = used[:, _FACES].all(axis=2) & (shares >= 0.0).all(axis=2)
@@ -175,7 +176,7 @@ def _nearest_in_hull(points: Array, used: Flags) -> tuple[Array, Array]:
 
 
 def _tetrahedron(points: Array) -> tuple[Array, Array]:
-    """Return barycentric coordinates (N, 4) of the origin, negative where all is flat, and its depth inside."""
+    """Return barycentric coordinates (N, 4) of the origin (negative for a flat body), and its depth inside."""
     a, b, c = (points[:, _FACES[::-1, corner]] for corner in range(3))  # the face without corner 0, 1, 2, 3
     volume = dot(a, cross(b, c)) * np.array([1.0, -1.0, 1.0, -1.0])
     normal = cross(b - a, c - a)

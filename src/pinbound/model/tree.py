@@ -1,4 +1,4 @@
-"""The tree of links: ancestors, paths, and the helper links that a boundary does not see."""
+"""The tree of links: ancestors, paths, and the helper links that do not count for boundaries."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ from pinbound.values import FrozenDict, read_only
 __all__ = ["MANY_DEGREES", "Tree"]
 
 MANY_DEGREES = 3
-"""Degrees of freedom between two links, behind which no neighbour can be."""
+"""Links with at least this many degrees of freedom between them have no neighbours behind them."""
 
 _Vector = Array
 _Line = tuple[Joint, float, _Vector, _Vector, float]
-"""A joint, its sign, its axis and place (3,) each, and the length of the path up to it [m]."""
+"""A joint, its sign, its axis and a point on it (3,) each, and the length of the path up to it [m]."""
 
 _CLEARLY = 1e-6
-"""Far above `REDUCTION`: two axes that differ by so much, as directions or relative to their places, are two."""
+"""Far above `REDUCTION`: axes that differ by at least this, as directions or relative to their positions, are
+different."""
 
 _TURNING = ("revolute", "continuous")
 _FREEDOMS = {"planar": 3, "floating": 6}
@@ -33,7 +34,7 @@ _FREEDOMS = {"planar": 3, "floating": 6}
 
 @dataclass(frozen=True, eq=False)
 class _Own:
-    """The joint that moves a link: the link that holds it, how many joints are above, its axis and place there."""
+    """The joint that moves a link: the link above it, the number of joints above, its axis and a point on it."""
 
     above: str
     depth: int
@@ -43,11 +44,11 @@ class _Own:
 
 @dataclass(frozen=True)
 class Tree:
-    """Links and joints of one robot, with the marked links known.
+    """Links and joints of one robot, and which links have marks.
 
     Attributes:
         kinematics: The checked links and joints.
-        marked_links: Links that carry a marked point; these are never helpers.
+        marked_links: Links that have a mark; these are never helpers.
 
     Example:
         >>> from pinbound.model.document import packaged_robots, read_document
@@ -65,7 +66,7 @@ class Tree:
     marked_links: Collection[str] = frozenset()
 
     def __post_init__(self) -> None:
-        """Keep the names of marked links as they are now."""
+        """Copy the names of marked links."""
         object.__setattr__(self, "marked_links", frozenset(self.marked_links))
 
     @cached_property
@@ -116,7 +117,7 @@ class Tree:
 
     @cached_property
     def frames_at_zero(self) -> FrozenDict[str, _Vector]:
-        """Where each link is with all joints at zero (3, 4), in the root link's frame."""
+        """The placement of each link with all joints at zero (3, 4), in the root link's frame."""
         found: dict[str, _Vector] = {}
         for link, joint, _ in self.walk():
             if joint is None:
@@ -128,7 +129,7 @@ class Tree:
 
     @cached_property
     def lines_at_zero(self) -> FrozenDict[str, tuple[_Vector, _Vector]]:
-        """The axis (3,) of each joint, and a place on it, in the root link's frame, with all joints at zero."""
+        """The axis (3,) of each joint, and a point on it, in the root link's frame, with all joints at zero."""
         frames = self.frames_at_zero
         lines = {
             joint.name: (frames[joint.child][:, :3] @ joint.axis, frames[joint.child][:, 3])
@@ -138,10 +139,10 @@ class Tree:
 
     @cached_property
     def helpers(self) -> frozenset[str]:
-        """Links that only carry a second joint at one place.
+        """Links whose only purpose is a second joint at the same place.
 
-        A helper has no inertia, no geometry, no marked point, a joint above and joints below, and is joined at
-        zero offset: either its own joint or all joints below it have a zero origin.
+        A helper has no inertia, no geometry, no mark, a joint above and joints below. It is connected at zero offset:
+        either its own joint or all joints below it have a zero origin.
         """
         return frozenset(name for name in self.links if self._is_helper(name))
 
@@ -163,7 +164,7 @@ class Tree:
         return [name for name in self.lineage(link) if name == link or name not in self.helpers]
 
     def common_ancestor(self, link_a: str, link_b: str) -> str:
-        """Return the lowest link, helpers aside, from which both links descend (or that is one of them)."""
+        """Return the lowest link (helpers do not count) from which both links descend, or that is one of them."""
         above_b = set(self.visible_lineage(link_b))
         return next(name for name in self.visible_lineage(link_a) if name in above_b)
 
@@ -183,18 +184,18 @@ class Tree:
         return [*reversed(self.descent(meeting, link_a)), *self.descent(meeting, link_b)]
 
     def motions_between(self, link_a: str, link_b: str, branches: bool = False) -> list[list[tuple[Joint, float]]]:
-        """Return the moving joints between two links, those together that turn about one axis at one place.
+        """Return the moving joints between two links; joints that rotate about one axis at one point are grouped.
 
-        Two turns that follow each other down (or up) the tree at one place about one axis are one turn by the sum of
-        their angles, each with the sign that is returned. A parallelogram's elbow is such a place: `-q2` and `q3` turn
-        the forearm by `q3 - q2` against the upper arm. Two links that turn about one axis beside each other, both on
-        one link below them, are two motions, unless `branches` is set. A planar or floating joint stands alone, and so
-        does each sliding joint.
+        Two rotations that follow each other down (or up) the tree at one point about one axis are one rotation by the
+        sum of their angles, each with the returned sign. The elbow of a parallelogram arm is an example: `-q2` and `q3`
+        rotate the forearm by `q3 - q2` relative to the upper arm. Two links on one common link that rotate about the
+        same axis are two motions, unless `branches` is set. A planar or floating joint is a motion of its own, and so
+        is each prismatic joint.
         """
         return _merged(self._axes_between(link_a, link_b), branches)
 
     def _axes_between(self, link_a: str, link_b: str) -> Iterator[_Line]:
-        """Yield each moving joint from a to b: joint, sign, axis and place in a's frame at zero, length so far."""
+        """Yield each moving joint from a to b: joint, sign, axis and point in a's frame at zero, length so far."""
         above_b = set(self.lineage(link_b))
         meeting = next(name for name in self.lineage(link_a) if name in above_b)
         rotation, place, scale = np.eye(3), np.zeros(3), 0.0
@@ -212,15 +213,15 @@ class Tree:
                 yield joint, 1.0, rotation @ joint.axis, place, scale
 
     def degrees_between(self, link_a: str, link_b: str, coupling: Coupling | None = None) -> int:
-        """Return how many degrees of freedom lie between two links; 0: they never move against each other.
+        """Return how many degrees of freedom lie between two links; 0: they never move relative to each other.
 
         Each of the motions of `motions_between` is one, a planar joint three, a floating joint six.
 
         Args:
             link_a: One link.
             link_b: The other.
-            coupling: `theta = S q + o`; with it, motions that no coordinate moves are not counted: a mimic joint of
-                multiplier 0, or turns that cancel.
+            coupling: `theta = S q + o`; with it, motions that no coordinate moves do not count: a mimic joint of
+                multiplier 0, or rotations that cancel.
 
         Example:
             >>> import pinbound as pb
@@ -234,13 +235,13 @@ class Tree:
         return sum(self._freedoms(motion, coupling) for motion in _merged(lines, False))
 
     def degrees_nearby(self, coupling: Coupling) -> dict[frozenset[str], int]:
-        """Return `degrees_between` of links that are near each other in the tree; all other pairs have two at least.
+        """Return `degrees_between` of links that are near each other in the tree; all other pairs have at least two.
 
-        Whatever lies behind a link with `MANY_DEGREES` of them has one less at least: only the motion that the link
-        cuts can be made good behind it, by turns about the same axis, and it counts as two where it goes up and down
-        again.
+        Links behind a link with `MANY_DEGREES` of them have at most one less: only the motion that is divided at this
+        link can be cancelled behind it, by rotations about the same axis, and it counts as two if the chain goes up and
+        down again.
         """
-        held = self._held  # links that fixed joints join have the same degrees to all others
+        held = self._held  # links connected by fixed joints have the same degrees to all others
         beside: dict[str, list[str]] = {name: [] for name in self.links}
         members: dict[str, list[str]] = {}
         for joint in self.kinematics.joints:
@@ -270,10 +271,10 @@ class Tree:
         }
 
     def _degrees_over(self, one: str, other: str, coupling: Coupling, straight: dict[tuple[str, str], int]) -> int:
-        """Return `degrees_between`; where two ways part with clearly different axes it is the sum of both ways'.
+        """Return `degrees_between`; if two branches start with clearly different axes, it is the sum of both branches.
 
-        Only joints of one way are counted together, and turns of both ways cancel about one axis alone. So a floor with
-        hundreds of arms asks for each arm once (`straight`), not for each pair of arms.
+        Only joints of one branch are grouped, and rotations of both branches cancel only about the same axis. So for a
+        floor with hundreds of arms, each arm is computed once (`straight`), not each pair of arms.
         """
         lines, ends = self._own_lines, [one, other]
         last: list[str | None] = [None, None]
@@ -294,7 +295,7 @@ class Tree:
 
     @cached_property
     def _own_lines(self) -> dict[str, _Own]:
-        """The joint that moves each topmost link of `_held`; the root's has no link above."""
+        """The joint that moves each topmost link of `_held`; for the root there is none."""
         frames: dict[str, tuple[_Vector, _Vector]] = {}
         found: dict[str, _Own] = {}
         for link, joint, _ in self.walk():
@@ -313,7 +314,7 @@ class Tree:
 
     @cached_property
     def _held(self) -> dict[str, str]:
-        """The topmost link that fixed joints join each link with."""
+        """For each link, the topmost link to which only fixed joints connect it."""
         found: dict[str, str] = {}
         for link, joint, _ in self.walk():
             found[link.name] = found[joint.parent] if joint is not None and joint.type == "fixed" else link.name
@@ -330,7 +331,7 @@ class Tree:
 
 
 def _merged(lines: Iterable[_Line], branches: bool) -> list[list[tuple[Joint, float]]]:
-    """Return joints with their signs, those together that follow each other and turn about one axis at one place."""
+    """Return joints with their signs; consecutive ones that rotate about one axis at one point are grouped."""
     found: list[list[tuple[Joint, float]]] = []
     last: _Line | None = None
     for line in lines:

@@ -1,7 +1,7 @@
-"""URDF in: links and joints, checked with their lines.
+"""Reading a URDF: links and joints, checked with their lines.
 
-A URDF in the wild may miss `effort`, let a continuous joint follow a revolute one, chain followers, or carry a
-default namespace. pinbound accepts what has one meaning, lists what it normalised, and refuses the rest.
+Real URDFs may omit `effort`, let a continuous joint follow a revolute one, chain mimic joints, or have a default
+namespace. pinbound accepts files that have one meaning, lists what it changed, and refuses the others.
 """
 
 from __future__ import annotations
@@ -46,17 +46,17 @@ def read_kinematics(
 
     Args:
         document: The robot's XML.
-        problems: Where faults go; what comes back is complete only if none was added.
-        limits: Limits by joint that replace the URDF's own.
-        followers: Followers by joint that replace the URDF's own `<mimic>`.
-        places: Line and file of those followers by joint.
+        problems: Collects the faults; the result is complete only if none was added.
+        limits: Limits by joint that replace those of the URDF.
+        followers: Mimic joints by joint that replace the `<mimic>` of the URDF.
+        places: Line and file of these mimic joints.
     """
     reader = _Reader(document, problems, limits or {}, followers or {}, places or {})
     return reader.read()
 
 
 class _Reader:
-    """One pass over a `<robot>` element, collecting faults and notes."""
+    """One pass over a `<robot>` element, which collects faults and notes."""
 
     def __init__(
         self,
@@ -256,7 +256,7 @@ class _Reader:
         return lower, upper
 
     def _note_ignored_limits(self, limit: etree._Element | None, kind: str, what: str) -> None:
-        """Say which limits the type of a joint leaves without effect."""
+        """Note limits that have no effect for the type of a joint."""
         given = [] if limit is None else [f"{key} {limit.get(key)}" for key in ("lower", "upper") if limit.get(key)]
         if given and kind == "continuous":
             remedy = "make it revolute if they are meant"

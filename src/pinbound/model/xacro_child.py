@@ -1,11 +1,11 @@
-"""Expand xacro files in a process of its own: started by `expansion`, spoken to by its pipes, never imported by it.
+"""Expansion of xacro files in a separate process: `expansion` starts it and uses its pipes, and never imports it.
 
 xacro keeps arguments, file names and macros in module globals, and evaluates Python expressions of the file. So one
-process that has xacro loaded waits here, and each file is expanded in a fork of it: a fresh state, a time limit, a
-memory limit, and nothing that a file does is left behind. Without `fork` (Windows) files are expanded one after
+process with xacro loaded waits here, and each file is expanded in a fork of it. This gives a fresh state, a time limit
+and a memory limit, and changes that a file makes do not remain. Without `fork` (Windows) files are expanded one after
 another in this process, and `expansion` ends it when the time is up.
 
-An answer says which files it was made of, if nothing else was asked for meanwhile (`_Watch`): then it may be reused.
+An answer lists the files it depends on, if it depends on nothing else (`_Watch`): then it may be reused.
 
 A message is its length in four bytes, then JSON. This file imports the standard library and xacro only.
 """
@@ -37,7 +37,7 @@ _SKIPPED = ("build", "log", "node_modules", "__pycache__")
 
 
 def serve(requests: BinaryIO, answers: BinaryIO) -> None:
-    """Answer one request after the other until the other side closes its end."""
+    """Answer one request after another until the other side closes its end."""
     while (request := _read(requests)) is not None:
         answer = _in_fork(request) if hasattr(os, "fork") else json.dumps(_expand(request)).encode()
         answers.write(struct.pack(">I", len(answer)) + answer)
@@ -52,7 +52,7 @@ def _read(stream: BinaryIO) -> dict[str, Any] | None:
 
 
 def _in_fork(request: dict[str, Any]) -> bytes:
-    """Expand in a fork that the kernel ends when its time is up; return its answer, or what ended it."""
+    """Expand in a fork that the kernel ends when its time is up; return its answer, or the reason of its end."""
     import signal
 
     ours, theirs = os.pipe()
@@ -64,7 +64,7 @@ def _in_fork(request: dict[str, Any]) -> bytes:
             _limit_memory(int(request["memory"]))
             gc.disable()  # the process ends soon
             nothing = os.open(os.devnull, os.O_RDWR)
-            for descriptor in (0, 1, 2):  # what a file prints reaches nobody
+            for descriptor in (0, 1, 2):  # the output of a file is discarded
                 os.dup2(nothing, descriptor)
             with open(theirs, "wb") as stream:
                 stream.write(json.dumps(_expand(request, _Watch())).encode())
@@ -83,12 +83,12 @@ def _in_fork(request: dict[str, Any]) -> bytes:
 def _limit_memory(size: int) -> None:
     import resource
 
-    with contextlib.suppress(OSError, ValueError):  # macOS knows this limit and does not set it
+    with contextlib.suppress(OSError, ValueError):  # macOS has this limit but does not allow setting it
         resource.setrlimit(resource.RLIMIT_AS, (size, size))
 
 
 class _Watch:
-    """What an expansion asks for: XML files, with their hashes; `is_known` until it asks for anything else.
+    """The files that an expansion reads: XML files, with their hashes; `is_known` until it uses anything else.
 
     Python tells this hook of every file that is opened, every process, socket, import and listing of a folder, and of
     every code that runs. Code within an expression (a lambda, a generator; before Python 3.12 a comprehension too)
@@ -127,7 +127,7 @@ _HARMLESS = ("builtins.id", "compile", "sys._getframe")
 
 
 class _Environment(dict[str, str]):
-    """Environment variables: an expansion that reads one is made of more than files."""
+    """Environment variables; an expansion that reads one depends on more than files."""
 
     def __init__(self, watch: _Watch, variables: Any) -> None:
         super().__init__(variables)
@@ -167,7 +167,7 @@ class _Environment(dict[str, str]):
 
 
 class _Arguments(dict[str, str]):
-    """Arguments that know which names `<xacro:arg>` has declared: xacro asks whether each is given."""
+    """Arguments that record which names `<xacro:arg>` has declared: xacro asks whether each is given."""
 
     def __init__(self, given: dict[str, str]) -> None:
         super().__init__(given)
@@ -179,11 +179,11 @@ class _Arguments(dict[str, str]):
 
 
 class _RefusedError(Exception):
-    """A file that is not read at all: it has a DOCTYPE."""
+    """A file that is not read because it has a DOCTYPE."""
 
 
 def _expand(request: dict[str, Any], watch: _Watch | None = None) -> dict[str, Any]:
-    """Return the expanded text, what xacro warned of, and the declared arguments; or what is wrong, and where."""
+    """Return the expanded text, the warnings of xacro, and the declared arguments; or the fault and its place."""
     xacro: Any = importlib.import_module("xacro")
     os.chdir(request["folder"])
     os.environ.clear()
@@ -200,7 +200,7 @@ def _expand(request: dict[str, Any], watch: _Watch | None = None) -> dict[str, A
         answer = {"text": text} if len(text) <= _MOST_TEXT else {"error": "size"}
         if watch is not None and watch.is_known and "text" in answer:
             answer["files"] = watch.files
-    except Exception as error:  # expressions of a file raise whatever they like
+    except Exception as error:  # expressions of a file may raise any exception
         answer = {"error": _reason(error), "refused": isinstance(error, _RefusedError)} | _where(error, xacro)
     lines = [line.strip() for line in warned.getvalue().splitlines()]
     return answer | {"declared": sorted(arguments.declared), "guessed": guessed, "warned": _plain(lines)}
@@ -213,7 +213,7 @@ def _plain(lines: list[str]) -> list[str]:
 
 
 def _reason(error: BaseException) -> str:
-    inner = getattr(error, "exc", None) or error  # xacro wraps what an expression raises
+    inner = getattr(error, "exc", None) or error  # xacro wraps exceptions of expressions
     if isinstance(inner, MemoryError):
         return "memory"
     if isinstance(inner, RecursionError):
@@ -224,7 +224,7 @@ def _reason(error: BaseException) -> str:
 
 
 def _where(error: BaseException, xacro: Any) -> dict[str, Any]:
-    """Return file and line of the innermost element that was being evaluated; of XML faults, their own line."""
+    """Return file and line of the innermost element that was being evaluated; for XML faults, their own line."""
     found: dict[str, Any] = {}
     trace = error.__traceback__
     while trace is not None:
@@ -261,10 +261,10 @@ def _teach(xacro: Any, request: dict[str, Any], guessed: dict[str, str], watch: 
 
         def find(name: str) -> str:
             if watch is not None:
-                watch.is_known = False  # which folders are there is not in the answer
+                watch.is_known = False  # the answer does not record which folders exist
             found = find_package(name, request["package_dirs"], request["path"], os.environ)
             if found is None:
-                with contextlib.suppress(Exception):  # what ROS's own index raises depends on its version
+                with contextlib.suppress(Exception):  # the exceptions of ROS's own index depend on its version
                     return str(stock(name))
                 looked = "package_dirs, ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, CMAKE_PREFIX_PATH and beside the file"
                 raise xacro.XacroException(f"there is no package {name!r} in {looked}")
@@ -278,10 +278,10 @@ def _teach(xacro: Any, request: dict[str, Any], guessed: dict[str, str], watch: 
 
 
 def _hasten(xacro: Any) -> None:
-    """Save xacro what it does again and again, without another result.
+    """Keep results that xacro would compute again and again; the output does not change.
 
-    A macro's expressions are compiled at every call, which is 40 % of the time of a file of macros: code objects are
-    kept. A text without a dollar sign is itself, and needs no lexer.
+    Without this, a macro's expressions are compiled at every call, which takes 40 % of the time for a file of macros;
+    here code objects are kept. A text without a dollar sign needs no lexer.
     """
     if getattr(xacro, "pinbound_hastened", False):
         return
@@ -312,11 +312,11 @@ def _parsed(data: bytes, name: str) -> Any:
 
 
 def find_package(name: str, given: list[str], file: str, environment: Any) -> tuple[str, bool] | None:
-    """Return the folder of a ROS package, and whether it was guessed from where the file lies.
+    """Return the folder of a ROS package, and whether it was guessed from the location of the file.
 
-    In this order: folders that are given (a package, or a folder that holds packages at any depth), those of
+    The order is: given folders (a package, or a folder that contains packages at any depth), those of
     `ROS_PACKAGE_PATH` likewise, `share` of `AMENT_PREFIX_PATH` and `CMAKE_PREFIX_PATH`, and, as a guess, the packages
-    that the file lies in, and those beside them.
+    that contain the file, and those beside them.
     """
     paths = {key: [p for p in environment.get(key, "").split(os.pathsep) if p] for key in _VARIABLES}
     for folder in [*given, *paths["ROS_PACKAGE_PATH"]]:
@@ -367,7 +367,7 @@ def _is_package(folder: str, name: str) -> bool:
 
 
 def _package_name(folder: str) -> str | None:
-    """Return the name in a folder's package.xml, "" if it has none that can be read; None without such a file."""
+    """Return the name in a folder's package.xml, "" if it has no readable name; None without such a file."""
     path = os.path.join(folder, "package.xml")
     if not os.path.isfile(path):
         return None

@@ -1,4 +1,4 @@
-"""XML and numbers out of text: read safely, no entity resolved, one message for what cannot be read."""
+"""XML and numbers from text: read safely, without entities, with one message for text that cannot be read."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def refusal(source: str, message: str, remedy: str, line: int | None = None) -> 
 
 
 def xml_parser() -> etree.XMLParser:
-    """Return a parser that resolves no entity, opens no other file, and drops comments and processing instructions."""
+    """Return a parser that resolves no entities, opens no other files, and drops comments and instructions."""
     return etree.XMLParser(
         resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True, remove_pis=True
     )
 
 
 def parse_file(path: Path) -> etree._Element:
-    """Return the root of an XML file, entities refused.
+    """Return the root of an XML file; entities are refused.
 
     Raises:
         InputError: If it cannot be read, is not well-formed, or has a DOCTYPE.
@@ -43,13 +43,13 @@ def parse_file(path: Path) -> etree._Element:
 
 
 def parse_bytes(data: bytes, label: str) -> etree._Element:
-    """Return the root of XML text, entities refused.
+    """Return the root of XML text; entities are refused.
 
     Raises:
-        InputError: If it is not well-formed, has a DOCTYPE, is in an encoding that XML readers disagree about, or holds
-            a name that they do.
+        InputError: If it is not well-formed, has a DOCTYPE, has an encoding that XML readers read differently, or
+            contains a name that they read differently.
     """
-    if b"<!DOCTYPE" in data or b"\0" in data:  # bytes of zero: UTF-16 or UTF-32, in which it reads otherwise
+    if b"<!DOCTYPE" in data or b"\0" in data:  # zero bytes: UTF-16 or UTF-32, in which `<!DOCTYPE` has other bytes
         _refuse_doctype(data, label)
     try:
         root = etree.fromstring(data, xml_parser())
@@ -63,7 +63,7 @@ def parse_bytes(data: bytes, label: str) -> etree._Element:
     except (ValueError, LookupError) as error:
         raise refusal(label, f"cannot be read as XML: {error}", "Save it as UTF-8") from error
     facts = root.getroottree().docinfo
-    if facts.doctype or facts.internalDTD is not None:  # written in an encoding of which expat knows nothing
+    if facts.doctype or facts.internalDTD is not None:  # in an encoding that expat does not know
         raise refusal(label, "has a DOCTYPE", _NO_DOCTYPE)
     if _BROKEN_NAME.search(data):
         _refuse_broken_names(data, label)
@@ -74,17 +74,17 @@ def parse_bytes(data: bytes, label: str) -> etree._Element:
 
 
 _ENCODINGS = ("utf-8", "utf8", "utf-16", "utf-32", "ucs-", "us-ascii", "ascii", "iso-8859-", "windows-125", "latin")
-"""Encodings that every XML reader decodes in one way; in others `\\`, `~` and stray bytes depend on the reader."""
+"""Encodings that every XML reader decodes in the same way; in others `\\`, `~` and stray bytes depend on the reader."""
 
 _NO_DOCTYPE = "Remove it: pinbound resolves no entities, neither internal nor external ones"
 
 
 class _DoctypeError(Exception):
-    """A document type declaration was met."""
+    """The file has a document type declaration."""
 
 
 def _refuse_doctype(data: bytes, label: str) -> None:
-    """Refuse a DOCTYPE before any reader could expand an entity that it declares."""
+    """Refuse a DOCTYPE before a reader could expand an entity that it declares."""
 
     def found(*_: object) -> None:
         raise _DoctypeError
@@ -96,15 +96,15 @@ def _refuse_doctype(data: bytes, label: str) -> None:
     except _DoctypeError:
         raise refusal(label, "has a DOCTYPE", _NO_DOCTYPE, parser.CurrentLineNumber) from None
     except (ExpatError, ValueError, LookupError):
-        return  # an encoding that expat does not know, or no XML: lxml says what is wrong
+        return  # an encoding that expat does not know, or not XML: lxml reports the fault
 
 
 _BROKEN_NAME = re.compile(rb"""\s(?:name|link[12]?|joint)\s*=\s*(?:"[^"<]*[\t\r\n]|'[^'<]*[\t\r\n])""")
-"""A name with a tab or a line break: XML makes a space of it, Pinocchio's reader keeps it, so the names differ."""
+"""A name with a tab or a line break: XML turns it into a space, Pinocchio's reader keeps it, so the names differ."""
 
 
 def _refuse_broken_names(data: bytes, label: str) -> None:
-    """Refuse such a name, unless it stands in a comment."""
+    """Refuse such a name, unless it is in a comment."""
     bare = re.sub(rb"<!--.*?-->", lambda found: b"\n" * found.group().count(b"\n"), data, flags=re.DOTALL)
     if found := _BROKEN_NAME.search(bare):
         line = bare.count(b"\n", 0, found.start() + 1) + 1
@@ -118,7 +118,7 @@ def local_name(element: etree._Element) -> str:
 
 
 def parse_floats(text: str, count: int) -> tuple[float, ...] | str:
-    """Return `count` finite numbers, or what is wrong with the text.
+    """Return `count` finite numbers, or a text that says what is wrong.
 
     Example:
         >>> parse_floats("1 2e-3 0", 3)
