@@ -129,6 +129,27 @@ def test_a_spent_budget_is_said(tmp_path: Path) -> None:
     assert pb.certified_box(pb.load("minervabot_v3"), [0.0, 0.6, 0.45]).notes == ()
 
 
+def test_a_step_that_looks_wrapped_is_told(tmp_path: Path) -> None:
+    """The obstacle stands at pi: a recording that wraps there has met it, and the long way round does not."""
+    text = """<robot name="wheel" xmlns:pinbound="urn:pinbound:1"><link name="base"/><link name="hand"/>
+<joint name="turn" type="continuous"><parent link="base"/><child link="hand"/><axis xyz="0 0 1"/></joint>
+<pinbound:annotations><pinbound:point name="p" link="base" xyz="-1 0 0" radius="0.01"/>
+<pinbound:point name="s" link="hand" xyz="1 0 0"/><pinbound:boundary name="b" a="p" b="s"/></pinbound:annotations>
+</robot>"""
+    (tmp_path / "wheel.urdf").write_text(text)
+    wheel = pb.load(tmp_path / "wheel.urdf")
+    recorded = np.array([[2.9], [3.1], [-3.1], [-2.9]])
+    found = pb.certify(wheel, recorded)
+    assert found.verdict is pb.Verdict.CERTIFIED
+    assert any("'turn' turns by -355.234 deg from waypoint 1 to 2" in note and "unwrap" in note for note in found.notes)
+    unwrapped = pb.certify(wheel, np.unwrap(recorded, axis=0))
+    assert unwrapped.verdict is pb.Verdict.VIOLATED
+    for steps in (np.unwrap(recorded, axis=0), [[0.2], [6.1], [0.2]], [[3.0], [-3.0]]):
+        notes = [note for note in pb.certify(wheel, steps).notes if "unwrap" in note]
+        assert len(notes) == (0 if steps[0][0] == 2.9 else 1)
+    assert pb.certify(wheel, [[-2.0], [2.0], [8.0]]).notes == ()
+
+
 def test_numbers_that_look_like_degrees_are_told(robot) -> None:
     found = pb.certify(robot, [[0.0, 0.0, 0.0], [30.0, 20.0, 40.0]])
     assert found.verdict is pb.Verdict.VIOLATED

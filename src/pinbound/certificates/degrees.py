@@ -1,4 +1,4 @@
-"""Numbers that look like degrees, in motions and boxes that pass a joint limit."""
+"""Numbers that look like degrees, in motions and boxes that pass a joint limit; angles that look wrapped."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import numpy as np
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array
 
-__all__ = ["look_like_degrees"]
+__all__ = ["look_like_degrees", "look_wrapped"]
 
 _TURN = 2.0 * math.pi
+_LONG_WAY = 1.75 * math.pi  # the short way is 45 deg then, or less
+_ROUNDED = 0.01  # a recording may round pi up
 
 
 def look_like_degrees(robot: Robot, Q: Array) -> tuple[str, ...]:
@@ -31,4 +33,31 @@ def look_like_degrees(robot: Robot, Q: Array) -> tuple[str, ...]:
     return (
         f"these look like degrees: most values of {names} are beyond a full turn of 2 pi rad (the largest is "
         f"{largest:.6g}), more than their limits allow; angles are radians, see numpy.radians",
+    )
+
+
+def look_wrapped(robot: Robot, starts: Array, ends: Array) -> tuple[str, ...]:
+    """Return a note if a straight step goes from one end of a turn to the other, as where a recording wraps angles.
+
+    Only revolute coordinates that may turn by a full turn count. The step that is checked is the one that is given, the
+    long way round.
+
+    Args:
+        robot: The robot.
+        starts: (N, n) where the steps start.
+        ends: (N, n) where they end.
+    """
+    able = (robot.upper - robot.lower >= _TURN - _ROUNDED) & [robot.turns(name) for name in robot.coordinates]
+    low, high = np.minimum(starts, ends), np.maximum(starts, ends)
+    around = (low >= -math.pi - _ROUNDED) & (high <= math.pi + _ROUNDED)
+    around |= (low >= -_ROUNDED) & (high <= _TURN + _ROUNDED)
+    found = np.argwhere(able & around & (high - low >= _LONG_WAY))
+    if not len(found):
+        return ()
+    row, column = found[0].tolist()
+    degrees = math.degrees(float(ends[row, column] - starts[row, column]))
+    more = f", and there are {len(found) - 1} more such steps" if len(found) > 1 else ""
+    return (
+        f"{robot.coordinates[column]!r} turns by {degrees:.6g} deg from waypoint {row} to {row + 1}{more}: this is "
+        "checked as it is given, the long way round; if the angles were wrapped at a full turn, apply numpy.unwrap first",
     )

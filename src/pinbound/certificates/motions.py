@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinbound.certificates.constraints import families, unplaced
-from pinbound.certificates.degrees import look_like_degrees
+from pinbound.certificates.degrees import look_like_degrees, look_wrapped
 from pinbound.certificates.kept import Tables, tables_of
 from pinbound.certificates.lifted import LiftedTrajectory, closed_only, lowered
 from pinbound.certificates.records import Budget, Certificate, Findings, OpenPart, Verdict
@@ -179,9 +179,10 @@ def _rows_of(found: Findings, names: set[str]) -> list[int]:
 
 
 def _degrees(robot: Robot, trajectory: Trajectory, limits: Findings) -> tuple[str, ...]:
-    """Return a note if a limit is violated by numbers that look like degrees."""
-    if not limits.contacts:
+    """Return notes if a limit is violated by numbers that look like degrees, or if a step looks like wrapped angles."""
+    if not limits.contacts and trajectory.degree != 1:
         return ()
     pieces = np.arange(len(trajectory.starts))
-    Q = np.concatenate([trajectory.at(pieces, np.full(len(pieces), u)) for u in (0.0, 1.0)])
-    return look_like_degrees(robot, Q)
+    starts, ends = (trajectory.at(pieces, np.full(len(pieces), u)) for u in (0.0, 1.0))
+    wrapped = look_wrapped(robot, starts, ends) if trajectory.degree == 1 else ()
+    return (*(look_like_degrees(robot, np.concatenate([starts, ends])) if limits.contacts else ()), *wrapped)
