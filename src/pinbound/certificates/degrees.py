@@ -59,5 +59,5 @@ def look_wrapped(robot: Robot, starts: Array, ends: Array) -> tuple[str, ...]:
     more = f", and there are {len(found) - 1} more such steps" if len(found) > 1 else ""
     return (
         f"{robot.coordinates[column]!r} turns by {degrees:.6g} deg from waypoint {row} to {row + 1}{more}: this is "
-        "checked as it is given, the long way round; if the angles were wrapped at a full turn, apply numpy.unwrap first",
+        "checked as it is given, the long way round; if the angles were wrapped at a full turn, use numpy.unwrap first",
     )
