@@ -149,7 +149,7 @@ def test_contacts_repeat_every_turn_and_angles_are_not_wrapped(tmp_path: Path) -
         inside = [[gap[0] + 1e-9], [gap[1] - 1e-9]]
         found = pb.certify(robot, inside)
         assert found.verdict is pb.Verdict.CERTIFIED
-        assert bool(found.notes) == (turn != 0)
+        assert any("not reachable" in note for note in found.notes) == (turn != 0)
         assert pb.certify(robot, [inside[0], [gap[1] + 1e-9]]).verdict is pb.Verdict.VIOLATED
     assert pb.certify(robot, [[np.pi - 0.2], [-np.pi + 0.2]]).verdict is pb.Verdict.CERTIFIED
     assert pb.certify(robot, [[np.pi - 0.2], [np.pi + 0.2]]).verdict is pb.Verdict.VIOLATED
