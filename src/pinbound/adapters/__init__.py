@@ -1,1 +1,1 @@
-"""Doors into other libraries, each a module of its own that needs its library only when it is used."""
+"""Adapters to other libraries, each in its own module, which needs its library only when it is used."""

@@ -1,4 +1,4 @@
-"""mink: steps that are safe as a limit, for a MuJoCo model of the robot, joints by name (`pip install mink`)."""
+"""mink: step-safe rows as a limit, for a MuJoCo model of the robot, joints matched by name (`pip install mink`)."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _Limit: Any = optional("mink", "Limit", "mink")
 
 
 def view_of(robot: Robot, model: Any) -> ModelView:
-    """Return the robot's boundaries as a `mujoco.MjModel` of it asks for them, joints matched by name.
+    """Return the robot's boundaries as functions of the q of a `mujoco.MjModel`; joints are matched by name.
 
-    The placements of all bodies that are named as links are compared at two configurations, as the root link sees them
-    (MuJoCo fuses links that do not move with their parents). Every moving joint's own link must be among them.
+    The placements of all bodies with names of links are compared at two configurations, relative to the root link
+    (MuJoCo merges links that do not move with their parents). Every moving joint's own link must be among them.
 
     Raises:
-        DimensionError: If a joint or its body is missing, or a body is placed elsewhere: another robot.
+        DimensionError: If a joint or its body is missing, or a body has another placement: it is another robot.
     """
     mujoco = import_module("mujoco")
     hinge, slide = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
@@ -92,12 +92,12 @@ def _constraint(G: Array, h: Array) -> Any:
 class StepLimit(_Limit):
     """No step within `G dq <= h` meets a boundary or passes a joint limit, whatever dt (`docs/steps.md`).
 
-    Give it to `mink.solve_ik(..., limits=[StepLimit(robot, model, velocity)])`. `steps.last.blocked` names what q is in
-    contact with: then the program may have no solution, and mink raises `NoSolutionFound`. Otherwise standing still
-    keeps all rows.
+    Use it in `mink.solve_ik(..., limits=[StepLimit(robot, model, velocity)])`. `steps.last.blocked` names the
+    boundaries in contact at q. If there are any, the program may have no solution, and mink raises `NoSolutionFound`.
+    Otherwise dq = 0 satisfies all rows.
 
     Attributes:
-        steps: The rows' maker, with the rows of the last step in `steps.last`.
+        steps: The object that makes the rows, with the rows of the last step in `steps.last`.
     """
 
     def __init__(
@@ -108,17 +108,17 @@ class StepLimit(_Limit):
         boundaries: Sequence[str] | str | None = None,
         **options: Any,
     ) -> None:
-        """Bind to the MuJoCo model of mink's configurations.
+        """Bind the limit to the MuJoCo model of mink's configurations.
 
         Args:
             robot: The robot.
-            model: A `mujoco.MjModel` of it, joints and bodies named as in the URDF.
+            model: A `mujoco.MjModel` of it, with joints and bodies named as in the URDF.
             velocity: The largest speed of each coordinate [rad/s or m/s], (n,), one number, or by name.
-            boundaries: Names of boundaries, None: all.
+            boundaries: Names of boundaries; None: all.
             options: `most`, `gain`, `margin`, `reserve`, `limits`, as for `StepBounds.rows`.
 
         Raises:
-            DimensionError: If the model is no model of this robot, or a speed is missing.
+            DimensionError: If it is not a model of this robot, or a speed is missing.
             UnsupportedError: If mink is not installed.
         """
         _Limit.__init__(self)
@@ -133,12 +133,12 @@ class PolytopeLimit(_Limit):
     """A convex region, or `A q <= b`, as a limit: inside it no step leaves it."""
 
     def __init__(self, robot: Robot, model: Any, A: Any, b: ArrayLike | None = None) -> None:
-        """Take a convex `Region` of all coordinates that boundaries depend on, or A (k, n) and b (k,) of the robot's q.
+        """Take a convex `Region` of all coordinates that boundaries depend on, or A (k, n) and b (k,) for q.
 
         Raises:
-            UnsupportedError: If the region is not convex, or holds coordinates on which boundaries depend, or mink is
+            UnsupportedError: If the region is not convex, or boundaries depend on coordinates that it fixes, or mink is
                 not installed.
-            DimensionError: If A and b do not fit, or the model is no model of this robot.
+            DimensionError: If A and b do not fit, or it is not a model of this robot.
         """
         _Limit.__init__(self)
         self.polytope = Polytope(robot, view_of(robot, model), A, b)

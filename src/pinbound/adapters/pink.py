@@ -1,7 +1,7 @@
-"""Pink: boundaries as a barrier, steps that are safe as a limit, convex regions as a limit (`pip install pin-pink`).
+"""Pink: boundaries as a barrier, step-safe rows as a limit, convex regions as a limit (`pip install pin-pink`).
 
-`StepLimit` is the one to take: no step within it meets a boundary. `BoundaryBarrier` is what Pink's own barriers
-are, a row from the gradient alone, which holds for short steps only.
+Prefer `StepLimit`: no step within it meets a boundary. `BoundaryBarrier` is like Pink's own barriers: its rows come
+from the gradient alone, so they are valid only for short steps.
 """
 
 from __future__ import annotations
@@ -26,12 +26,13 @@ _Barrier: Any = optional("pink.barriers", "Barrier", "pin-pink")
 class StepLimit(_Limit):
     """No step within `G dq <= h` meets a boundary or passes a joint limit, whatever dt (`docs/steps.md`).
 
-    Give it to `pink.solve_ik(..., limits=[StepLimit(robot, model)])`. It holds joint limits, those of mimic joints too,
-    and the speeds; Pink's own limits may be given besides. `steps.last.blocked` names what q is in contact with: then
-    the program may have no solution, and Pink raises `NoSolutionFound`. Otherwise standing still keeps all rows.
+    Use it in `pink.solve_ik(..., limits=[StepLimit(robot, model)])`. It includes joint limits, also of mimic joints,
+    and the speeds; Pink's own limits may be used in addition. `steps.last.blocked` names the boundaries in contact at
+    q. If there are any, the program may have no solution, and Pink raises `NoSolutionFound`. Otherwise dq = 0 satisfies
+    all rows.
 
     Attributes:
-        steps: The rows' maker, with the rows of the last step in `steps.last`.
+        steps: The object that makes the rows, with the rows of the last step in `steps.last`.
     """
 
     def __init__(
@@ -42,18 +43,18 @@ class StepLimit(_Limit):
         boundaries: Sequence[str] | str | None = None,
         **options: Any,
     ) -> None:
-        """Bind to the model of Pink's configurations.
+        """Bind the limit to the model of Pink's configurations.
 
         Args:
             robot: The robot.
             model: A `pinocchio.Model` of it, as for `Robot.on`.
             velocity: The largest speed of each coordinate [rad/s or m/s], (n,), one number, or by name; None: the
                 model's `velocityLimit`.
-            boundaries: Names of boundaries, None: all.
+            boundaries: Names of boundaries; None: all.
             options: `most`, `gain`, `margin`, `reserve`, `limits`, as for `StepBounds.rows`.
 
         Raises:
-            DimensionError: If the model is no model of this robot, or a coordinate has no speed.
+            DimensionError: If it is not a model of this robot, or a coordinate has no speed.
             UnsupportedError: If Pink is not installed.
         """
         _Limit.__init__(self)
@@ -84,12 +85,12 @@ class PolytopeLimit(_Limit):
     """A convex region, or `A q <= b`, as a limit: inside it no step leaves it."""
 
     def __init__(self, robot: Robot, model: Any, A: Any, b: ArrayLike | None = None) -> None:
-        """Take a convex `Region` of all coordinates that boundaries depend on, or A (k, n) and b (k,) of the robot's q.
+        """Take a convex `Region` of all coordinates that boundaries depend on, or A (k, n) and b (k,) for q.
 
         Raises:
-            UnsupportedError: If the region is not convex, or holds coordinates on which boundaries depend, or Pink is
+            UnsupportedError: If the region is not convex, or boundaries depend on coordinates that it fixes, or Pink is
                 not installed.
-            DimensionError: If A and b do not fit, or the model is no model of this robot.
+            DimensionError: If A and b do not fit, or it is not a model of this robot.
         """
         _Limit.__init__(self)
         self.polytope = Polytope(robot, robot.on(model), A, b)
@@ -100,25 +101,25 @@ class PolytopeLimit(_Limit):
 
 
 class BoundaryBarrier(_Barrier):
-    """Signed clearances as a control barrier function, one row a boundary, in order: `J v >= -gain h`.
+    """Signed clearances as a control barrier function, with one row for each boundary, in order: `J v >= -gain h`.
 
-    Rows hold to first order in the step. Nothing is cached between calls: Pink's base class reuses J and h while q is
-    nearly the same, and would let a slow robot through.
+    Rows hold to first order in the step. Nothing is cached between calls: Pink's base class would reuse J and h while q
+    is nearly the same, and could let a slow robot pass a boundary.
     """
 
     def __init__(
         self, robot: Robot, model: Any, boundaries: Sequence[str] | str | None = None, gain: float | Array = 1.0
     ) -> None:
-        """Bind to the model of Pink's configurations.
+        """Bind the barrier to the model of Pink's configurations.
 
         Args:
             robot: The robot.
             model: A `pinocchio.Model` of it, as for `Robot.on`.
-            boundaries: Names of boundaries, None: all.
+            boundaries: Names of boundaries; None: all.
             gain: As for `pink.barriers.Barrier` [1/s].
 
         Raises:
-            DimensionError: If the model is no model of this robot.
+            DimensionError: If it is not a model of this robot.
             UnsupportedError: If Pink is not installed.
         """
         view = robot.on(model)
@@ -145,7 +146,7 @@ class BoundaryBarrier(_Barrier):
         return J
 
     def compute_qp_inequalities(self, configuration: Any, dt: float = 1e-3) -> tuple[Array, Array]:
-        """Return G (dim, nv) and h (dim,) with `G dq <= h`, at this very q."""
+        """Return G (dim, nv) and h (dim,) with `G dq <= h`, exactly at this q."""
         values = self.compute_barrier(configuration)
         bound = np.array([k * self.gain_function(x) for k, x in zip(self.gain, values, strict=True)])
         return -self.compute_jacobian(configuration) / dt, bound

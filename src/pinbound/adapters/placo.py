@@ -1,4 +1,4 @@
-"""placo: convex sets of q as its joint-space half-spaces. placo itself is not needed: it brings a Pinocchio of its own.
+"""placo: convex sets of q as its joint-space half-spaces. placo itself is not imported: it brings its own Pinocchio.
 
 A, b = pinbound.adapters.placo.half_spaces(robot, placo_robot, region)
 solver.add_joint_space_half_spaces_constraint(A, b).configure("region", "hard", 1.0)
@@ -20,20 +20,20 @@ __all__ = ["half_spaces"]
 
 
 def half_spaces(robot: Robot, wrapper: Any, A: Any, b: ArrayLike | None = None) -> tuple[Array, Array]:
-    """Return A (k, len(wrapper.state.q)) and b (k,) of `A q <= b`, q as placo keeps it.
+    """Return A (k, len(wrapper.state.q)) and b (k,) of `A q <= b`, for q in placo's order.
 
-    A has a column for every entry of placo's q, the seven of its floating base among them, which are zero. Columns of
-    mimic joints are zero too: placo must move them with their primaries.
+    A has a column for every entry of placo's q. The seven columns of its floating base are zero. Columns of mimic
+    joints are zero, too: placo must move them with their primaries.
 
     Args:
         robot: The robot.
-        wrapper: A `placo.RobotWrapper` of the same URDF: `state.q` and `get_joint_offset(name)` are asked.
-        A: A convex `Region` of all coordinates that boundaries depend on, or (k, n) of the robot's q.
-        b: (k,), where A is an array.
+        wrapper: A `placo.RobotWrapper` of the same URDF; `state.q` and `get_joint_offset(name)` are used.
+        A: A convex `Region` of all coordinates that boundaries depend on, or (k, n) for the robot's q.
+        b: (k,), if A is an array.
 
     Raises:
-        UnsupportedError: If the region is not convex, or holds coordinates on which boundaries depend; or a row turns
-            on a continuous joint, of which placo keeps cos and sin.
+        UnsupportedError: If the region is not convex, or boundaries depend on coordinates that it fixes; or a row uses
+            a continuous joint, which placo stores as cos and sin.
         DimensionError: If A and b do not fit.
     """
     rows, bound = half_spaces_of(robot, A, b)

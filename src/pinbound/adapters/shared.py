@@ -1,4 +1,4 @@
-"""What adapters share: a library's class where it is installed, and steps that are safe, said of a model's velocity."""
+"""Shared parts of adapters: optional classes of a library, and step-safe rows in terms of a model's velocity."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["Polytope", "SafeSteps", "half_spaces_of", "optional"]
 
 
 def optional(module: str, name: str, package: str) -> Any:
-    """Return a class of a library, or one that says on construction that the library is missing.
+    """Return a class of a library, or a class whose constructor reports that the library is missing.
 
     Example:
         >>> optional("no_such_library", "Limit", "no-such")()
@@ -37,7 +37,7 @@ def optional(module: str, name: str, package: str) -> Any:
 
 def _missing(package: str) -> type:
     class Missing:
-        """Stands for a class of a library that is not installed."""
+        """A substitute for a class of a library that is not installed."""
 
         def __init__(self, *_: Any, **__: Any) -> None:
             raise UnsupportedError(f"this needs {package}, which is not installed: pip install 'pinbound[bridges]'")
@@ -46,12 +46,12 @@ def _missing(package: str) -> type:
 
 
 class SafeSteps:
-    """Step-safe rows over a model's displacement: `G (v dt) <= h`.
+    """Step-safe rows in terms of a model's displacement: `G (v dt) <= h`.
 
     Attributes:
-        view: The robot's boundaries, as the model asks for them.
-        velocity: (n,) the largest speed of each coordinate [rad/s or m/s]: a step's box is `velocity * dt`.
-        last: The rows of the last step, with the names of what stands near (`StepRows`); None before the first.
+        view: The robot's boundaries as functions of the model's q.
+        velocity: (n,) the largest speed of each coordinate [rad/s or m/s]: the box of a step is `velocity * dt`.
+        last: The rows of the last step, with the names of near boundaries (`StepRows`); None before the first step.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class SafeSteps:
         self.view, self.options = view, options
         self.velocity = largest_speeds(robot, velocity)
         self.bounds = StepBounds(robot, boundaries)
-        self.bounds.prepare()  # not in the middle of a motion
+        self.bounds.prepare()  # now, and not during a motion
         self.last: StepRows | None = None
         moving = np.any(view.E != 0.0, axis=1)
         self._box = view.E[moving]
@@ -87,16 +87,17 @@ class SafeSteps:
 
 
 class Polytope:
-    """A convex set `A q <= b` of a robot's coordinates, said of a model's displacement.
+    """A convex set `A q <= b` of a robot's coordinates, in terms of a model's displacement.
 
-    From `q` inside it, every d with `A E d <= b - A q` stays inside, and so does the straight way: the set is convex.
+    From a q inside it, every d with `A E d <= b - A q` stays inside, and so does the straight path, because the set is
+    convex.
     """
 
     def __init__(self, robot: Robot, view: ModelView, A: Any, b: ArrayLike | None = None) -> None:
-        """Take a convex region of all that the boundaries depend on, or A (k, n) and b (k,).
+        """Take a convex region of all coordinates that the boundaries depend on, or A (k, n) and b (k,).
 
         Raises:
-            UnsupportedError: If the region is not convex, or boundaries depend on coordinates that it holds.
+            UnsupportedError: If the region is not convex, or boundaries depend on coordinates that it fixes.
             DimensionError: If A and b do not fit.
         """
         self.view = view
@@ -108,10 +109,10 @@ class Polytope:
 
 
 def half_spaces_of(robot: Robot, A: Any, b: ArrayLike | None = None) -> tuple[Array, Array]:
-    """Return A (k, n) and b (k,) of a convex region of all that the boundaries depend on, or of two arrays.
+    """Return A (k, n) and b (k,) of a convex region of all coordinates that the boundaries depend on, or two arrays.
 
     Raises:
-        UnsupportedError: If the region is not convex, or boundaries depend on coordinates that it holds.
+        UnsupportedError: If the region is not convex, or boundaries depend on coordinates that it fixes.
         DimensionError: If A and b do not fit.
     """
     if isinstance(A, Region):

@@ -1,11 +1,11 @@
-"""What step-safe rows are made of, for many boundaries at one q: vectors, their rates along n, bounds of their bends.
+"""The terms of step-safe rows, for many boundaries at one q: vectors, their rates along n, bounds of their curvature.
 
-Between two marks lie a chain and edge vectors, `r_c = w + sum_k c_k e_k`, all turned by the same rotations. They are
-placed once from the tail, `x_i = b_i + R_(i+1) x_(i+1)`; and with `u_i = R_i^T ... R_1^T n` the rates along n are
+Between two marks there are a chain and edge vectors, `r_c = w + sum_k c_k e_k`, all with the same rotations. They are
+placed once from the tail, `x_i = b_i + R_(i+1) x_(i+1)`. With `u_i = R_i^T ... R_1^T n` the rates along n are
 
     n . dr/dphi_i = n . W_(i-1) (a_i x R_i x_i) = (u_(i-1) x a_i) . R_i x_i,
 
-one vector a rotation for all of them, and then linear in the rates of q.
+so one vector for each rotation serves all of them; the result is linear in the rates of q.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ from pinbound.typing import Array, Indices
 __all__ = ["StepRowTerms", "StepTerms", "load_code", "step_terms"]
 
 _CODE = Code(step_source, loading=200, compiling=100_000)
-"""Pairs: one takes NumPy some 100 us where a few are asked for."""
+"""Pairs: one pair takes NumPy some 100 us, if there are few."""
 
 
 @dataclass(frozen=True, eq=False)
 class StepRowTerms:
-    """Rows `value + g . d - loss x - bend x^2 > 0` that keep pairs apart, x in [0, 1] being the scale of the box.
+    """Rows `value + g . d - loss x - bend x^2 > 0` that keep pairs apart; x in [0, 1] is the scale of the box.
 
     Attributes:
-        places: (r,) which pair each row is of.
-        value: (r,) separation along n of a pair of vertices, all rounding taken off [m].
+        places: (r,) the pair of each row.
+        value: (r,) separation along n of a pair of vertices, minus all rounding [m].
         g: (r, n) its rates.
-        loss: (r,) what other pairs of vertices may pass below it over the box [m].
+        loss: (r,) by how much other pairs of vertices may pass below it over the box [m].
         bend: (r,) half the bound of second derivatives over the box [m].
     """
 
@@ -55,12 +55,12 @@ class StepRowTerms:
 
 @dataclass(frozen=True, eq=False)
 class StepTerms:
-    """Paths side by side.
+    """A bundle of paths.
 
     Attributes:
         bundle: The paths.
         error: (m,) rounding bounds [m].
-        tables: The same for machine code; None where it cannot run.
+        tables: The same as tables for machine code; None if it cannot run.
     """
 
     bundle: SweptBundle
@@ -69,7 +69,7 @@ class StepTerms:
 
     @property
     def moved(self) -> Array:
-        """(m, n) how far a separation changes at most by a unit of each coordinate [m/rad or 1]."""
+        """(m, n) the largest change of a separation for a unit of each coordinate [m/rad or 1]."""
         chains, rows = self.bundle.chains, self.bundle.rows
         found: Array = np.einsum("mk,mkn->mn", self.bundle.arms, np.abs(chains.coefficients))
         if chains.slides is not None:
@@ -94,7 +94,7 @@ class StepTerms:
         )
 
     def rows_in_numpy(self, which: Indices, q: Array, half: Array) -> StepRowTerms:
-        """Return the same without machine code, within what the rounding bounds hold."""
+        """Return the same without machine code, equal up to the rounding bounds."""
         along, rates, bend, off, t = self.at(which, q, half)
         along[:, 0] -= off
         places, values, slopes, losses = list[int](), list[float](), list[Array](), list[float]()
@@ -112,9 +112,9 @@ class StepTerms:
     def at(self, which: Indices, q: Array, half: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return the terms of paths `which` (c,) at q (n,), for steps within `half` (n,).
 
-        That is `n . r` of chain and edge vectors (c, 1 + K) [m]; its rates (c, 1 + K, n); half the bound of second
+        These are `n . r` of chain and edge vectors (c, 1 + K) [m]; its rates (c, 1 + K, n); half the bound of second
         derivatives of any pair of vertices over the box (c,) [m]; the rounding bound of all (c,) [m]; and the t (c, K)
-        of places that are nearest.
+        of the nearest points.
         """
         chains, rows, c = self.bundle.chains, self.bundle.rows, len(which)
         first, each = which * rows, all_rows(self.bundle, which)

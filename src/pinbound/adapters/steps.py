@@ -38,8 +38,8 @@ __all__ = ["StepBounds", "StepRows"]
 
 _WORTH = 100_000  # measured boundaries from which compiling machine code (some seconds, once a machine) pays
 _FARTHEST = 1e6  # larger coordinates are measured by the reference
-_SMALLEST = 1e-6  # of a box, in which the boundaries that are looked at later are bounded
-_PROBED = 8  # boundaries that are looked at first: they shrink the box for the others
+_SMALLEST = 1e-6  # of a box, in which the boundaries of the second group are bounded
+_PROBED = 8  # boundaries that are bounded first: they shrink the box for the others
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,7 +246,7 @@ class StepBounds:
                 found = found.take((reach <= scale) | is_blocked)
         found = found.take(
             found.bound(scale) <= scale * found.swing(half)
-        )  # of the others nothing in the box breaks any
+        )  # no step in the box violates any of the others
         return StepRows(
             A=-found.g,
             b=found.bound(scale),
@@ -349,7 +349,7 @@ class StepBounds:
         )
         rest = value - loss - bend - np.abs(found.g) @ half
         kept = np.flatnonzero(~((rest > 0.0) & (rest < np.inf)))
-        bad = ~np.isfinite(rest[kept])  # nothing is known: 0 . d <= -1 [m], which no step keeps
+        bad = ~np.isfinite(rest[kept])  # no bound is known: 0 . d <= -1 [m], which no step satisfies
         value, g = np.where(bad, -1.0, value[kept]), np.where(bad[:, None], 0.0, found.g[kept])
         losses = np.where(bad, 0.0, loss[kept]), np.where(bad, 0.0, bend[kept])
         return _Rows.of(self._names[found.places[kept]], value, g, gain, margin, losses)

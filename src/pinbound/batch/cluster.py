@@ -1,7 +1,7 @@
-"""The chunks of a job as tasks of a Dask cluster: same tables, same bytes, written by this process alone.
+"""The chunks of a job as tasks of a Dask cluster: same tables, same bytes, written only by this process.
 
-A worker that dies takes no chunk along: its tasks run again on the others, and a chunk is on disk only once whole.
-If no worker is left, or the scheduler goes, the job stops with a `MachineError`, and the same call resumes it.
+If a worker dies, its tasks run again on the others; a chunk is on disk only when it is complete. If no worker is left,
+or the scheduler stops, the job stops with a `MachineError`, and the same call resumes it.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ __all__ = ["results"]
 
 _CONNECT = "20s"
 _KNOCK = 10.0  # seconds
-_RECOVERY = 10.0  # seconds for a cluster to get a worker again
+_RECOVERY = 10.0  # seconds in which a cluster may get a worker again
 _ATTEMPTS = 3
 _TASKS_PER_THREAD = 2
-"""Chunks under way for each thread of the cluster: enough to keep it busy, and flat in memory."""
+"""Chunks in progress for each thread of the cluster: enough to keep it busy, with constant memory."""
 
 
 def results(
@@ -35,8 +35,8 @@ def results(
     """Yield each chunk's bytes and statistics as the cluster finishes them.
 
     Raises:
-        InputError: If the address names no protocol.
-        MachineError: If no scheduler answers there, or it loses all its workers.
+        InputError: If the address has no protocol.
+        MachineError: If no scheduler answers there, or if it loses all its workers.
         UnsupportedError: If Dask is not installed.
     """
     try:
@@ -70,7 +70,7 @@ def results(
                 return
             except lost as error:
                 if attempt + 1 < _ATTEMPTS and _has_worker(client, lost):
-                    continue  # some worker went, and took what others needed along: what is left is sent again
+                    continue  # a worker died with data that others needed: the remaining chunks are sent again
                 message = f"the cluster at {address!r} lost its scheduler or its workers ({_words(error)})"
                 raise MachineError(
                     f"{message}. What is written is kept: run the same command again to resume."
@@ -80,7 +80,7 @@ def results(
 def _run(
     distributed: Any, client: Any, evaluation: Evaluation, source: Source, size: int, wanted: list[int]
 ) -> Iterator[tuple[int, tuple[bytes, Statistics]]]:
-    """Yield each chunk as the cluster finishes it; a few for each thread are under way at a time."""
+    """Yield each chunk as the cluster finishes it; a few for each thread are in progress at a time."""
     threads = sum(client.nthreads().values())
     shared = client.scatter(evaluation, broadcast=True)
     pending = _tasks(client, shared, source, size, wanted)
@@ -96,7 +96,7 @@ def _run(
 
 
 def _has_worker(client: Any, lost: tuple[type[BaseException], ...]) -> bool:
-    """Return whether the scheduler still answers, and has a worker, or gets one soon."""
+    """Return whether the scheduler still answers, and has a worker or gets one soon."""
     try:
         client.wait_for_workers(1, timeout=_RECOVERY)
     except (TimeoutError, asyncio.TimeoutError, *lost):
@@ -105,7 +105,7 @@ def _has_worker(client: Any, lost: tuple[type[BaseException], ...]) -> bool:
 
 
 def _knock(address: str) -> None:
-    """Refuse an address at which nothing listens, before Dask waits for it."""
+    """Refuse an address without a listener, before Dask waits for it."""
     parts = urllib.parse.urlsplit(address)
     try:
         host, port = parts.hostname, parts.port
@@ -114,7 +114,7 @@ def _knock(address: str) -> None:
     if "://" not in address or not parts.netloc:
         raise _no_address(address)
     if parts.scheme not in ("tcp", "tls"):
-        return  # Dask knows other ways; it says itself what it cannot
+        return  # Dask supports other protocols, and reports their errors itself
     if not host or not port:
         raise _no_address(address)
     try:
@@ -130,7 +130,7 @@ def _no_address(address: str, why: str = "") -> InputError:
 
 
 def _lost(distributed: Any) -> tuple[type[BaseException], ...]:
-    """Return the errors by which Dask says that tasks have nowhere to run; their names differ between versions."""
+    """Return the errors by which Dask reports that no worker can run a task; their names depend on the version."""
     client, comm = importlib.import_module("distributed.client"), importlib.import_module("distributed.comm")
     names = [(client, "FutureCancelledError"), (client, "FuturesCancelledError"), (distributed, "KilledWorker")]
     names += [(comm, "CommClosedError"), (importlib.import_module("concurrent.futures"), "CancelledError")]
@@ -150,7 +150,7 @@ def _take(tasks: Iterator[Any], count: int) -> Iterator[Any]:
 
 
 def _tasks(client: Any, evaluation: Any, source: Source, size: int, wanted: list[int]) -> Iterator[Any]:
-    """Submit chunks one by one: a random-access source by its rows, a streamed one with its data."""
+    """Submit chunks one by one: by row numbers for random-access sources, with data for streamed sources."""
     options = {"retries": 3, "pure": False}
     if source.is_random_access:
         for index in wanted:

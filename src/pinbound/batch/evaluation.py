@@ -1,4 +1,4 @@
-"""What is asked of a chunk of configurations, as one value that a worker on another machine can be sent."""
+"""The evaluation of a chunk of configurations, as one value that can be sent to a worker on another machine."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ from pinbound.typing import Array, Flags
 __all__ = ["BINS", "COLUMNS", "VERDICTS", "Evaluation", "Statistics", "evaluation_of"]
 
 COLUMNS = ("coordinates", "clearances", "smallest", "region", "verdict")
-"""Groups of columns that can be asked for; `row` is always there."""
+"""Groups of columns that can be requested; `row` is always included."""
 
 VERDICTS = ("inside", "free", "outside", "limit", "contact", "invalid")
-"""inside: free, within limits and in the region around home. free: the same, where no region is known. outside: free,
-but not in that region. limit: free, a joint limit is violated. contact: a signed clearance is zero or less. invalid: a
+"""inside: free, within limits and in the region around home. free: the same, if no region is known. outside: free, but
+not in that region. limit: free, but a joint limit is violated. contact: a signed clearance is zero or less. invalid: a
 number is not finite."""
 
 BINS = 1024
-"""Bins of each boundary's histogram in the summary: quantiles are good to a bin, the path's length over this."""
+"""Bins of each boundary's histogram in the summary: quantiles have the error of one bin, the path's length over
+this."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +44,9 @@ class Statistics:
     Attributes:
         rows: Rows.
         invalid: Rows that are not finite.
-        verdicts: Rows a verdict, in the order of `VERDICTS`; empty if verdicts were not asked for.
+        verdicts: Number of rows with each verdict, in the order of `VERDICTS`; empty if verdicts were not requested.
         minima: (m,) smallest signed clearance of each boundary [m]; empty without a summary.
-        contacts: (m,) rows with signed clearance zero or less.
+        contacts: (m,) number of rows with a signed clearance of zero or less.
         histograms: (m, BINS) counts over each boundary's possible clearances.
     """
 
@@ -59,21 +60,21 @@ class Statistics:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A robot's boundaries, limits and region, and the columns that are wanted.
+    """A robot's boundaries, limits and region, and the requested columns.
 
     Attributes:
         robot: The robot's name.
         coordinates: Active coordinates.
         boundaries: Names of the boundaries.
         kernel: Evaluates their signed clearances.
-        limits: What every joint limit allows.
+        limits: The intervals of all joint limits.
         region: The region around home; None if it is not known.
         region_note: Why it is not known.
         columns: Some of `COLUMNS`.
         summary: Whether statistics of every boundary are kept.
         backend: ``"compiled"`` or ``"numpy"``; fixed for a job, so that all chunks have the same bits.
-        coverage: Which links the boundaries watch, and which nobody looks at.
-        limits_only: Whether joint limits alone are checked.
+        coverage: Which pairs of links the boundaries watch, and which they do not.
+        limits_only: Whether only joint limits are checked.
     """
 
     robot: str
@@ -91,7 +92,7 @@ class Evaluation:
 
     @property
     def spans(self) -> Array:
-        """(m, 2) [m] ends of each boundary's possible clearances; a path that slides may go beyond them."""
+        """(m, 2) [m] ends of each boundary's possible clearances; with a prismatic joint they may be exceeded."""
         lengths = np.array([pair.minimal.scale for pair in self.kernel.pairs]).reshape(-1)
         floors = [-np.inf if rule.is_stop else rule.path.floor for rule in self.kernel.rules]  # beyond a stop, too
         least = np.maximum(-lengths, np.array(floors).reshape(-1))
@@ -99,7 +100,7 @@ class Evaluation:
 
     @property
     def coordinate_columns(self) -> tuple[str, ...]:
-        """Columns of the coordinates: their names; with `q.` before it where a name is that of another column."""
+        """Columns of the coordinates: their names, with the prefix `q.` if another column has the same name."""
         own = {"row", "smallest_clearance", "smallest_boundary", "inside_region", "verdict"}
         own |= {f"clearance_{name}" for name in self.boundaries}
         columns: list[str] = []
@@ -174,7 +175,7 @@ class Evaluation:
         return arrow.table(out), statistics
 
     def _inside(self, region: Region, Q: Array) -> Flags:
-        """Return `region.contains(Q)`, False for rows of another slice; those outside its box need no closer look."""
+        """Return `region.contains(Q)`, with False for rows of another slice; rows outside its box are not tested."""
         inside = np.zeros(len(Q), dtype=np.bool_)
         if region.is_empty:
             return inside
@@ -215,12 +216,12 @@ def evaluation_of(
     *,
     limits_only: bool = False,
 ) -> Evaluation:
-    """Return what is asked of every chunk.
+    """Return the evaluation for every chunk.
 
     Raises:
         UnknownNameError: If a group of columns is not one of `COLUMNS`.
-        UnsupportedError: If the region is asked for and this robot has none in a plane; or if there is no boundary, and
-            joint limits alone are not asked for.
+        UnsupportedError: If the region is requested and this robot has none in a slice; or if there is no boundary, and
+            a check of joint limits alone was not requested.
     """
     for name in columns:
         if name not in COLUMNS:

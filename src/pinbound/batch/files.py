@@ -1,6 +1,6 @@
-"""The files of a batch folder: written whole or not at all, one process at a time, nobody else's touched.
+"""The files of a batch folder: each is complete or absent, one process writes at a time, other files are not touched.
 
-Every name that is written starts with `part-` or `.pinbound.`, or is `manifest.json`. Links are never followed.
+Every written name starts with `part-` or `.pinbound.`, or is `manifest.json`. Links are never followed.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _BINARY: int = getattr(os, "O_BINARY", 0)  # Windows
 
 
 def bad(path: Path, message: str, remedy: str) -> InputError:
-    """Return the error of a folder or file that is not what the job needs."""
+    """Return the error for a folder or file that does not fit the job."""
     return InputError([Problem(message, remedy, str(path))])
 
 
@@ -39,7 +39,7 @@ def _failed(path: Path, doing: str, error: OSError) -> MachineError:
 
 
 def make_folder(folder: Path) -> None:
-    """Make the folder of a job, if it is not there.
+    """Create the folder of a job, if it does not exist.
 
     Raises:
         InputError: If something else has its name.
@@ -54,7 +54,7 @@ def make_folder(folder: Path) -> None:
 
 
 def own(name: str) -> bool:
-    """Return whether a file of this name, in a folder without a manifest, was left by a job that had just begun."""
+    """Return whether a file of this name, in a folder without a manifest, was left by a job that had just started."""
     return name.startswith(_OWN)
 
 
@@ -73,7 +73,7 @@ def remove_leftovers(folder: Path) -> None:
 
 
 def write(path: Path, data: bytes) -> None:
-    """Write a file so that it is there whole or not at all, also after a power cut.
+    """Write a file so that it is complete or absent, also after a power failure.
 
     Raises:
         MachineError: If the system refuses: the disk is full, the folder may not be written, and so on.
@@ -99,7 +99,7 @@ def write(path: Path, data: bytes) -> None:
 
 
 def _settle(folder: Path) -> None:
-    """Make a rename survive a power cut, where the system has a way to."""
+    """Make a rename survive a power failure, if the system supports this."""
     if os.name == "nt":
         return
     handle = os.open(folder, os.O_RDONLY)
@@ -110,7 +110,7 @@ def _settle(folder: Path) -> None:
 
 
 def read(path: Path) -> bytes | None:
-    """Return a regular file's contents; None if there is no such file.
+    """Return the content of a regular file; None if it does not exist.
 
     Raises:
         MachineError: If the system refuses.
@@ -135,7 +135,7 @@ def read(path: Path) -> bytes | None:
 
 
 def digest(path: Path) -> tuple[str, int] | None:
-    """Return SHA-256 and size of a regular file; None if there is no such file.
+    """Return SHA-256 and size of a regular file; None if it does not exist.
 
     Raises:
         MachineError: If the system refuses.
@@ -146,10 +146,10 @@ def digest(path: Path) -> tuple[str, int] | None:
 
 @contextmanager
 def only_one(folder: Path) -> Generator[None, None, None]:
-    """Keep a second process out of the folder; the system lets go of the lock when a process dies.
+    """Keep a second process out of the folder; the system releases the lock when a process dies.
 
     Raises:
-        InputError: If another process holds the lock, or the lock's name belongs to something else.
+        InputError: If another process holds the lock, or another kind of file has the lock's name.
         MachineError: If the system refuses.
     """
     try:

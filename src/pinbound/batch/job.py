@@ -1,11 +1,11 @@
-"""A batch job: chunks to Parquet files, each written whole or not at all, and a manifest to resume from.
+"""A batch job: chunks to Parquet files, each complete or absent, and a manifest to resume from.
 
-In the folder: `manifest.json` (robot, options, versions, state), `part-00000012.parquet` for each chunk, and beside it
-`part-00000012.json` (number, job, rows, SHA-256, counts). The Parquet file is renamed into place first, the record
-second, so that a record stands for a chunk that is complete. On resuming, a chunk counts as done if its record is of
-this job, of this chunk and of as many rows as the source has there, if the input has not been touched since, and if the
-checksum of its file is right. Anything else is made again. At the end the totals must be those of the source, and a
-file that was read must still be the one that was opened.
+The folder contains `manifest.json` (robot, options, versions, state), `part-00000012.parquet` for each chunk, and its
+record `part-00000012.json` (number, job, rows, SHA-256, counts). First the Parquet file is renamed to its final name,
+then the record. So a record means that its chunk is complete. When a job resumes, a chunk counts as done under four
+conditions: its record belongs to this job and this chunk, it has as many rows as the source has there, the input has
+not changed since, and the checksum of its file is right. All other chunks are made again. At the end the totals must be
+those of the source, and a file that was read must still be the one that was opened.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ MOST_CHUNKS = 10**8
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a finished job found.
+    """The result of a finished job.
 
     Attributes:
-        folder: Where the files are.
+        folder: The folder with the files.
         chunks: Number of chunks.
-        resumed: How many of them were there already.
-        statistics: Of all rows.
+        resumed: Number of chunks that existed already.
+        statistics: The statistics of all rows.
         bytes: Size of all Parquet files.
     """
 
@@ -58,7 +58,7 @@ class Outcome:
     bytes: int
 
     def quantiles(self, evaluation: Evaluation, levels: tuple[float, ...]) -> Array:
-        """Return (m, k) quantiles of the clearances [m], each the upper end of its bin: good to one bin's width."""
+        """Return (m, k) quantiles of the clearances [m], each the upper end of its bin: accurate to a bin's width."""
         result = np.full((len(evaluation.boundaries), len(levels)), np.nan)
         for k, (counts, (low, high)) in enumerate(zip(self.statistics.histograms, evaluation.spans, strict=True)):
             cumulative = np.cumsum(counts)
@@ -77,23 +77,23 @@ def run(
     scheduler: str | None = None,
     advance: Advance | None = None,
 ) -> Outcome:
-    """Run a job, or what is left of it.
+    """Run a job, or the rest of it.
 
     Args:
-        evaluation: What is asked of every row.
+        evaluation: The evaluation of every row.
         source: The rows.
-        folder: Where the files go; made if it is not there. An unfinished job of the same kind is resumed.
-        chunk_rows: Rows a file; memory is a small multiple of one chunk.
-        threads: Threads of the kernel, here.
-        scheduler: Address of a Dask scheduler that runs the chunks instead; the folder is written by this process.
-        advance: Called with the rows of each chunk that is done, those found done included.
+        folder: The folder for the files; it is created if necessary. An unfinished job of the same kind is resumed.
+        chunk_rows: Rows for each file; memory is a small multiple of one chunk.
+        threads: Threads of the kernel, in this process.
+        scheduler: Address of a Dask scheduler that runs the chunks instead; this process writes the folder.
+        advance: Called with the number of rows of each finished chunk, also of those that existed already.
 
     Returns:
         Counts and sizes.
 
     Raises:
-        InputError: If the folder holds something else, or a job that differs in anything that the numbers depend on; if
-            the input changes meanwhile.
+        InputError: If the folder contains something else, or a job that differs in anything that the numbers depend on;
+            or if the input changes during the job.
         MachineError: If the disk or the cluster fails; the same call resumes.
         UnsupportedError: If PyArrow is not installed.
     """
@@ -108,7 +108,7 @@ def run(
     manifest = _manifest(evaluation, source, chunk_rows)
     _look(folder, manifest)
     with files.only_one(folder):
-        _look(folder, manifest)  # again: another process may have begun meanwhile
+        _look(folder, manifest)  # again, because another process may have started in between
         files.remove_leftovers(folder)
         if files.read(folder / "manifest.json") is None:
             files.write(folder / "manifest.json", _json(manifest))
@@ -137,7 +137,7 @@ def run(
 
 @dataclass(frozen=True)
 class _Job:
-    """A job in its folder: what its chunks must be."""
+    """A job in its folder, which defines its chunks."""
 
     evaluation: Evaluation
     source: Source
@@ -146,7 +146,7 @@ class _Job:
     digest: str
 
     def rows(self, index: int) -> int:
-        """Return how many rows a chunk has."""
+        """Return the number of rows of a chunk."""
         return min(self.size, self.source.rows - index * self.size)
 
     def keep(self, index: int, data: bytes, statistics: Statistics) -> dict[str, Any]:
@@ -168,7 +168,7 @@ class _Job:
         return record
 
     def record(self, index: int) -> dict[str, Any] | None:
-        """Return the record of a chunk that is complete; None if it has to be made."""
+        """Return the record of a complete chunk; None if the chunk must be made."""
         path = self.folder / f"{_stem(index)}.json"
         record = _object(files.read(path))
         if record is None:
@@ -180,7 +180,7 @@ class _Job:
         return record if found == (record.get("sha256"), record.get("bytes")) else None
 
     def _counts(self, record: dict[str, Any]) -> bool:
-        """Return whether the counts of a record are of the kind that this job keeps, and add up."""
+        """Return whether the counts of a record have the form of this job, and add up."""
         told = record.get("statistics")
         if not isinstance(told, dict):
             return False
@@ -196,7 +196,7 @@ class _Job:
         return one.rows == record["rows"] and (not one.verdicts or sum(one.verdicts) == one.rows)
 
     def check(self, done: dict[int, Any], count: int, made: list[int]) -> None:
-        """Compare the whole with the source; chunks made from an input that changed are taken back.
+        """Compare all chunks with the source; chunks made from a changed input are removed.
 
         Raises:
             InputError: If the input changed.
@@ -209,7 +209,7 @@ class _Job:
         try:
             self.source.check()
         except Exception:
-            for index in made:  # none of these may be taken for a chunk of the file that the manifest names
+            for index in made:  # none of these may count as a chunk of the file in the manifest
                 files.write(self.folder / f"{_stem(index)}.json", _json({"spoilt": "the input changed meanwhile"}))
             raise
 
@@ -218,7 +218,7 @@ _COUNTS = ("verdicts", "minima", "contacts", "histograms")
 
 
 def write_chunk(evaluation: Evaluation, Q: Array, start: int, threads: int = 1) -> tuple[bytes, Statistics]:
-    """Return a chunk's Parquet file as bytes, the same ones wherever this runs, and its statistics."""
+    """Return a chunk's Parquet file as bytes, which are the same wherever this runs, and its statistics."""
     arrow: Any = load_arrow("pyarrow")
     parquet: Any = load_arrow("pyarrow.parquet")
     table, statistics = evaluation.table(Q, start, threads)
@@ -228,7 +228,7 @@ def write_chunk(evaluation: Evaluation, Q: Array, start: int, threads: int = 1) 
 
 
 def _dictionaries(table: Any) -> list[str]:
-    """Return the columns of few values; a dictionary of floats that never repeat costs time and gains nothing."""
+    """Return the columns with few values; a dictionary of floats that never repeat costs time without benefit."""
     return [name for name in ("smallest_boundary", "verdict") if name in table.column_names]
 
 
@@ -289,10 +289,10 @@ def _manifest(evaluation: Evaluation, source: Source, chunk_rows: int) -> dict[s
 
 
 def _look(folder: Path, manifest: dict[str, Any]) -> None:
-    """Refuse a folder that is neither empty nor of this job, before anything in it is touched.
+    """Refuse a folder that is neither empty nor of this job, before anything in it is changed.
 
     Raises:
-        InputError: If it is of something else.
+        InputError: If it belongs to something else.
     """
     path = folder / "manifest.json"
     text = files.read(path)
@@ -317,7 +317,7 @@ def _look(folder: Path, manifest: dict[str, Any]) -> None:
 
 
 def _object(text: bytes | None) -> dict[str, Any] | None:
-    """Return a JSON object; None if the text is none."""
+    """Return a JSON object; None if the text is not one."""
     try:
         value = None if text is None else json.loads(text.decode())
     except (ValueError, RecursionError):

@@ -1,4 +1,4 @@
-"""Where configurations come from: files, grids, random and Sobol points; read in chunks, always the same rows."""
+"""Sources of configurations: files, grids, random and Sobol points; read in chunks, with the same rows each time."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from pinbound.typing import Array
 __all__ = ["FileSource", "GridSource", "RandomSource", "SobolSource", "Source", "open_source"]
 
 _BLOCK = 1 << 16
-"""Rows a random block: block b has its own seed, so that any chunk can be made without those before it."""
+"""Rows of a random block: block b has its own seed, so any chunk can be made without those before it."""
 
 
 class Source(Protocol):
-    """Rows of configurations (N, n), the same ones whenever they are read."""
+    """Rows of configurations (N, n), the same each time they are read."""
 
     @property
     def rows(self) -> int:
@@ -35,11 +35,11 @@ class Source(Protocol):
 
     @property
     def is_random_access(self) -> bool:
-        """Whether `read` is cheap anywhere, so that another process can make its own chunk."""
+        """Whether `read` is cheap for any rows, so that another process can make its own chunk."""
         ...
 
     def describe(self) -> dict[str, Any]:
-        """Return what defines the rows, for the manifest."""
+        """Return the definition of the rows, for the manifest."""
         ...
 
     def read(self, start: int, stop: int) -> Array:
@@ -47,15 +47,15 @@ class Source(Protocol):
         ...
 
     def chunks(self, size: int, wanted: Sequence[int]) -> Iterator[tuple[int, Array]]:
-        """Yield the wanted chunks in order, chunk i being rows `i size` to `(i + 1) size`."""
+        """Yield the requested chunks in order; chunk i has the rows `i size` to `(i + 1) size`."""
         ...
 
     def stamp(self) -> list[int] | None:
-        """Return what changes when the rows do: size and time of change of a file; None for rows that are made."""
+        """Return a value that changes with the rows: size and modification time of a file; None for generated rows."""
         ...
 
     def check(self) -> None:
-        """Refuse rows that are no longer those that were opened.
+        """Refuse rows that differ from those that were opened.
 
         Raises:
             InputError: If the file has changed since.
@@ -149,7 +149,7 @@ class SobolSource(_Anywhere):
         points = np.empty((stop - start, len(self.lower)))
         first = 0
         while first < len(points):
-            # The very first draw is one point: SciPy warns of others that are no power of two, even if more follow.
+            # SciPy warns if the first draw is neither one point nor a power of two, even if more follow.
             count = min(_BLOCK, len(points) - first) if start + first else 1
             points[first : first + count] = engine.random(count)
             first += count
@@ -194,10 +194,10 @@ class FileSource:
 
     Attributes:
         path: The file.
-        coordinates: Columns that are read, in q's order; an NPY has them as its columns.
+        coordinates: The columns that are read, in q's order; an NPY has them as its columns.
         rows: N.
-        sha256: Of the file, so that a resumed job, and a worker elsewhere, reads the same.
-        degrees: (n,) which columns hold degrees; they are converted to radians.
+        sha256: Of the file, so that a resumed job, and a worker on another machine, read the same file.
+        degrees: (n,) which columns are in degrees; they are converted to radians.
     """
 
     path: str
@@ -220,7 +220,7 @@ class FileSource:
         return told
 
     def stamp(self) -> list[int] | None:
-        """Return size and time of change [ns] of the file as it is now."""
+        """Return size and modification time [ns] of the file now."""
         return _stamp(self.path)
 
     def check(self) -> None:
@@ -236,7 +236,7 @@ class FileSource:
         """Return rows start to stop.
 
         Raises:
-            InputError: If the file is not the one that was opened: it changed, or another machine has another one.
+            InputError: If the file is not the one that was opened: it changed, or another machine has a different file.
         """
         if self.is_random_access:
             if _known_digest(self.path, *_stamp(self.path)) != self.sha256:
@@ -251,10 +251,10 @@ class FileSource:
         return next(array for _, array in self.chunks(size, [start // size]))
 
     def chunks(self, size: int, wanted: Sequence[int]) -> Iterator[tuple[int, Array]]:
-        """Yield the wanted chunks; a streamed file is read from its beginning and what is not wanted is passed over.
+        """Yield the requested chunks; a streamed file is read from its beginning, and other rows are skipped.
 
         Raises:
-            InputError: If the file has changed since it was opened, or holds another number of rows now.
+            InputError: If the file has changed since it was opened, or has another number of rows now.
         """
         if self.is_random_access:
             for index in wanted:
@@ -274,7 +274,7 @@ class FileSource:
                         yield index, self._radians(np.concatenate(held))
                     held, count, index = [], 0, index + 1
             if index > max(due, default=-1):
-                return  # what follows is not wanted
+                return  # later rows are not requested
         if total != self.rows:
             raise self._changed()
         if count and index in due:
@@ -304,10 +304,10 @@ def open_source(path: Path, coordinates: Sequence[str], degrees: Sequence[bool] 
     Args:
         path: A .csv, .npy, .npz or .parquet file.
         coordinates: Columns to read; an NPY has them in this order.
-        degrees: Which of them hold degrees; none by default.
+        degrees: Which of them are in degrees; none by default.
 
     Raises:
-        InputError: If it is of another kind, lacks a coordinate, or holds what is not a number.
+        InputError: If it is of another kind, lacks a coordinate, or contains a value that is not a number.
     """
     sha256, stamp = _digest(str(path)), _stamp(str(path))
     table = open_table(path, coordinates)
@@ -343,7 +343,7 @@ def _blockwise(file: Any) -> str:  # Python 3.10
 
 @lru_cache(maxsize=8)
 def _known_digest(path: str, size: int, changed: int) -> str:
-    """Return a file's checksum, read once for each state of the file that this process has seen."""
+    """Return a file's checksum, which is computed once for each state of the file in this process."""
     return _digest(path)
 
 
