@@ -1,4 +1,4 @@
-"""pinbound against coal, placed by Pinocchio: points, contacts, bodies, regions."""
+"""Comparison of pinbound with coal, placed by Pinocchio: points, contacts, bodies, regions."""
 
 from pinbound.crosscheck.bodies_level import BodyLevel, LinkPair
 from pinbound.crosscheck.check import LEVELS, CrossCheck, Level, cross_check

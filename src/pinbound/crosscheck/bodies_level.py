@@ -1,9 +1,9 @@
-"""Body level: do the marked points stand for the bodies? pinbound's verdicts against coal on the collision bodies.
+"""Body level: whether the marks represent the bodies. pinbound's verdicts are compared with coal on collision bodies.
 
-A configuration beyond any contact (`BoundarySet.beyond`) cannot be reached, and bodies there may have passed through
-each other. So coal is also asked where the straight way from home meets a contact of these links: a gap there is
-refused needlessly, a depth is a miss unless something else has stopped the way before. And since thin bodies slip
-between samples, some of these ways are swept.
+A configuration beyond any contact (`BoundarySet.beyond`) cannot be reached, and its bodies may have passed through each
+other. So coal also examines the point at which the straight path from home meets a contact of these links. A gap there
+is a needless refusal; a depth is a miss unless another boundary has stopped the path before. Because thin bodies can
+pass between samples, some of these paths are swept.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ _MOST_WAYS = 200
 
 @dataclass(frozen=True)
 class BodyLevel(Value):
-    """The model: marked points against collision bodies.
+    """The model: marks compared with collision bodies.
 
     Attributes:
-        samples: How many configurations.
-        pairs: One entry a pair of links that have a boundary and bodies.
+        samples: Number of configurations.
+        pairs: One entry for each pair of links that have a boundary and bodies.
         left_out: Links of boundaries that cannot be compared, with the reason.
-        tolerance: [m], for misses: how well coal knows distances of bodies.
-        stop_tolerance: [m], for needless refusals of boundaries of zero threshold; covers by spheres refuse more
-            by design, and for those the refusal is stated only.
+        tolerance: [m], for misses: the accuracy of coal's distances of bodies.
+        stop_tolerance: [m], for needless refusals of boundaries of zero threshold. Covers by spheres refuse more by
+            design; for those the refusal is only reported.
     """
 
     samples: int
@@ -72,7 +72,7 @@ class BodyLevel(Value):
 
 
 def check_bodies(robot: Robot, samples: int, rng: np.random.Generator) -> BodyLevel | str:
-    """Compare verdicts at random configurations within the limits, or say why that cannot be done."""
+    """Compare verdicts at random configurations within the limits; if this is not possible, return why."""
     groups: dict[tuple[str, str], list[int]] = {}
     for index, boundary in enumerate(robot.boundaries):
         first, second = sorted((boundary.point_a.link, boundary.point_b.link))
@@ -92,7 +92,7 @@ def check_bodies(robot: Robot, samples: int, rng: np.random.Generator) -> BodyLe
     if not kept:
         return "no boundary has bodies on both its links"
     Q = sample(robot, samples, rng)
-    # Every second one is drawn towards home: in a small region few others would lie.
+    # Every second one is drawn towards home: few others would lie in a small region.
     Q[::2] = robot.home + rng.random((len(Q[::2]), 1)) * (Q[::2] - robot.home)
     first_met = np.full(len(Q), math.inf)
     for boundary in robot.boundaries:
@@ -116,7 +116,7 @@ def _check_pair(
 ) -> LinkPair | None:
     """Compare one pair of links, unless all its bodies touch at home.
 
-    `first_met` (N,) is where the way from home to each q meets any contact.
+    `first_met` (N,) is the point at which the path from home to each q meets any contact.
     """
     boundaries = [robot.boundaries[index] for index in members]
     count, shapes = len(bodies[0]), body_shapes([*bodies[0], *bodies[1]])
@@ -136,7 +136,7 @@ def _check_pair(
     gap_there, first = np.full(len(Q), np.nan), np.zeros(len(Q), dtype=bool)
     if np.any(meets):
         gap_there[meets] = np.min(engine.distances(there[meets]), axis=1)
-        # Where another boundary has stopped the way before, a depth is no miss.
+        # If another boundary has stopped the path before, a depth is not a miss.
         first[meets] = least_clearance(boundaries, there[meets]) >= -CROSSCHECK_BODY
         first &= crossing <= first_met
     links = (bodies[0][0].link, bodies[1][0].link)

@@ -146,7 +146,7 @@ def cross_check(
     if not len(robot.boundaries):
         reasons = dict.fromkeys((level for level in LEVELS if level in levels), "the robot has no boundaries")
         return CrossCheck(robot.name, samples, rays, seed, None, None, None, None, reasons, robot.coverage.record)
-    # Every level has its own stream, so that leaving one out does not change another.
+    # Every level has its own random stream, so that leaving one out does not change another.
     streams = np.random.default_rng(seed).spawn(3)
     questions: dict[Level, Callable[[], Any]] = {
         "points": lambda: check_points(robot, samples, streams[0]),

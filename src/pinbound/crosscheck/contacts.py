@@ -1,8 +1,9 @@
-"""Boundary level: contacts found on coal's distance along rays, against the closed form.
+"""Boundary level: contacts found on coal's distance along rays, compared with the closed form.
 
-A ray is `q(t) = start + t d`. Along it coal's distance f(t) is scanned and its first change of sign bisected. Points
-of zero threshold do not cross: they come near and part again, and contact is the minimum of f. About a contact angle f
-is even (both points turn about one pivot), so `f(t + h) - f(t - h)` changes sign there, steeply: that is bisected.
+A ray is `q(t) = start + t d`. Along it coal's distance f(t) is scanned, and its first change of sign is bisected.
+Points of zero threshold do not cross: they approach and separate again, and contact is the minimum of f. Around a
+contact angle f is even (both points rotate about one pivot). So `f(t + h) - f(t - h)` changes its sign there, steeply,
+and this is bisected.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ from pinbound.values import Value
 
 __all__ = ["BoundaryLevel", "RayCheck", "check_contacts"]
 
-_COARSE = 97  # nodes of a scan along a ray; a contact thinner than that is looked for again, where it is claimed
+_COARSE = 97  # nodes of a scan along a ray; a thinner contact is searched again where pinbound claims it
 _FINE = 129
-_LEAST_RATE = 0.05  # of an effective angle along a ray: less would make the ray needlessly long
+_LEAST_RATE = 0.05  # of an effective angle along a ray: a smaller rate would make the ray needlessly long
 _BISECTION = 1e-14
 
 
@@ -35,15 +36,15 @@ class RayCheck(Value):
     """One boundary along many rays.
 
     Attributes:
-        method: What coal was compared with: ``"contact angle"``, ``"contact strip"``, ``"smallest norm"`` (of a
+        method: The quantity compared with coal: ``"contact angle"``, ``"contact strip"``, ``"smallest norm"`` (for a
             boundary that is never in contact) or ``"allowed arcs"``.
-        rays: How many rays.
-        free: How many of them meet no contact, by both sides.
-        grazing: How many contacts are too flat to be placed; they are compared in metres only.
-        angle: [rad], worst difference of the contact, in the effective angle, the coordinate, or along the ray;
+        rays: Number of rays.
+        free: Number of rays without contact, by both sides.
+        grazing: Number of contacts that are too flat to be located; they are compared in metres only.
+        angle: [rad], largest difference of the contact, in the effective angle, the coordinate, or along the ray;
             infinite if only one side found a contact.
-        metres: [m], worst difference of the distances at the contact in closed form, or of the smallest ones.
-        witness: (n,), that contact.
+        metres: [m], largest difference of the distances at the contact in closed form, or of the smallest ones.
+        witness: (n,), the contact with this difference.
     """
 
     method: str
@@ -57,12 +58,12 @@ class RayCheck(Value):
 
 @dataclass(frozen=True)
 class BoundaryLevel(Value):
-    """Contacts in closed form against contacts found on coal's distance.
+    """Contacts in closed form, compared with contacts found on coal's distance.
 
     Attributes:
-        rays: How many rays in all.
-        boundaries: What was seen, by boundary.
-        allowed: [m], by boundary: what its difference may be. It grows with the length of the boundary's path.
+        rays: Number of rays in total.
+        boundaries: The results, by boundary.
+        allowed: [m], by boundary: the allowed difference. It grows with the length of the boundary's path.
         solid: Boundaries of boxes and prisms, which coal measures by iteration: compared in metres.
         tolerance: [rad].
         metres_tolerance: [m].
@@ -79,7 +80,7 @@ class BoundaryLevel(Value):
 
     @property
     def worst(self) -> float:
-        """[rad], the worst difference over all boundaries that are not solid."""
+        """[rad], the largest difference over all boundaries that are not solid."""
         return max((one.angle for name, one in self.boundaries.items() if name not in self.solid), default=0.0)
 
     @property
@@ -92,10 +93,10 @@ class BoundaryLevel(Value):
 
 @dataclass(frozen=True)
 class _Claim:
-    """A contact that pinbound says a ray meets first: `t` None if it meets none up to `length`.
+    """The first contact on a ray according to pinbound; `t` is None if there is none up to `length`.
 
-    `unit` turns differences of t into the angle that they are stated in; `expected` is the clearance there, and
-    `level` the one that is contact: above zero where the tolerance is larger than the threshold.
+    `unit` converts differences of t to the stated angle. `expected` is the clearance there, and `level` is the
+    clearance of contact: above zero if the tolerance is larger than the threshold.
     """
 
     method: str
@@ -119,9 +120,9 @@ class _Seen:
 
 
 def check_contacts(robot: Robot, rays: int, rng: np.random.Generator) -> BoundaryLevel:
-    """Cast rays, each at one boundary in turn and at least one at each, and compare the contacts that they meet first.
+    """Cast rays, in turn for each boundary and at least one for each, and compare the first contacts on them.
 
-    A boundary that no coordinate moves has no rays.
+    A boundary that does not depend on q has no rays.
     """
     found: dict[str, RayCheck] = {}
     for index, boundary in enumerate(robot.boundaries):
@@ -163,7 +164,7 @@ def _direction(robot: Robot, boundary: Boundary, rng: np.random.Generator) -> Ar
 
 
 def _one_angle(robot: Robot, boundary: Boundary, contact: ContactAngle, rng: np.random.Generator) -> _Claim:
-    """A ray from home, one turn of the effective angle long."""
+    """A ray from home, over one turn of the effective angle."""
     c, rate = contact.coefficients, 0.0
     direction = np.zeros(len(c))
     while abs(rate) < _LEAST_RATE * float(np.linalg.norm(c)):
@@ -183,7 +184,7 @@ def _one_angle(robot: Robot, boundary: Boundary, contact: ContactAngle, rng: np.
 
 
 def _along_one_coordinate(robot: Robot, boundary: Boundary, start: Array, rng: np.random.Generator) -> _Claim:
-    """A ray along one coordinate from a random free start: the articular limit in closed form."""
+    """A ray along one coordinate from a random free start, for the articular limit in closed form."""
     index = int(rng.choice(boundary.path.minimal.coordinates))
     name, side = robot.coordinates[index], int(rng.integers(2))
     level = 0.0 if boundary.is_stop else boundary.contact_distance - boundary.threshold
@@ -203,14 +204,14 @@ def _along_one_coordinate(robot: Robot, boundary: Boundary, start: Array, rng: n
 def _arcs_around(
     boundary: Boundary, name: str, index: int, start: Array
 ) -> tuple[AllowedArcs, tuple[float, float] | None]:
-    """Return the allowed arcs of a coordinate within a turn either way, and the one that holds the start."""
+    """Return the allowed arcs of a coordinate within a turn to either side, and the one that contains the start."""
     value = float(start[index])
     window = (value - 2.0 * math.pi, value + 2.0 * math.pi)
     arcs: AllowedArcs = boundary.limits(name, start, window)
     around = arcs.around(value)
     if around is None:
         return arcs, None
-    low = -math.inf if around[0] <= arcs.window[0] else around[0]  # an end of the window is no contact
+    low = -math.inf if around[0] <= arcs.window[0] else around[0]  # an end of the window is not a contact
     high = math.inf if around[1] >= arcs.window[1] else around[1]
     return arcs, (low, high)
 
@@ -232,7 +233,7 @@ def _compare(engine: Engine, boundary: Boundary, claim: _Claim) -> _Seen:
     else:
         t = _first_root(above, 0.0, claim.length, _COARSE)
         if claim.t is not None and (t is None or abs(t - claim.t) * claim.unit > CROSSCHECK_ANGLE):
-            # Thinner than the scan, perhaps: look closely just where pinbound claims the contact.
+            # It may be thinner than the scan: search closely where pinbound claims the contact.
             step = claim.length / _COARSE
             closer = _first_root(above, max(0.0, claim.t - step), claim.t + step, _FINE)
             t = closer if t is None or (closer is not None and closer < t) else t
@@ -253,7 +254,7 @@ def _compare(engine: Engine, boundary: Boundary, claim: _Claim) -> _Seen:
 
 
 def _first_root(f: Callable[[float], float], start: float, stop: float, nodes: int) -> float | None:
-    """Return where f, scanned at equal steps, first falls to zero; None if it never does."""
+    """Return where f, scanned at equal steps, first falls to zero; None if it does not."""
     before, first = start, f(start)
     if first <= 0.0:
         return start
@@ -265,7 +266,7 @@ def _first_root(f: Callable[[float], float], start: float, stop: float, nodes: i
 
 
 def _minimum(f: Callable[[float], float], period: float) -> float | None:
-    """Return the minimum of an even dip of f within one period, by the change of sign of `f(t + h) - f(t - h)`."""
+    """Return the minimum of an even dip of f within a period, from the change of sign of `f(t + h) - f(t - h)`."""
     step = period / _COARSE
     lowest = step * int(np.argmin([f(step * node) for node in range(_COARSE)]))
 

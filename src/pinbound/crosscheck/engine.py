@@ -1,4 +1,4 @@
-"""Shapes on links, placed by Pinocchio, their distances by coal: nothing of pinbound but `theta = S q + o`."""
+"""Shapes on links, placed by Pinocchio, with distances by coal. Of pinbound only `theta = S q + o` is used."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ __all__ = [
 
 _BLOCK = 20_000
 _MOST_CONTACTS = 1_000
-_UNLIMITED_SLIDE = 1.0  # metres: how far a slide without limits is sampled
+_UNLIMITED_SLIDE = 1.0  # metres: sampling range of a prismatic joint without limits
 _MOST_DRAWS = 50
 _SOLID = 3  # dimensions
-_GJK, _GJK_SHARE = 1e-9, 1e-11  # metres; path lengths, where these are longer than 100 m
+_GJK, _GJK_SHARE = 1e-9, 1e-11  # metres; relative to the path length if it is above 100 m
 _ITERATED = ("box", "cylinder", "hull")
-_LINE, _LONGER = 1e3, 8.0  # metres at least, path lengths at least: the capsule that stands for a line
+_LINE, _LONGER = 1e3, 8.0  # metres at least, path lengths at least: length of the capsule that replaces a line
 _INFLATED = ("box",)
 
 
@@ -53,13 +53,13 @@ class Shape(Value):
     Attributes:
         link: The link.
         kind: ``"sphere"``, ``"box"``, ``"cylinder"``, ``"capsule"``, ``"halfspace"``, ``"hull"`` or ``"mesh"``.
-        size: [m], as in `bodies.Body`; of a half-space its height, z up; of a hull the radius around it.
+        size: [m], as in `bodies.Body`; for a half-space its height, z up; for a hull the radius around it.
         rotation: (3, 3), from the shape's frame to the link's.
         translation: (3,) [m] in the link's frame.
-        vertices: (k, 3) [m], of a hull.
+        vertices: (k, 3) [m], for a hull.
         swept_radius: [m], around a box.
-        file: Of a mesh, read by coal's own loader, which is Pinocchio's.
-        scale: (3,) factors on a mesh.
+        file: For a mesh; coal's own loader, which is Pinocchio's, reads it.
+        scale: (3,) factors for a mesh.
     """
 
     link: str
@@ -85,7 +85,7 @@ class Engine:
     """
 
     def __init__(self, robot: Robot, shapes: Sequence[Shape], pairs: Sequence[tuple[int, int]]) -> None:
-        """Fix the shapes to the frames of their links in `robot.model`; pairs are places in `shapes`."""
+        """Fix the shapes to the frames of their links in `robot.model`; pairs are indices in `shapes`."""
         import pinocchio
 
         self._pin, self._robot = cast(Any, pinocchio), robot
@@ -94,7 +94,7 @@ class Engine:
         self._data = self._model.createData()
         self._geometry = self._pin.GeometryModel()
         for index, shape in enumerate(shapes):
-            # A link and a joint may share a name; the frame of the link is the BODY one.
+            # A link and a joint may have the same name; the frame of the link has the type BODY.
             frame_id = self._model.getFrameId(shape.link, self._pin.BODY)
             frame = self._model.frames[frame_id]
             placement = frame.placement * self._pin.SE3(shape.rotation, shape.translation)
@@ -105,7 +105,7 @@ class Engine:
         self._geometry_data = self._pin.GeometryData(self._geometry)
         size = max((size_of(boundary) for boundary in robot.boundaries), default=1.0)
         if any(shape.kind in _ITERATED for shape in shapes):
-            for request in self._geometry_data.distanceRequests:  # coal's own 1e-6 m is what it may be off by
+            for request in self._geometry_data.distanceRequests:  # coal's default tolerance is 1e-6 m
                 request.gjk_tolerance = max(_GJK, _GJK_SHARE * size)
         _tighten(self._geometry_data)
         self._broad: tuple[Any, Any] | None = None
@@ -128,7 +128,7 @@ class Engine:
     def collisions(self, Q: Array) -> Flags:
         """Return which pairs are in collision (N, pairs) at every row of Q (N, n), by coal's yes-or-no query.
 
-        Coal's own tree of boxes about the shapes says which pairs are asked for at all.
+        Coal's own tree of bounding boxes decides which pairs are tested at all.
         """
         found = np.zeros((len(Q), len(self.pairs)), dtype=np.bool_)
         if not self.pairs:
@@ -144,7 +144,7 @@ class Engine:
             if self._pin.computeCollisions(self._model, self._data, manager, theta, False):
                 found[row] = [result.isCollision() for result in results]
                 for place in np.flatnonzero(found[row]).tolist():
-                    results[place].clear()  # a pair whose boxes are apart is not asked for, and keeps what it had
+                    results[place].clear()  # a pair with separate boxes is not tested, and would keep its old result
         return found
 
     def collides(self, q: Array, pair: int) -> bool:
@@ -156,7 +156,7 @@ class Engine:
     def depth(self, q: Array, pair: int) -> float:
         """Return the largest penetration among the contacts that coal finds for one pair at q (n,) [m]; 0 without.
 
-        Of meshes it is a depth of single triangles, and so no more than a sign of how deep the bodies are.
+        For meshes it is a depth of single triangles, so it only shows whether the bodies overlap.
         """
         import coal as coal_untyped
 
@@ -185,7 +185,7 @@ class Engine:
         return rotations, origins
 
     def triangles(self, shape: int) -> tuple[Array, Ints] | None:
-        """Return a mesh's corners (k, 3) [m], in its own frame, and triangles (m, 3) as coal has them; else None."""
+        """Return a mesh's corners (k, 3) [m] in its own frame, and its triangles (m, 3), as in coal; else None."""
         body = self._geometry.geometryObjects[shape].geometry
         if not hasattr(body, "tri_indices"):
             return None
@@ -202,7 +202,7 @@ class Engine:
 
 
 def _tighten(data: Any) -> None:
-    """Let coal say yes or no to 1e-9 m: at its own 1e-6 m it calls some shapes apart that are millimetres deep."""
+    """Set coal's collision tolerance to 1e-9 m: at its own 1e-6 m it calls some overlapping shapes separate."""
     for request in data.collisionRequests:
         request.gjk_tolerance = _GJK
 
@@ -231,20 +231,20 @@ def _coal_shape(shape: Shape) -> Any:
 
 
 def body_shapes(bodies: Sequence[Body]) -> list[Shape]:
-    """Return collision bodies as shapes; meshes must have been taken out."""
+    """Return collision bodies as shapes; the caller must have removed meshes."""
     return [Shape(body.link, body.shape, body.size, body.rotation, body.translation) for body in bodies]
 
 
 def point_engine(robot: Robot) -> Engine:
-    """Return the marks as coal's shapes (a sphere of radius 0 is a point), one pair a boundary, in their order.
+    """Return the marks as coal's shapes (a sphere of radius 0 is a point), one pair for each boundary, in order.
 
-    The first of each pair is larger by the distance to keep, so that coal's distance is the clearance.
+    The first shape of each pair is larger by the distance to keep, so coal's distance is the clearance.
     """
     return _of_marks(robot, list(robot.boundaries))
 
 
 def pair_engine(robot: Robot, boundary: Boundary) -> Engine:
-    """Return the marks of one boundary alone: asking for one distance then places two shapes, not all."""
+    """Return the marks of one boundary alone: then one distance needs the placement of two shapes, not of all."""
     return _of_marks(robot, [boundary])
 
 
@@ -261,18 +261,18 @@ def _shapes_of(boundary: Boundary) -> tuple[Shape, Shape]:
 
 
 def size_of(boundary: Boundary) -> float:
-    """Return the length of a boundary's path [m], 1 at least, with which roundings and tolerances grow."""
+    """Return the length of a boundary's path [m], at least 1, to which roundings and tolerances are proportional."""
     return max(1.0, over_z(boundary).path.minimal.scale)
 
 
 def is_iterated(boundary: Boundary) -> bool:
-    """Return whether coal finds a boundary's distance by iteration: of boxes and hulls, but for half-spaces."""
+    """Return whether coal computes a boundary's distance by iteration: for boxes and hulls, without half-spaces."""
     kinds = {shape.kind for shape in _shapes_of(boundary)}
     return "halfspace" not in kinds and not kinds.isdisjoint(_ITERATED)
 
 
 def tolerances_of(boundary: Boundary) -> float:
-    """Return how far coal's distance of a boundary's marks may be from the clearance [m]."""
+    """Return the allowed difference of coal's distance of a boundary's marks from the clearance [m]."""
     size, shapes = size_of(boundary), _shapes_of(boundary)
     if is_iterated(boundary):
         return CROSSCHECK_SOLID * size
@@ -311,7 +311,7 @@ def mark_shape(mark: Mark, more: float, reach: float = 1.0) -> Shape:
 
 
 def _box(link: str, shape: MarkShape, axes: Array, lengths: Array, thick: float) -> Shape:
-    """Return a rectangle or box, `thick` around it."""
+    """Return a rectangle or box with the radius `thick` around it."""
     third = np.cross(axes[:, 0], axes[:, 1])
     flip = 1.0 if axes.shape[1] == 2 or float(third @ axes[:, 2]) > 0.0 else -1.0
     rotation: Any = np.column_stack((axes[:, 0], axes[:, 1], third))
@@ -321,9 +321,9 @@ def _box(link: str, shape: MarkShape, axes: Array, lengths: Array, thick: float)
 
 
 def sample(robot: Robot, count: int, rng: np.random.Generator) -> Array:
-    """Return random configurations (count, n) within all limits; unlimited angles in +-pi, slides in +-1 m.
+    """Return random configurations (count, n) within all limits; unlimited angles in +-pi, lengths in +-1 m.
 
-    Limits of followers are respected by rejection; if they leave too little, fewer configurations come back.
+    Limits of mimic joints are kept by rejection; if they reject too many, fewer configurations are returned.
 
     Raises:
         UnsupportedError: If no configuration satisfies all limits.
@@ -346,11 +346,11 @@ def sample(robot: Robot, count: int, rng: np.random.Generator) -> Array:
 
 
 def within_limits(robot: Robot, Q: Array) -> Flags:
-    """Return which rows (N,) satisfy the limits of all tree joints, followers too."""
+    """Return which rows (N,) keep the limits of all tree joints, also of mimic joints."""
     return robot.intervals.hold(Q)
 
 
 def blocks(count: int) -> Iterator[slice]:
-    """Yield slices that cut `count` rows into blocks, to bound memory."""
+    """Yield slices that divide `count` rows into blocks, to bound memory."""
     edges = [*range(0, count, _BLOCK), count]
     yield from (slice(start, stop) for start, stop in pairwise(edges))

@@ -1,14 +1,14 @@
-"""Bodies wholly inside another's mesh: a mesh is a surface, so that coal sees no contact there.
+"""Bodies completely inside another body's mesh: a mesh is a surface, so coal reports no contact there.
 
-Let A be a mesh with a closed surface and P a connected piece of another body that touches A nowhere. Then P is wholly
-inside A or wholly outside, and one place p of P decides. The winding number of A about p,
+Let A be a mesh with a closed surface, and P a connected piece of another body that does not touch A. Then P is
+completely inside A or completely outside, and one point p of P decides. The winding number of A about p,
 
     w(p) = sum_T Omega_T / (4 pi),   tan(Omega_T / 2) = det(a, b, c) / (|a||b||c| + (a.b)|c| + (b.c)|a| + (c.a)|b|),
 
-with a, b, c the corners of triangle T as seen from p, is a whole number: 0 outside, not 0 inside (negative if the
-triangles are turned inwards). p is at least the gap of the bodies away from every triangle. So rounding is far from
-what decides: p counts as inside where |w| is above 1/2. Of a mesh with holes w is no whole number; there the same rule
-says that more than half of the directions from p meet the mesh from behind.
+where a, b, c are the corners of triangle T relative to p, is a whole number: 0 outside, not 0 inside (negative if the
+triangles are oriented inwards). The distance of p from every triangle is at least the gap of the bodies. So rounding is
+far too small to change the decision: p counts as inside if |w| is above 1/2. For a mesh with holes w is not a whole
+number; the same rule then means that more than half of the directions from p meet the mesh from behind.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ _AT_ONCE = 500_000  # triangles times places, to bound memory
 
 @dataclass(frozen=True, eq=False)
 class _Solid(Value):
-    """A shape, as this page looks at it.
+    """The data of a shape for this test.
 
     Attributes:
-        places: (k, 3) [m], one place of each connected piece, in the shape's frame.
-        surface: (m, 3, 3) [m], the corners of its triangles; None of shapes that are solid for coal.
+        places: (k, 3) [m], one point of each connected piece, in the shape's frame.
+        surface: (m, 3, 3) [m], the corners of its triangles; None for shapes that are solid in coal.
     """
 
     places: Array
@@ -41,7 +41,7 @@ class _Solid(Value):
 
 
 class Insides:
-    """Says where a shape, or a connected piece of it, is wholly inside the mesh of another.
+    """Finds where a shape, or a connected piece of it, is completely inside the mesh of another.
 
     Example:
         >>> import pinbound as pb
@@ -52,15 +52,15 @@ class Insides:
     """
 
     def __init__(self, engine: Engine) -> None:
-        """Look at the shapes of an engine."""
+        """Take the shapes of an engine."""
         self._engine = engine
         self._solids: dict[int, _Solid] = {}
 
     def of_pair(self, pair: int, Q: Array, poses: tuple[Array, Array] | None = None) -> tuple[Flags, Flags]:
         """Return where the first shape of a pair is inside the second (N,), and the second inside the first (N,).
 
-        Asked of rows of Q (N, n) at which the two shapes do not touch; elsewhere the answer means nothing. `poses` are
-        what `Engine.poses` gives for Q, where they are known.
+        The result is valid for rows of Q (N, n) at which the two shapes do not touch. `poses` is the result of
+        `Engine.poses` for Q, if it is known.
         """
         first, second = self._engine.pairs[pair]
         a, b = self._solid(first), self._solid(second)
@@ -81,7 +81,7 @@ class Insides:
 
 
 def _one_of_each_piece(corners: Array, triangles: Ints) -> Array:
-    """Return a corner (k, 3) of every connected piece; corners at the same place are one."""
+    """Return a corner (k, 3) of every connected piece; corners at the same point count as one."""
     same, of = np.unique(corners, axis=0, return_inverse=True)
     rows = of.reshape(-1)[triangles]
     used = np.unique(rows)
@@ -90,7 +90,7 @@ def _one_of_each_piece(corners: Array, triangles: Ints) -> Array:
 
 
 def _within(inner: _Solid, at: tuple[Array, Array], outer: _Solid, around: tuple[Array, Array]) -> Flags:
-    """Return where (N,) some piece of `inner` is inside the surface of `outer`; poses as `Engine.poses` gives them."""
+    """Return where (N,) a piece of `inner` is inside the surface of `outer`; poses are those of `Engine.poses`."""
     found = np.zeros(len(at[1]), dtype=np.bool_)
     if outer.surface is None:
         return found
@@ -104,11 +104,11 @@ def _within(inner: _Solid, at: tuple[Array, Array], outer: _Solid, around: tuple
 
 
 def winding_numbers(surface: Array, places: Array) -> Array:
-    """Return how often a surface of triangles goes round places (k,): 1 inside, 0 outside, for corners anticlockwise.
+    """Return how often a surface winds around points (k,): 1 inside, 0 outside, for counter-clockwise triangles.
 
     Args:
         surface: (m, 3, 3) [m], corners of triangles.
-        places: (k, 3) [m], none of them on the surface.
+        places: (k, 3) [m], not on the surface.
 
     Example:
         >>> a, b, c, d = np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.eye(3)[2]

@@ -1,4 +1,4 @@
-"""What two links' bodies and boundaries say of the same configurations, counted."""
+"""Results of the bodies and boundaries of two links at the same configurations, counted."""
 
 from __future__ import annotations
 
@@ -24,32 +24,33 @@ class LinkPair(Value):
     Attributes:
         links: The two links.
         boundaries: Names of the boundaries between them.
-        bodies: How many pairs of bodies.
-        touching: How many pairs of bodies more were in contact at home, by coal, and therefore left out: home is free,
-            so that they overlap by design.
+        bodies: Number of pairs of bodies.
+        touching: Number of further pairs of bodies that are in contact at home, by coal. They are left out: home is
+            free, so they overlap by design.
         both_clear: Samples that both sides call clear.
         both_contact: Samples that both sides refuse.
-        misses: Samples that pinbound calls clear, while bodies are in contact.
-        refusals: Samples in contact for pinbound, while the bodies are clear, and none is inside another's mesh.
-        ways: How many straight ways from home were swept without stepping over a contact.
+        misses: Samples that pinbound calls clear, although bodies are in contact.
+        refusals: Samples in contact for pinbound, although the bodies are clear, and none is inside another's mesh.
+        ways: Number of straight paths from home that were swept without stepping over a contact.
         unreachable: Samples beyond a contact of any links, at which these bodies are clear.
-        miss: [m], the deepest penetration at a configuration that pinbound calls clear, sample or on a way, or where
-            contact begins.
-        miss_q: (n,), where that is; None if there is none.
+        miss: [m], the deepest penetration at a configuration that pinbound calls clear: a sample, a point of a path, or
+            the start of contact.
+        miss_q: (n,), this configuration; None if there is none.
         refusal: [m], the largest gap between the bodies where pinbound refuses, or where contact begins.
-        refusal_q: (n,), where that is; None if there is none.
-        stops: Whether a boundary of zero threshold is among them: it claims where bodies first touch.
-        meshes: Whether a body is a mesh: coal is asked for yes or no, on the raw triangles, and no way is swept.
-        near: Configurations more, each where a way from home meets these boundaries, to 1e-9 of the way.
-        measured: How many needless refusals were measured; of meshes at most 200, for each takes a millisecond.
-        inside: Places that pinbound refuses (samples, and of *near* those just after) where no triangles touch, for a
-            body is wholly inside the mesh of the other: not refused needlessly.
-        inside_q: (n,), one of these places; None if there is none.
-        hidden: Samples that pinbound calls clear, at which one body is wholly inside the mesh of another: a hollow that
-            several marks leave between them (`robot.coverage.notes`). No motion leads there without a contact.
+        refusal_q: (n,), this configuration; None if there is none.
+        stops: Whether one boundary has zero threshold: it claims where bodies first touch.
+        meshes: Whether a body is a mesh: coal then answers yes or no, on the raw triangles, and no path is swept.
+        near: Number of further configurations at which a path from home meets these boundaries, to 1e-9 of the path.
+        measured: Number of needless refusals that were measured; at most 200 for meshes, because each takes a
+            millisecond.
+        inside: Configurations that pinbound refuses (samples, and of *near* those just after) without contact of
+            triangles, because a body is completely inside the mesh of the other: not needless.
+        inside_q: (n,), one of these configurations; None if there is none.
+        hidden: Samples that pinbound calls clear, at which one body is completely inside the mesh of another: in a
+            hollow between several marks (`robot.coverage.notes`). No motion leads there without a contact.
         hidden_q: (n,), one of these samples; None if there is none.
-        within: Which link is inside which, for people; empty if none is.
-        coverage: How coverage looks after the pair: only where it is watched as a whole do the marks hold the bodies.
+        within: Which link is inside which, as text; empty if none is.
+        coverage: The coverage of the pair: only if it is watched completely, the marks hold the bodies.
     """
 
     links: tuple[str, str]
@@ -79,7 +80,7 @@ class LinkPair(Value):
 
 
 def least_clearance(boundaries: Sequence[Boundary], Q: Array) -> Array:
-    """Return the smallest signed clearance (N,); stops, whose contact is a place on the way, are not among them."""
+    """Return the smallest signed clearance (N,), without stops, whose contact is a point of the path."""
     least = np.full(len(Q), math.inf)
     for boundary, block in product([one for one in boundaries if not one.is_stop], blocks(len(Q))):
         least[block] = np.minimum(least[block], boundary.signed_clearance(Q[block]))
@@ -87,7 +88,7 @@ def least_clearance(boundaries: Sequence[Boundary], Q: Array) -> Array:
 
 
 def largest(choices: Sequence[tuple[Flags, Array, Array]]) -> tuple[float, Array | None]:
-    """Return the largest positive value over several masked arrays, with its configuration; 0 and None without."""
+    """Return the largest positive value over several masked arrays, with its configuration; 0 and None if none."""
     value, q = 0.0, None
     for mask, values, Q in choices:
         if not len(mask):
@@ -100,7 +101,7 @@ def largest(choices: Sequence[tuple[Flags, Array, Array]]) -> tuple[float, Array
 
 
 def crossing(boundary: Boundary, home: Array, Q: Array) -> Array:
-    """Return the share of the way from home to each q (N,) at which the boundary is met; infinite if it is not."""
+    """Return the share of the path from home to each q (N,) at which the boundary is met; infinite if it is not."""
     share = np.full(len(Q), math.inf)
     for contact in boundary.contacts or ():
         start = float(contact.coefficients @ home)

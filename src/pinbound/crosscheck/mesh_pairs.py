@@ -1,10 +1,11 @@
-"""Body level where a body is a mesh: coal's yes or no on raw triangles, and distances where they are worth their time.
+"""Body level for meshes: coal's yes or no on raw triangles, and distances only where they are worth their time.
 
-Distances of meshes cost a hundred times more than yes or no. So every sample is asked for yes or no; a gap is measured
-where pinbound refuses and the bodies are clear, 200 times at most; and the places that tell most are looked for: where
-the straight way from home meets the boundaries of the two links. There the marks touch, so that the gap of the bodies
-is the needless refusal; just before there they are clear, so that contact of the bodies is a miss. A body that is
-wholly inside the mesh of another touches no triangle (`inside`): such places are counted apart, and not measured.
+A distance of meshes costs a hundred times more than yes or no. So every sample gets yes or no. A gap is measured where
+pinbound refuses and the bodies are clear, at most 200 times. The most informative configurations are searched for:
+those at which the straight path from home meets the boundaries of the two links. There the marks touch, so the gap of
+the bodies is the needless refusal. Just before, the marks are clear, so contact of the bodies is a miss. A body
+completely inside the mesh of another touches no triangle (`inside`): such configurations are counted separately, and
+not measured.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ Links = tuple[str, str]
 _MOST_MEASURED = 200
 _MOST_WAYS = 100
 _HALVINGS = 30
-_LEAST = 1e-9  # metres: a contact of meshes counts as a depth of this at least
+_LEAST = 1e-9  # metres: a contact of meshes counts as at least this depth
 
 
 def check_mesh_pairs(
@@ -39,14 +40,14 @@ def check_mesh_pairs(
     Q: Array,
     first_met: Array,
 ) -> dict[Links, LinkPair | None]:
-    """Compare pairs of links of which some body is a mesh; None for those whose bodies all touch at home.
+    """Compare pairs of links with a mesh among their bodies; None for pairs whose bodies all touch at home.
 
     Args:
         robot: The robot.
-        groups: By links, the places of their boundaries.
-        bodies: By link.
+        groups: The indices of boundaries, by links.
+        bodies: The bodies, by link.
         Q: (N, n), the samples.
-        first_met: (N,), where the way from home to each q meets any contact.
+        first_met: (N,), the point at which the path from home to each q meets any contact.
     """
     if not groups:
         return {}
@@ -72,14 +73,14 @@ def check_mesh_pairs(
 
 
 class _Looked:
-    """The engine, who is inside whom, and the samples with their poses."""
+    """The engine, the test of bodies inside each other, and the samples with their poses."""
 
     def __init__(self, engine: Engine, insides: Insides, Q: Array) -> None:
         self.engine, self.insides, self.Q = engine, insides, Q
         self.poses = [engine.poses(Q[block]) for block in blocks(len(Q))]
 
     def samples_inside(self, places: Sequence[int], rows: Flags) -> tuple[Flags, Flags]:
-        """Return at which samples (N,) of `rows` a first body is inside a second one, and the other way about."""
+        """Return at which samples (N,) of `rows` a first body is inside a second one, and the reverse."""
         found = np.zeros((2, len(self.Q)), dtype=np.bool_)
         for block, (rotations, origins) in zip(blocks(len(self.Q)), self.poses, strict=True):
             chosen = np.flatnonzero(rows[block])
@@ -88,7 +89,7 @@ class _Looked:
         return found[0], found[1]
 
     def inside(self, places: Sequence[int], Q: Array, poses: tuple[Array, Array] | None = None) -> Flags:
-        """Return the same (2, N) of configurations (N, n)."""
+        """Return the same (2, N) for configurations (N, n)."""
         known = self.engine.poses(Q) if poses is None else poses
         each = [self.insides.of_pair(place, Q, known) for place in places]
         return np.any(np.array(each).reshape(len(places), 2, len(Q)), axis=0)
@@ -151,16 +152,16 @@ def _compared(
 
 
 def _within(links: Links, first: bool, second: bool) -> str:
-    """Return which link is inside which, for people."""
+    """Return which link is inside which, as text."""
     ways = [f"{a} in {b}" for (a, b), is_so in ((links, first), (links[::-1], second)) if is_so]
     return " and ".join(ways)
 
 
 def near_contact(robot: Robot, boundaries: Sequence[Boundary], Q: Array) -> tuple[Array, Array]:
-    """Return configurations (k, n), (k, n) just before and just after straight ways from home meet boundaries.
+    """Return configurations (k, n), (k, n) just before and just after the first contact of paths from home.
 
-    Ways that one effective angle stops before, as `first_met` knows, are bisected all the same: what they find is a
-    place of contact of the marks, reachable or not.
+    Paths that one effective angle stops before, as `first_met` knows, are bisected, too. The result is a contact of the
+    marks that may be unreachable.
     """
     sized = [boundary for boundary in boundaries if not boundary.is_stop]
     if not sized or not least_clearance(sized, robot.home[None])[0] > 0.0:

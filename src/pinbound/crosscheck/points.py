@@ -1,4 +1,4 @@
-"""Point level: coal's spheres placed by Pinocchio against `clearances`, and the pins of closed loops."""
+"""Point level: coal's spheres placed by Pinocchio, compared with `clearances`; and the pins of closed loops."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ __all__ = ["PointLevel", "check_points"]
 
 @dataclass(frozen=True, eq=False)
 class PointLevel(Value):
-    """The mathematics of the clearances, against an independent engine.
+    """The mathematics of the clearances, compared with an independent engine.
 
     Attributes:
-        samples: How many configurations.
-        differences: [m], worst `|clearance - coal|` by boundary.
-        witnesses: (n,), by boundary, where that was.
-        pins: [m], worst gap of every closure, its ends placed by Pinocchio.
-        allowed: [m], by boundary: what its difference may be. It grows with the length of the boundary's path.
+        samples: Number of configurations.
+        differences: [m], largest `|clearance - coal|` by boundary.
+        witnesses: (n,), by boundary, the configuration of this difference.
+        pins: [m], largest gap of every closure, with its ends placed by Pinocchio.
+        allowed: [m], by boundary: the allowed difference. It grows with the length of the boundary's path.
         solid: Boundaries of boxes and prisms, which coal measures by iteration.
         tolerance: [m], for the differences, for paths of up to 1 m.
         solid_tolerance: [m], for those of `solid`.
@@ -46,7 +46,7 @@ class PointLevel(Value):
 
     @property
     def worst(self) -> float:
-        """[m], the worst difference over all boundaries."""
+        """[m], the largest difference over all boundaries."""
         return max(self.differences.values(), default=0.0)
 
     @property
@@ -59,7 +59,7 @@ class PointLevel(Value):
 def check_points(robot: Robot, samples: int, rng: np.random.Generator) -> PointLevel:
     """Compare clearances at random configurations within the limits.
 
-    Where bodies overlap, or a line goes through one, coal measures how deeply, pinbound a distance of zero.
+    Where bodies overlap, or a line passes through one, coal measures the depth, and pinbound a distance of zero.
     """
     Q, engine = sample(robot, samples, rng), point_engine(robot)
     worst = np.zeros(len(robot.boundaries))
@@ -86,7 +86,7 @@ def check_points(robot: Robot, samples: int, rng: np.random.Generator) -> PointL
 
 
 def _pin_gaps(robot: Robot, Q: Array) -> dict[str, float]:
-    """Return the worst gap of every closure, both ends placed by Pinocchio."""
+    """Return the largest gap of every closure, with both ends placed by Pinocchio."""
     import pinocchio
 
     pin, model = cast(Any, pinocchio), robot.model

@@ -1,6 +1,6 @@
-"""Raw bodies: collision bodies, else visual ones, as the URDF has them; meshes by coal's loader, which is Pinocchio's.
+"""Raw bodies: collision bodies (else visual ones) as in the URDF, with meshes read by coal's loader (Pinocchio's).
 
-pinbound's reader of meshes and its covers have no part in this.
+pinbound's reader of meshes and its covers are not used here.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from pinbound.typing import Array, Flags
 __all__ = ["READ", "RawBodies", "raw_shapes", "unreadable"]
 
 READ: tuple[str, ...] = tuple(dict.fromkeys((*SHAPES, "mesh")))
-"""Shapes of bodies that coal is given."""
+"""Shapes of bodies that coal gets."""
 
 
 def unreadable(robot: Robot, body: Body) -> str:
-    """Return why coal cannot be given a body; empty if it can."""
+    """Return why coal cannot use a body; empty if it can."""
     if body.shape != "mesh":
         return ""
     import coal as coal_untyped
@@ -35,13 +35,13 @@ def unreadable(robot: Robot, body: Body) -> str:
         coal.CachedMeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(str(file), np.array(body.scale))
     except InputError as error:
         return f"has a mesh that cannot be read: {error}"
-    except (RuntimeError, ValueError) as error:  # what coal's loader raises
+    except (RuntimeError, ValueError) as error:  # the exceptions of coal's loader
         return f"has a mesh that coal does not read: {error}"
     return ""
 
 
 def raw_shapes(robot: Robot, bodies: Sequence[Body]) -> list[Shape]:
-    """Return bodies as shapes of coal, meshes among them; `unreadable` ones must have been taken out."""
+    """Return bodies as shapes of coal, also meshes; the caller must have removed `unreadable` ones."""
     found: list[Shape] = []
     for body in bodies:
         if body.shape == "mesh":
@@ -53,10 +53,10 @@ def raw_shapes(robot: Robot, bodies: Sequence[Body]) -> list[Shape]:
 
 
 class RawBodies:
-    """Coal on the raw bodies of pairs of links."""
+    """Coal's results for the raw bodies of pairs of links."""
 
     def __init__(self, robot: Robot, pairs: Sequence[tuple[str, str]]) -> None:
-        """Take the pairs; bodies that coal cannot be given are left out, and `left_out` says why."""
+        """Take the pairs; bodies that coal cannot use are left out, and `left_out` says why."""
         wanted = {name for links in pairs for name in links}
         self.left_out: dict[str, str] = {}
         bodies: list[Body] = []

@@ -1,7 +1,7 @@
-"""Region level: membership against a flood fill from home that knows coal's verdicts and the joint limits only.
+"""Region level: membership compared with a flood fill from home that uses only coal's verdicts and joint limits.
 
-The flood fill walks a square grid through home. Where a collision stops it, the place is bisected on coal's yes-or-no
-query; these places are its contour, and the region must have its own contour there.
+The flood fill moves over a square grid through home. If a collision stops it, the point is bisected on coal's yes-or-no
+query. These points are its contour, and the region must have its own contour there.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pinbound.values import Value
 
 __all__ = ["RegionLevel", "check_region"]
 
-_NODES = 20_000  # over the region's area: sets the step of the grid
+_NODES = 20_000  # nodes over the region's area, which set the step of the grid
 _MOST_NODES = 10 * _NODES
 _HALVINGS = 30
 
@@ -34,27 +34,27 @@ Cell = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class RegionLevel(Value):
-    """The region in the joint plane, against what coal lets a robot reach.
+    """The region in the slice, compared with the points that a robot can reach according to coal.
 
     Attributes:
-        coordinates: The plane.
-        shapes: What coal saw: ``"bodies"`` or ``"spheres"`` at the marked points.
+        coordinates: The two coordinates.
+        shapes: The shapes in coal: ``"bodies"``, or ``"spheres"`` at the marked points.
         ignored: Pairs of links with bodies that touch at home, which coal therefore had to leave out.
         region: The region that was checked.
         step: [rad], of the grid.
-        nodes: How many nodes were reached, or lie in the region.
-        unsafe: Nodes in the region that the flood fill does not reach.
-        refused: Nodes that it reaches outside the region.
-        depth_unsafe: [rad], how deep in the region the deepest of the first lies.
-        depth_refused: [rad], how far outside the region the furthest of the second lies.
+        nodes: Number of nodes that were reached, or are in the region.
+        unsafe: Number of nodes in the region that the flood fill does not reach.
+        refused: Number of nodes that it reaches outside the region.
+        depth_unsafe: [rad], how deep in the region the deepest of the first are.
+        depth_refused: [rad], how far outside the region the furthest of the second are.
         unsafe_at: (k, 2) [rad], the first.
         refused_at: (k, 2) [rad], the second.
         contour: (k, 2) [rad], where collisions stopped the flood fill.
-        contour_inside: [rad], the furthest that coal's contour lies inside the region: unsafe.
-        contour_outside: [rad], the furthest that it lies outside: refused needlessly.
+        contour_inside: [rad], the largest distance of coal's contour inside the region: unsafe.
+        contour_outside: [rad], the largest distance of it outside: a needless refusal.
         tolerance: [rad], for the contour.
-        stops: Whether a boundary of zero threshold is there, so that the contours must agree on both sides.
-        complete: Whether the flood fill came to its end.
+        stops: Whether a boundary has zero threshold, so that the contours must agree on both sides.
+        complete: Whether the flood fill was completed.
     """
 
     coordinates: tuple[str, str]
@@ -78,12 +78,12 @@ class RegionLevel(Value):
 
     @property
     def worst(self) -> float:
-        """[rad], the worst difference on the unsafe side."""
+        """[rad], the largest difference on the unsafe side."""
         return max(self.contour_inside, self.depth_unsafe - self.step, 0.0)
 
     @property
     def holds(self) -> bool:
-        """Whether the region holds nothing that coal forbids, and, if it has stops, refuses nothing that it allows.
+        """Whether the region contains nothing that coal forbids and, with stops, refuses nothing that coal allows.
 
         Nodes are judged to one step of the grid, which cannot follow sharp corners; the contour to the tolerance.
         """
