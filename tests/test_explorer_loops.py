@@ -16,14 +16,32 @@ from pinbound.robot.loop_robot import LoopRobot
 
 NEAR = 1e-12  # what the page's numbers may differ by [m]
 STEPPED = 1e-8  # the clearance at which the page stops stepping [m, rad]
-KINDS = ["lifter", *linkages.KINDS]
+KINDS = ["lifter", "cut", *linkages.KINDS]
+
+
+def cut() -> LoopRobot:
+    """Return a five-bar whose cranks' ends may meet: a cut of its turn leads from there to a limit."""
+    parts = [
+        linkages.Part("A", "base", "left", 0j, lower=-0.6, upper=2.9),
+        linkages.Part("B", "left", "near", 0.3 + 0j, lower=-9.0, upper=9.0),
+        linkages.Part("D", "base", "right", 0.4 + 0j, lower=0.2, upper=3.2),
+        linkages.Part("E", "right", "far", 0.3 + 0j, lower=-9.0, upper=9.0),
+    ]
+    home = {"A": 1.6, "B": -1.0, "D": 1.5, "E": 1.0}
+    pin = ("five", "near", 0.4 + 0j, "far", 0.3 + 0j)
+    marks = '<pinbound:point name="p" link="near" xyz="0.2 0 0" radius="0.02"/>'
+    marks += '<pinbound:point name="post" link="base" xyz="0.2 -0.3 0" radius="0.05"/>'
+    marks += '<pinbound:boundary name="p_post" a="p" b="post"/>'
+    found = pb.load(linkages.Mechanism(parts, [pin], {"five": ("B", "E")}, home).urdf(marks))
+    assert isinstance(found, LoopRobot)
+    return found
 
 
 @pytest.fixture(scope="module")
 def robots() -> dict[str, LoopRobot]:
     seeds = {"four-bar": 7, "five-bar": 7, "slider-crank": 3, "cylinder": 3}  # limits and contacts behind the loops
     found = {kind: linkages.scene(kind, np.random.default_rng(seed), pb.load) for kind, seed in seeds.items()}
-    return {"lifter": pb.load(linkages.lifter_urdf(linkages.lifter()))} | found
+    return {"lifter": pb.load(linkages.lifter_urdf(linkages.lifter())), "cut": cut()} | found
 
 
 @pytest.fixture(scope="module")
@@ -31,9 +49,9 @@ def pages(robots: dict[str, LoopRobot], tmp_path_factory: pytest.TempPathFactory
     folder = tmp_path_factory.mktemp("loops")
     motion = {"lifter": [[1.2, 0.6], [0.4, 0.2], [0.4, -0.4]]}
     return {
-        kind: pb.explorer_page(robot, None if kind == "lifter" else [], motion=motion.get(kind)).save(
-            folder / f"{kind}.html"
-        )
+        kind: pb.explorer_page(
+            robot, None if kind in ("lifter", "cut") else [], motion=motion.get(kind), width=0.02
+        ).save(folder / f"{kind}.html")
         for kind, robot in robots.items()
     }
 
@@ -127,11 +145,13 @@ def test_live_limits_never_pass_pythons(
     Q = Q[np.asarray(B.free(Q))][:12]
     assert len(Q) > 3
     seen: dict[str, int] = {}
+    stops = set[str]()
     for q, rows in zip(Q, limits(page, Q), strict=True):
         for j, ends in enumerate(rows):
             known = B.limits(robot.coordinates[j], q)
             for (text, stop, how), value, side in zip(ends, (known.lower, known.upper), (-1.0, 1.0), strict=True):
                 seen[how] = seen.get(how, 0) + 1
+                stops.add(stop)
                 short = 0.0 if float(text) == value else side * (value - float(text))
                 if how in ("exact", "closed form"):
                     assert abs(short) < 1e-7, (q, j, stop)
@@ -144,7 +164,8 @@ def test_live_limits_never_pass_pythons(
                     assert np.all(B.free(moved)), (q, j, stop)
                     assert how != "stepped" or 0.0 <= room(robot, stop, moved[-1]) <= 2.0 * STEPPED, (q, j, stop)
     assert seen.get("stepped", 0) > 0
-    assert seen.get("at least", 0) <= (12 if kind == "five-bar" else 1)  # of 72 and 48
+    assert seen.get("at least", 0) <= (12 if kind in ("five-bar", "cut") else 1)  # of 72 and 48
+    assert kind != "cut" or "five turn" in stops
     page.close()
 
 
@@ -205,7 +226,7 @@ def test_the_page_says_where_the_loop_cannot_be_closed(
     until(page, "() => document.getElementById('detail').textContent.includes('is where loop four_bar toggles')")
     page.get_by_role("button", name="Go home").click()
     until(page, "() => document.getElementById('verdict').textContent.startsWith('● Free')")
-    region = pb.feasible_region(robot)
+    region = pb.feasible_region(robot, width=0.02)
     names = page.locator("#edges button").all_text_contents()
     assert names == list(dict.fromkeys(edge.name for edge in region.edges))
     assert page.locator("#motion-verdict").text_content().startswith("certified")
@@ -220,3 +241,11 @@ def test_the_raster_is_free_where_python_is(browser: Any, pages: dict[str, Path]
         assert np.array_equal(hits == -1, robot.boundaries.free(Q))
         assert page.faults == []
         page.close()
+
+
+def test_a_cut_is_drawn_and_named(browser: Any, pages: dict[str, Path]) -> None:
+    page = opened(browser, pages["cut"])
+    until(page, "() => document.getElementById('plane-said').textContent.includes('dashed cut (five turn)')")
+    assert page.locator("#drawing path.path").count() == 1
+    assert page.faults == []
+    page.close()

@@ -131,13 +131,12 @@ def _said(region: Region) -> str:
     """Return what the outline is worth, in one sentence."""
     unit = units.area_name(region.area_unit)
     area = f"area {region.area:.6g} {unit}"
-    cuts = ", ".join(dict.fromkeys(slit.name for slit in region.slits))
-    if cuts:
-        area += f"; no motion crosses the dashed cut ({cuts})"
     if region.accuracy == 0.0:
         return f"straight edges, exact; {area}"
     low, high = region.area_interval
     said = f"curved edges within {region.accuracy:.3g}; {area}, between {low:.6g} and {high:.6g}"
+    if region.slits:
+        said += f"; no motion crosses the dashed cut ({', '.join(dict.fromkeys(slit.name for slit in region.slits))})"
     return f"{said}; {region.unresolved_text}" if region.unresolved_text else said
 
 
