@@ -122,10 +122,9 @@ def loop_rows(robot: Robot) -> list[LoopRow]:
         if at is None:
             said = f'limited by "{one.name} toggle"'
         elif at.angles:
-            sign = float(np.sign(at.row[np.flatnonzero(at.row)[0]]))
-            angles = sorted((sign * x) % (2.0 * np.pi) for x in at.angles)
-            said = f"{linear_text(sign * at.row + 0.0, names)} = "
-            said += f"{' and '.join(units.amount(x, 'rad') for x in angles)}, every turn"
+            row, angles = at.positive
+            where = " and ".join(units.amount(x, "rad") for x in angles)
+            said = f"{linear_text(row, names)} = {where}, every turn"
         else:
             said = "never"
         passive, inputs = (tuple(names[index] for index in group) for group in (one.passive, one.inputs))

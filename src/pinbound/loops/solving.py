@@ -117,8 +117,9 @@ def said(found: Linkage, names: Sequence[str]) -> str:
         return f"{text}; where it toggles is a limit of its transmission"
     if not at.angles:
         return f"{text}; it never toggles"
-    where = ", ".join(f"{angle:.9g}" for angle in at.angles)
-    return f"{text}; it toggles at {linear_text(at.row, names)} = {where} (every turn)"
+    row, angles = at.positive
+    where = ", ".join(f"{angle:.9g}" for angle in angles)
+    return f"{text}; it toggles at {linear_text(row, names)} = {where} (every turn)"
 
 
 def _terms(chain: Chain) -> _Terms:
@@ -338,6 +339,12 @@ class Toggles:
     row: Array
     angles: tuple[float, ...]
     kept: tuple[tuple[float, float], ...]
+
+    @property
+    def positive(self) -> tuple[Array, list[float]]:
+        """The row with a positive first coefficient, and the angles for it, in order within [0, 2 pi): for people."""
+        sign = float(np.sign(self.row[np.flatnonzero(self.row)[0]]))
+        return sign * self.row + 0.0, sorted((sign * angle) % (2.0 * math.pi) for angle in self.angles)
 
 
 def toggles(found: Linkage) -> Toggles | None:
