@@ -148,6 +148,9 @@ def test_a_step_that_looks_wrapped_is_told(tmp_path: Path) -> None:
         notes = [note for note in pb.certify(wheel, steps).notes if "unwrap" in note]
         assert len(notes) == (0 if steps[0][0] == 2.9 else 1)
     assert pb.certify(wheel, [[-2.0], [2.0], [8.0]]).notes == ()
+    still = text.replace('type="continuous"', 'type="fixed"').split("<pinbound:annotations>")[0] + "</robot>"
+    (tmp_path / "still.urdf").write_text(still)
+    assert pb.certify(pb.load(tmp_path / "still.urdf"), np.zeros((2, 0))).verdict is pb.Verdict.NOTHING_TO_CHECK
 
 
 def test_numbers_that_look_like_degrees_are_told(robot) -> None:

@@ -212,6 +212,7 @@ def test_packages_are_found_in_package_dirs(workspace: Path, folder: str, monkey
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(workspace / "install"))
     path = workspace / "alone" / "r.xacro"
     assert pb.load(path, package_dirs=[workspace / folder]).upper.tolist() == [0.25]
+    assert pb.load(path, package_dirs=str(workspace / folder)).upper.tolist() == [0.25]  # one folder, not its letters
     monkeypatch.chdir(workspace)
     done = CliRunner().invoke(app, ["info", str(path), "--package-dir", folder])
     assert done.exit_code == 0

@@ -1357,6 +1357,7 @@ def others() -> Iterator[Entry]:
     yield one(coarse, thin(whole=True), thin())
     yield one("name two joints", table(dependent="q2"), table())
     yield one("give degrees above 0, at most 90", table(spacing=0.0), table(spacing=2.0))
+    yield one("give a larger spacing, or narrower limits", table(spacing=1e-9), table(spacing=2.0))
     slides = lambda _: pb.limit_table(crane(), "turn", "lift")
     yield one(
         "Use `boundaries.limits_table`", slides, lambda _: crane().boundaries.limits_table("lift", [crane().home])

@@ -47,7 +47,8 @@ def look_wrapped(robot: Robot, starts: Array, ends: Array) -> tuple[str, ...]:
         starts: (N, n) where the steps start.
         ends: (N, n) where they end.
     """
-    able = (robot.upper - robot.lower >= _TURN - _ROUNDED) & [robot.turns(name) for name in robot.coordinates]
+    turning = np.array([robot.turns(name) for name in robot.coordinates], dtype=np.bool_)
+    able = turning & (robot.upper - robot.lower >= _TURN - _ROUNDED)
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)
     around = (low >= -math.pi - _ROUNDED) & (high <= math.pi + _ROUNDED)
     around |= (low >= -_ROUNDED) & (high <= _TURN + _ROUNDED)

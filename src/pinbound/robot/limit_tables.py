@@ -22,6 +22,7 @@ from pinbound.typing import Array
 __all__ = ["ENTRIES", "limit_table"]
 
 _BESIDE = 1e-3  # rad, to either side of a corner
+_MOST_ENTRIES = 100_000
 _FINER = 6  # spacings that are tried for two corners, one entry more between them each
 _STRAIGHT = 1e-6  # slopes that differ by less are one
 
@@ -187,6 +188,11 @@ def _entries(planes: Array, angles: Array, whole: bool) -> tuple[Array, Array, A
 def _angles(planes: Array, low: float, high: float, spacing: float, grid: str) -> Array:
     """Return the angles of the entries [rad]; a corner is met to 1e-12 degrees, as angles are printed."""
     step = math.radians(spacing)
+    if (high - low) / step > _MOST_ENTRIES:
+        said = (
+            f"a range of {math.degrees(high - low):g} deg in steps of {spacing:g} deg has over {_MOST_ENTRIES} entries"
+        )
+        raise DimensionError(f"{said}; give a larger spacing, or narrower limits")
     first, last = math.ceil(low / step - TABLE), math.floor(high / step + TABLE)
     multiples = np.asarray(np.arange(first, last + 1) * step, dtype=np.float64)
     inner = np.array(sorted(x for x in _breaks(planes) if low < x < high and _is_corner(planes, x)))

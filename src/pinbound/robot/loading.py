@@ -53,7 +53,7 @@ AnnotationSource = str | Path | Annotations
 def load(
     robot: str | Path,
     annotations: AnnotationSource | Sequence[AnnotationSource] | None = None,
-    package_dirs: Sequence[str | Path] = (),
+    package_dirs: Sequence[str | Path] | str | Path = (),
     xacro_args: Mapping[str, Any] | None = None,
     trust: str = "xacro",
 ) -> Robot:
@@ -65,8 +65,9 @@ def load(
         annotations: A path to a YAML sidecar, to an .srdf, or to a file with the loops of the robot (`robot.yaml` of
             Gepetto's toolbox, an MJCF .xml); or `Annotations`; or a sequence of these. They are added to the
             annotations inside the URDF. By default `NAME.pinbound.yaml` beside the file is used, if it exists.
-        package_dirs: Folders that hold ROS packages, or are packages, for `package://` of meshes and for `$(find name)`
-            of xacro. xacro also searches `ROS_PACKAGE_PATH`, `AMENT_PREFIX_PATH` and beside the file.
+        package_dirs: Folders (or one folder) that hold ROS packages, or are packages, for `package://` of meshes and
+            for `$(find name)` of xacro. xacro also searches `ROS_PACKAGE_PATH`, `AMENT_PREFIX_PATH`, and beside the
+            file.
         xacro_args: Arguments of a xacro file; each must be declared in it, or in an included file.
         trust: `"urdf-only"` refuses xacro files, because they can run code. Packaged robots are always accepted.
 
@@ -84,6 +85,7 @@ def load(
         ('q2',)
     """
     arguments = {key: str(value) for key, value in (xacro_args or {}).items()}
+    package_dirs = (package_dirs,) if isinstance(package_dirs, str | Path) else package_dirs  # not its letters
     model = find_model(robot)
     if model is not None:
         more = (annotations,) if isinstance(annotations, str | Path | Annotations) else annotations or ()
