@@ -16,7 +16,7 @@ from pinbound.robot.loop_robot import LoopRobot
 
 NEAR = 1e-12  # what the page's numbers may differ by [m]
 STEPPED = 1e-8  # the clearance at which the page stops stepping [m, rad]
-KINDS = ["lifter", "cut", *linkages.KINDS]
+KINDS = ["lifter", "cut", "chained", *linkages.KINDS]
 
 
 def cut() -> LoopRobot:
@@ -37,11 +37,32 @@ def cut() -> LoopRobot:
     return found
 
 
+def chained() -> LoopRobot:
+    """Return two four-bars, of which the coupler of one moves the other."""
+    parts = [
+        linkages.Part("A", "base", "crank", 0j, lower=-1.0, upper=3.0),
+        linkages.Part("B", "crank", "coupler", 0.22 + 0j, lower=-3.0, upper=3.0),
+        linkages.Part("D", "base", "rocker", 0.3 + 0j, lower=-2.0, upper=4.0),
+        linkages.Part("E", "coupler", "second", 0.25 + 0.05j, lower=-4.0, upper=4.0),
+        linkages.Part("G", "rocker", "third", 0.1 + 0.1j, lower=-4.0, upper=4.0),
+        linkages.Part("H", "base", "post", 0.6 + 0.2j, lower=-3.0, upper=3.0),
+    ]
+    pins = [("one", "coupler", 0.25 + 0j, "rocker", 0.2 + 0j), ("two", "second", 0.3 + 0j, "post", 0.25 + 0j)]
+    home = {"A": 1.2, "B": -0.8, "D": 1.6, "E": 0.5, "G": 0.2, "H": 1.0}
+    marks = '<pinbound:point name="p" link="second" xyz="0.3 0.1 0" radius="0.02"/>'
+    marks += '<pinbound:point name="o" link="third" xyz="0.1 0 0" radius="0.03"/>'
+    marks += '<pinbound:boundary name="p_o" a="p" b="o"/>'
+    passive = {"one": ("B", "D"), "two": ("E", "H")}
+    found = pb.load(linkages.Mechanism(parts, pins, passive, home).urdf(marks))
+    assert isinstance(found, LoopRobot)
+    return found
+
+
 @pytest.fixture(scope="module")
 def robots() -> dict[str, LoopRobot]:
     seeds = {"four-bar": 7, "five-bar": 7, "slider-crank": 3, "cylinder": 3}  # limits and contacts behind the loops
     found = {kind: linkages.scene(kind, np.random.default_rng(seed), pb.load) for kind, seed in seeds.items()}
-    return {"lifter": pb.load(linkages.lifter_urdf(linkages.lifter())), "cut": cut()} | found
+    return {"lifter": pb.load(linkages.lifter_urdf(linkages.lifter())), "cut": cut(), "chained": chained()} | found
 
 
 @pytest.fixture(scope="module")
