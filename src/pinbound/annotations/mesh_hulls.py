@@ -1,4 +1,4 @@
-"""Hulls of meshes: `mesh="package://..."` of a hull is read here, and becomes the vertices of its hull."""
+"""Hulls of meshes: `mesh="package://..."` of a hull is read here, and gives the vertices of its hull."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Vector = tuple[float, float, float]
 
 
 class HullFiles:
-    r"""Finds and reads the meshes that hulls name; each file once, with each scale.
+    r"""Finds and reads the meshes that hulls name; each file is read once, with each scale.
 
     Example:
         >>> import tempfile
@@ -34,14 +34,14 @@ class HullFiles:
     """
 
     def __init__(self, beside: str | Path = "annotations", package_dirs: Sequence[str | Path] = ()) -> None:
-        """Take the file beside which relative names are looked for, and the folders of packages."""
+        """Take the file beside which relative names are searched, and the folders of packages."""
         self._beside, self._package_dirs = Path(beside), tuple(map(str, package_dirs))
         self._read: dict[tuple[str, Vector, str], Array] = {}
         self._said: dict[str, None] = {}
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was read, and what of the files was not used; a sentence each."""
+        """One sentence for each file that was read, and for each part that was not used."""
         return tuple(self._said)
 
     def vertices(
@@ -83,13 +83,13 @@ def mesh_vertices(
     vector: Callable[[str], Vector | None],
     fault: Callable[[str, str], None],
 ) -> Array | None:
-    """Return the vertices (k, 3) of a hull whose `mesh` names a file [m]; None if a fault was told.
+    """Return the vertices (k, 3) of a hull whose `mesh` names a file [m]; None after a fault.
 
     Args:
-        item: The hull, as it is written.
+        item: The hull as written.
         files: Reads the mesh.
-        vector: Returns a field's three numbers, or tells why they are none.
-        fault: Told what is wrong, and what to do.
+        vector: Returns a field's three numbers, or reports why this is not possible.
+        fault: Receives the fault and its remedy.
     """
     name = item.fields.get("name")
     placed = {key: vector(key) for key in ("scale", "xyz", "rpy") if key in item.fields}

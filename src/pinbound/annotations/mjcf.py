@@ -1,8 +1,8 @@
-"""An MJCF model in, for its loops: `<equality><connect>` as closures, linear `<equality><joint>` as followers.
+"""Reads an MJCF model for its loops: `<equality><connect>` as closures, linear `<equality><joint>` as mimic joints.
 
-The links are those of the URDF. A body of MJCF and a link of the same name are taken for one frame only where they are
-placed alike (`mjcf_frames`): a pin in a frame that is another one would be a wrong loop. All else that couples bodies
-or joints there is refused by name.
+The links are those of the URDF. A body of MJCF and a link of the same name count as one frame only if their placements
+agree (`mjcf_frames`): a pin in a different frame would give a wrong loop. Other couplings of bodies or joints are
+refused by name.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ __all__ = ["read_mjcf"]
 _Ends: TypeAlias = tuple[tuple[str, Array], tuple[str, Array]]
 
 _WORLD = "world"
-_LINEAR = "0 1 0 0 0".split()  # what MuJoCo takes of a polynomial where it is not given
+_LINEAR = "0 1 0 0 0".split()  # MuJoCo's default polynomial
 _ALIKE = "Give the MJCF that was made from this URDF, or write the closure in a sidecar (pinbound.yaml)"
 _AWAY = "Write this coupling in a sidecar, and remove it from the file that you give here"
 
 
 def read_mjcf(root: etree._Element, source: str, problems: Problems, document: Document | None) -> Found:
-    """Return what an MJCF model says about loops of a URDF; what cannot be said so goes to `problems` by name.
+    """Return the loops of a URDF in an MJCF model; elements that cannot be converted go to `problems` by name.
 
     Args:
         root: The `<mujoco>` element.
         source: The file's name.
         problems: Collects the faults.
-        document: The URDF, whose links are meant; None: not known, which is a fault.
+        document: The URDF with the links; None: not known, which is a fault.
     """
     if root.tag != "mujoco":
         problems.add(
@@ -55,7 +55,7 @@ def read_mjcf(root: etree._Element, source: str, problems: Problems, document: D
     for one in root.iter("include"):
         message = f"includes {one.get('file')!r}, which is not read: it may hold bodies or couplings"
         problems.add(message, "Save the model as one file (MuJoCo: mj_saveLastXML)", one.sourceline, source)
-    unread = Problems(document.label)  # faults of the URDF are told where it is read for itself
+    unread = Problems(document.label)  # faults of the URDF are reported when it is read itself
     kinematics = read_kinematics(document, unread)
     if unread.found:
         return Found(())
@@ -119,7 +119,7 @@ class _Reader:
         return [RawItem("closure", fields, self.source, element.sourceline)]
 
     def _anchor(self, element: etree._Element, name: str) -> _Ends | None:
-        """Return both ends of a pin that is given in the frame of body1 and, at zero, is the same place of body2."""
+        """Return both ends of a pin given in the frame of body1; at zero it is the same point of body2."""
         anchor = parse_floats(element.get("anchor", ""), 3)
         if isinstance(anchor, str) or element.get("body1") is None:
             message = f"connect {name!r} has no body1 with an anchor of three numbers, and no site1 and site2"
@@ -153,7 +153,7 @@ class _Reader:
         return found[0], found[1]
 
     def _place(self, body: str, name: str, element: etree._Element) -> Place | None:
-        """Return the link of a body; None if there is none that is surely in the same place."""
+        """Return the link of a body; None if there is none with certainly the same placement."""
         if body == _WORLD and _WORLD not in self.tree.links:
             return self._world(name, element)
         if body not in self.bodies.frames:
@@ -167,7 +167,7 @@ class _Reader:
         return Place(body, np.eye(3, 4)) if self._is_alike(body, name, element) else None
 
     def _world(self, name: str, element: etree._Element) -> Place | None:
-        """Return the root link for the world, on which it must stand still."""
+        """Return the root link for the world; it must be fixed to it."""
         root = self.tree.root
         if root not in self.bodies.frames:
             return Place(root, np.eye(3, 4))
@@ -179,7 +179,7 @@ class _Reader:
         return Place(root, _relative(frame, np.eye(3, 4)))
 
     def _is_alike(self, body: str, name: str, element: etree._Element) -> bool:
-        """Return whether a body, and those above it, are where the links of their names are; say so if not."""
+        """Return whether a body, and those above it, are placed like the links of their names; report it if not."""
         if body in self.checked:
             return self.checked[body]
         found = True
@@ -195,7 +195,7 @@ class _Reader:
                 message = f"connect {name!r}: body {link!r} moves about another axis than link {link!r} of the URDF"
                 self._fault(message, _ALIKE, element)
                 found = False
-        start = self.bodies.frames.get(self.tree.root, np.eye(3, 4))  # a root that is no body is fused with the world
+        start = self.bodies.frames.get(self.tree.root, np.eye(3, 4))  # a root without a body is part of the world
         for link in lineage:
             here, there = _relative(start, self.bodies.frames[link]), self.tree.frames_at_zero[link]
             apart = float(np.abs(here - there).max())
@@ -213,7 +213,7 @@ class _Reader:
         return found
 
     def _follower(self, element: etree._Element, name: str) -> list[RawItem]:
-        """Return `theta_1 = c_0 + c_1 theta_2`; both are counted from where the bodies are drawn, as in the URDF."""
+        """Return `theta_1 = c_0 + c_1 theta_2`; both are measured from the drawn pose, as in the URDF."""
         words = element.get("polycoef", "").split()
         numbers = parse_floats(" ".join([*words, *_LINEAR[len(words) :]]), len(_LINEAR))
         names = [element.get("joint1"), element.get("joint2")]
@@ -238,6 +238,6 @@ class _Reader:
 
 
 def _relative(frame: Array, other: Array) -> Array:
-    """Return where a frame (3, 4) is, seen from another one."""
+    """Return a frame (3, 4) relative to another one."""
     turned: Array = frame[:, :3].T
     return np.column_stack((turned @ other[:, :3], turned @ (other[:, 3] - frame[:, 3])))

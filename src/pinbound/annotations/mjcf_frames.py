@@ -1,4 +1,4 @@
-"""Bodies of an MJCF model: where each is drawn, about what it moves, and its sites."""
+"""Bodies of an MJCF model: their placements, their joints, and their sites."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Fault = Callable[[str, str, etree._Element], None]
 
 @dataclass(frozen=True, eq=False)
 class Place(Value):
-    """A frame (3, 4) in a link of the URDF, by the link's name."""
+    """A frame (3, 4) in a link of the URDF, with the link's name."""
 
     link: str
     frame: Array
@@ -33,7 +33,7 @@ class Place(Value):
 
 @dataclass(frozen=True, eq=False)
 class Motion(Value):
-    """How a body moves by its one joint: about (or along) the unit axis (3,) through pos (3,), in its own frame."""
+    """The motion of a body by its one joint: about (or along) the unit axis (3,) through pos (3,), in its own frame."""
 
     name: str
     axis: Array
@@ -42,22 +42,22 @@ class Motion(Value):
 
 
 def text_of(vector: Array) -> str:
-    """Return a vector as an attribute says it; `repr` gives every float64 back exactly."""
+    """Return a vector as text of an attribute; `repr` keeps every bit of a float64."""
     return " ".join(repr(float(x) + 0.0) for x in vector)
 
 
 class Bodies:
-    """Bodies by name.
+    """Bodies, by name.
 
     Attributes:
-        frames: Where each body is drawn (3, 4), in the world.
-        joints: How each body moves that has one hinge or slide.
+        frames: The placement of each body (3, 4), in the world.
+        joints: The motion of each body with one hinge or slide joint.
         sites: Body and position (3,) [m] of each site; in the world the body is "world".
-        moving: Bodies that move against the world.
+        moving: Bodies that move relative to the world.
     """
 
     def __init__(self, root: etree._Element, fault: Fault) -> None:
-        """Read every `<worldbody>` of a `<mujoco>` element; what cannot be read goes to `fault`."""
+        """Read every `<worldbody>` of a `<mujoco>` element; faults go to `fault`."""
         self._fault = fault
         self.frames: dict[str, Array] = {"world": np.eye(3, 4)}
         self.joints: dict[str, Motion] = {}
@@ -78,7 +78,7 @@ class Bodies:
     def attribute(
         self, element: etree._Element, key: str, default: str, inherited: str = "main", kind: str = ""
     ) -> str:
-        """Return an attribute, or what the default classes of its element say."""
+        """Return an attribute, or its value in the default classes of its element."""
         if element.get(key) is not None:
             return str(element.get(key))
         for group in self._defaults.get(element.get("class", inherited), ()):
@@ -90,7 +90,7 @@ class Bodies:
     def _walk(
         self, parent: etree._Element, body: str, world: Array, inside: Array, inherited: str, moves: bool
     ) -> None:
-        """Read what stands in a body, or in a `<frame>` of it, whose place in the body is `inside` (3, 4)."""
+        """Read the content of a body, or of a `<frame>` in it with the placement `inside` (3, 4) in the body."""
         for element in parent.iterchildren(etree.Element):
             if element.tag == "frame":
                 within = _joined(inside, self._frame(element))
@@ -123,7 +123,7 @@ class Bodies:
         self._walk(element, name, frame, np.eye(3, 4), inherited, moves)
 
     def _frame(self, element: etree._Element) -> Array:
-        """Return the pose (3, 4) that an element gives."""
+        """Return the pose (3, 4) of an element."""
         pos = self._numbers(element, element.get("pos", ""), 3, np.zeros(3))
         return np.column_stack((self._rotation(element), pos))
 
@@ -173,7 +173,7 @@ class Bodies:
 
 
 def _classes(group: etree._Element) -> dict[str, tuple[etree._Element, ...]]:
-    """Return the default classes of a `<default>`, each as the elements to look in, the nearest first."""
+    """Return the default classes of a `<default>`, each as the elements to search, the nearest first."""
     found: dict[str, tuple[etree._Element, ...]] = {}
 
     def walk(element: etree._Element, above: tuple[etree._Element, ...], name: str) -> None:
@@ -191,7 +191,7 @@ def _joined(outer: Array, inner: Array) -> Array:
 
 
 def _from_z(z: Array) -> Array:
-    """Return the smallest rotation that turns the z axis into a unit vector."""
+    """Return the smallest rotation from the z axis to a unit vector."""
     across: Array = np.array([-z[1], z[0], 0.0])
     length = float(np.linalg.norm(across))
     if not length:

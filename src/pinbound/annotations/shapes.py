@@ -208,7 +208,7 @@ def extreme_vertices(points: Array) -> Array:
 
 
 def _outside(points: Array, kept: Array) -> Array:
-    """Return how far points (N, d) are from the hull of others."""
+    """Return the distances of points (N, d) from the hull of others."""
     points, kept = (np.pad(one, ((0, 0), (0, 3 - one.shape[1]))) for one in (points, kept))
     directions = np.repeat(-np.eye(3)[:, None], len(points), axis=1)
     t = gjk.nearest_vertices(points, directions, (kept, np.zeros((1, 0))))[0]
@@ -217,7 +217,7 @@ def _outside(points: Array, kept: Array) -> Array:
 
 
 def _sorted_by_qhull(local: Array) -> tuple[Ints, Ints]:
-    """Return which points (N, d) are vertices, and which others are not far inside all facets."""
+    """Return which points (N, d) are vertices, and which others are not deep inside all facets."""
     from scipy.spatial import ConvexHull, QhullError
 
     everything = np.arange(len(local))
@@ -236,7 +236,7 @@ def _sorted_by_qhull(local: Array) -> tuple[Ints, Ints]:
 
 
 def _spanned(offsets: Array, tolerance: float) -> Array:
-    """Return orthonormal rows (m, 3) of the directions in which offsets lead further than the tolerance."""
+    """Return orthonormal rows (m, 3) of the directions in which offsets extend further than the tolerance."""
     rows: list[Array] = []
     left = offsets.copy()
     for _ in range(3):
@@ -245,7 +245,7 @@ def _spanned(offsets: Array, tolerance: float) -> Array:
         if lengths[furthest] <= tolerance:
             break
         axis = left[furthest] / lengths[furthest]
-        for row in rows:  # once more, for digits that the difference has lost
+        for row in rows:  # a second time, for the digits that the difference lost
             axis = axis - row * (row @ axis)
         axis /= np.linalg.norm(axis)
         rows.append(axis)
@@ -254,7 +254,7 @@ def _spanned(offsets: Array, tolerance: float) -> Array:
 
 
 def _plane_axes(normal: Array) -> Array:
-    """Return two unit vectors across a normal, one of them as near to an axis of the link as may be."""
+    """Return two unit vectors perpendicular to a normal, one of them as near as possible to an axis of the link."""
     axis = np.eye(3)[int(np.argmin(np.abs(normal)))]
     first = axis - normal * (normal @ axis) / (normal @ normal)
     first /= np.linalg.norm(first)
@@ -267,5 +267,5 @@ def _rounding(points: Array) -> float:
 
 
 def cube_corners(m: int) -> Array:
-    """Return the corners of the unit cube (2^m, m), that of zeros first."""
+    """Return the corners of the unit cube (2^m, m), with zeros first."""
     return np.array(list(product((0.0, 1.0), repeat=m))).reshape(2**m, m)

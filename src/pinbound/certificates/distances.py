@@ -22,7 +22,6 @@ class ManyAngleBoundaries:
 
     Attributes:
         names: Their names.
-        names: Their names.
         chains: The bundle of their chains.
         arms: (m, k) lever arms [m].
         threshold: (m,) the value that the norm must exceed, by the contact rule [m].

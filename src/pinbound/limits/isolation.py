@@ -4,8 +4,8 @@
 F_2 and f''' by F_3 over the whole domain. An interval of half-width h around m
 
     has no root           if |f(m)| > |f'(m)| h + F_2 h^2 / 2,
-        has at most one       if |f'(m)| > F_2 h, because f is monotone: the signs at its ends decide,
-        has at most two       if |f''(m)| > F_3 h, because f' is monotone: it is cut at the root of f', if there is one,
+    has at most one       if |f'(m)| > F_2 h, because f is monotone: the signs at its ends decide,
+    has at most two       if |f''(m)| > F_3 h, because f' is monotone: it is cut at the root of f', if there is one,
 
 and is halved otherwise. So double roots are recognised, and no root is missed: there is no sampling, and no counting of
 sign changes. With several angles `c_i x` of commensurate c_i, f repeats after `2 pi / gcd(c_i)`, and one period is the

@@ -4,7 +4,7 @@ If all joints between two links rotate about parallel axes, along u, then `R_a =
 B`, where A and B are the orientations at zero, and phi are sums of joint angles. So `R_a = R_b` means that `K = A B^T`
 is a rotation about u, by kappa, and
 
-        phi_b - phi_a = kappa   (mod 2 pi, in the turn of the assembled pose),
+    phi_b - phi_a = kappa   (mod 2 pi, in the turn of the assembled pose),
 
 which expresses one joint by the others, if possible one that rotates nothing but the pin. `docs/closures.md`.
 """

@@ -3,10 +3,9 @@
 With the other coordinates fixed, each boundary is one of three things in the slice, after its chain has been reduced
 again (`path/restriction`):
 
-        constant:   it does not depend on the two coordinates; it must be free at the values of the others;
-        strip:      one effective angle; contact is `c . x in [phi* - w, phi* + w]`, every turn: straight lines, exact;
-        curve:      anything else; contact is `|r(x)| <= T`, with the distance T of the contact rule
-    (`pinbound.contact`).
+    constant:   it does not depend on the two coordinates; it must be free at the values of the others;
+    strip:      one effective angle; contact is `c . x in [phi* - w, phi* + w]`, every turn: straight lines, exact;
+    curve:      anything else; contact is `|r(x)| <= T`, with the distance T of the contact rule (`pinbound.contact`).
 
 The strip of a stop has zero width: it is a line that cuts the slice. A curve's T is at least the contact tolerance. The
 reason: two points with zero threshold would meet only in isolated points of the slice, and data are rounded. So a disc

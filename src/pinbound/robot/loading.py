@@ -103,13 +103,13 @@ def load(
 
 @dataclass(frozen=True)
 class _Again:
-    """Makes a robot anew with more annotations, from what was read of its files.
+    """Makes a robot again with more annotations, from the data that were read from its files.
 
     Attributes:
         document: The normalised document.
         items: Raw items of all annotations.
         said: Notes on annotations that were not used.
-        package_dirs: As the robot has them.
+        package_dirs: Those of the robot.
         files: The meshes that hulls have named so far; they are not read again.
     """
 
@@ -120,7 +120,7 @@ class _Again:
     files: HullFiles
 
     def __call__(self, robot: Robot, more: AnnotationSource | Sequence[AnnotationSource]) -> Robot:
-        """Return the robot with `more` beside what it has."""
+        """Return the robot with `more` in addition to its annotations."""
         problems = Problems(self.document.label)
         items, said = _given_items(self.document, more, problems)
         items, said = [*self.items, *items], [*self.said, *said]
@@ -233,7 +233,7 @@ def _with_loops(robot: Robot, lift: Lift, again: _Again) -> Robot:
 
 
 def _excesses(marks: Annotations) -> list[str]:
-    """Say by how much shapes lead outside what was marked."""
+    """Return notes on how far shapes stick out of the marked bodies."""
     widest = {name: mark.shape.excess for name, mark in marks.marks.items() if mark.shape.excess > 0.0}
     if not widest:
         return []
@@ -272,7 +272,7 @@ def _read_annotations(
 
 
 def _check_lengths(kinematics: Kinematics, marks: Annotations, problems: Problems) -> None:
-    """Refuse lengths whose squares, and products of four, overflow."""
+    """Refuse lengths whose squares, or products of four lengths, overflow."""
     remedy = f"Give metres; lengths up to {LONGEST:.0e} m can be measured"
     for joint in kinematics.joints:
         longest = float(np.abs(joint.translation).max())
@@ -297,7 +297,7 @@ def _home(
     guarded: Sequence[GuardedLimit],
     problems: Problems,
 ) -> tuple[Array, list[str]]:
-    """Return home within all limits: what is marked, and of the other coordinates what `feasible_start` says."""
+    """Return home within all limits: the marked values, and those of `feasible_start` for other coordinates."""
     names, joints = coupling.coordinates, {joint.name: joint for joint in tree.moving_joints}
     source = marks.sources.get("home")
     for name in marks.home:
@@ -399,7 +399,7 @@ def _boundaries(
 
 
 def _apart_at_home(tree: Tree, coupling: Coupling, home: Array) -> Callable[[Boundary], bool]:
-    """Return a function that says whether two points are apart at home for sure, without their relative path."""
+    """Return a function that says whether two points are certainly apart at home, without their relative path."""
     theta = coupling.expand(home)
     names, places = placements(tree, dict(zip(coupling.joints, theta.tolist(), strict=True)))
     of_link = dict(zip(names, places, strict=True))
@@ -417,7 +417,7 @@ def _apart_at_home(tree: Tree, coupling: Coupling, home: Array) -> Callable[[Bou
 
 
 def _stop_notes(boundary: Boundary) -> list[str]:
-    """Return by how much the arms of a stop miss each other, or that a boundary misses to be a stop by a little."""
+    """Return notes: how far the points of a stop miss each other, or that a boundary is nearly a stop."""
     miss, names = boundary.rule.miss, f"{boundary.point_a.name} and {boundary.point_b.name} ({boundary.name})"
     if miss is None or miss <= boundary.contact_tolerance:
         return []
@@ -428,7 +428,7 @@ def _stop_notes(boundary: Boundary) -> list[str]:
 
 
 def _common_marks(tree: Tree, coupling: Coupling, boundaries: Sequence[Boundary]) -> dict[str, CommonMark]:
-    """Return every mark's chains in the root's frame; of lines and planes a point and the unit direction."""
+    """Return every mark's chains in the root's frame; for lines and planes, a point and the unit direction."""
     from pinbound.kernel import CommonMark
 
     marks = {mark.name: mark for boundary in boundaries for mark in (boundary.point_a, boundary.point_b)}

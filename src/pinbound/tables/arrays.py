@@ -1,4 +1,4 @@
-"""NPY and NPZ, read in blocks and never mapped: a file that shrinks is an error, and not the end of the process."""
+"""NPY and NPZ, read in blocks and never memory-mapped: a file that shrinks is an error, not the process's end."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from pinbound.typing import Array
 __all__ = ["DAMAGE", "NpyTable", "NpzTable"]
 
 _ZIPPED = (b"PK\x03\x04", b"PK\x05\x06")
-"""What NumPy looks for where an archive begins, with entries or without."""
+"""The bytes at the beginning of an archive, with entries or without, that NumPy accepts."""
 
 DAMAGE = (
     ValueError,
@@ -42,7 +42,7 @@ DAMAGE = (
     RuntimeError,  # zipfile: an encrypted entry
     NotImplementedError,  # zipfile: a compression method that it does not know
 )
-"""What NumPy and zipfile raise for files that are damaged or not theirs."""
+"""Exceptions of NumPy and zipfile for damaged files and for files of other formats."""
 
 _HEADER = 1 << 16
 _CHUNK = 1 << 20
@@ -50,7 +50,7 @@ _CHUNK = 1 << 20
 
 @dataclass(frozen=True)
 class Header:
-    """What an NPY header says: shape, order, type; and how many bytes it takes."""
+    """The content of an NPY header (shape, order, type), and its length in bytes."""
 
     shape: tuple[int, ...]
     fortran: bool
@@ -59,12 +59,12 @@ class Header:
 
     @property
     def is_numeric(self) -> bool:
-        """Whether it holds real numbers."""
+        """Whether the data are real numbers."""
         return self.dtype.kind in "fiu"
 
     @property
     def bytes(self) -> int:
-        """Bytes of the data."""
+        """Number of bytes of the data."""
         return math.prod(self.shape) * self.dtype.itemsize
 
 
@@ -84,12 +84,12 @@ def _header(stream: Any) -> Header:
 
 @dataclass(frozen=True)
 class NpyTable:
-    """One array (N, n) of numbers; a row of it may be read without those before it.
+    """One array (N, n) of numbers; its rows may be read in any order.
 
     Attributes:
         path: The file.
-        names: What the caller calls its columns.
-        header: What the file says of itself.
+        names: The caller's names of its columns.
+        header: The header of the file.
     """
 
     path: Path
@@ -101,7 +101,8 @@ class NpyTable:
         """Read the header.
 
         Raises:
-            InputError: If it is not an array of numbers with one column a name, or the file is shorter than it says.
+            InputError: If it is not an array of numbers with one column for each name, or is shorter than its header
+                says.
         """
         try:
             with path.open("rb") as stream:
@@ -130,7 +131,7 @@ class NpyTable:
         """Return rows start to stop, (stop - start, n).
 
         Raises:
-            InputError: If the file ends before.
+            InputError: If the file ends before these rows.
         """
         header, (rows, width) = self.header, self.header.shape
         size = header.dtype.itemsize
@@ -155,11 +156,11 @@ def _take(path: Path, stream: IO[bytes], place: int, size: int) -> bytes:
 
 @dataclass(frozen=True)
 class NpzTable:
-    """An archive with one array (N,) a column.
+    """An archive with one array (N,) for each column.
 
     Attributes:
         path: The file.
-        names: Its arrays.
+        names: The names of its arrays.
         rows: N.
     """
 
@@ -172,7 +173,7 @@ class NpzTable:
         """Read the headers of all arrays.
 
         Raises:
-            InputError: If it is no archive of such arrays; all their faults at once.
+            InputError: If it is not an archive of such arrays; the error lists all faults.
         """
         faults: list[Problem] = []
         lengths: dict[str, int] = {}
@@ -181,7 +182,7 @@ class NpzTable:
             begin = stream.read(len(npy.MAGIC_PREFIX))
         if begin == npy.MAGIC_PREFIX:
             raise bad(path, "it holds one array, not named ones", "Call it .npy, or write it with numpy.savez")
-        if not begin.startswith(_ZIPPED):  # an archive behind something else: NumPy reads none
+        if not begin.startswith(_ZIPPED):  # an archive after other bytes: NumPy does not read it
             raise bad(path, "it is no NPZ file of numbers (it does not begin as one)", remedy)
         try:
             with zipfile.ZipFile(path) as archive:
@@ -218,7 +219,7 @@ class NpzTable:
         return self.rows
 
     def blocks(self, columns: Sequence[str]) -> Iterator[Array]:
-        """Yield all rows in blocks; every column is unpacked as a stream of its own."""
+        """Yield all rows in blocks; every column is unpacked as a separate stream."""
         try:
             with ExitStack() as stack:
                 archive = stack.enter_context(zipfile.ZipFile(self.path))

@@ -1,4 +1,4 @@
-"""Parquet, through PyArrow, one row group's pages at a time."""
+"""Parquet files, read through PyArrow, the pages of one row group at a time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["ParquetTable", "load_arrow"]
 
 
 def load_arrow(module: str) -> Any:
-    """Return a module of PyArrow, an extra.
+    """Return a module of PyArrow, which is an extra.
 
     Raises:
         UnsupportedError: If it is not installed.
@@ -38,7 +38,7 @@ class ParquetTable:
         path: The file.
         names: Its columns.
         rows: N.
-        unfit: Columns that do not hold plain numbers, with their types.
+        unfit: Columns that are not plain numbers, with their types.
     """
 
     path: Path
@@ -51,11 +51,11 @@ class ParquetTable:
         """Read the schema.
 
         Raises:
-            InputError: If it is no Parquet file, or a column is there twice.
+            InputError: If it is not a Parquet file, or a column occurs twice.
             UnsupportedError: If PyArrow is not installed.
         """
         arrow, parquet = load_arrow("pyarrow"), load_arrow("pyarrow.parquet")
-        with path.open("rb"):  # a file that is not there, or not readable, is the system's error, not a damaged file
+        with path.open("rb"):  # if a file does not exist or is not readable, the system's error is raised
             pass
         try:
             file = parquet.ParquetFile(path, pre_buffer=False)
@@ -79,7 +79,7 @@ class ParquetTable:
         return self.rows
 
     def blocks(self, columns: Sequence[str]) -> Iterator[Array]:
-        """Yield all rows in blocks; memory does not grow with the file, nor with its row groups."""
+        """Yield all rows in blocks; memory grows neither with the file nor with its row groups."""
         faults = [
             Problem(f"column {name!r} is of type {self.unfit[name]}", "Store it as float64", self.path.name)
             for name in columns
@@ -90,7 +90,7 @@ class ParquetTable:
         arrow, parquet = load_arrow("pyarrow"), load_arrow("pyarrow.parquet")
         number, found = arrow.float64(), 0
         try:
-            # pre_buffer reads whole row groups ahead and keeps them: memory would follow the file.
+            # pre_buffer would read and keep whole row groups, so that memory would grow with the file.
             with parquet.ParquetFile(self.path, pre_buffer=False) as file:
                 for batch in file.iter_batches(batch_size=BLOCK, columns=list(columns)):
                     parts = [

@@ -1,4 +1,4 @@
-"""What every reader of a table keeps to: the size of its blocks, and how it tells a fault."""
+"""Rules for all readers of tables: the size of blocks, and the form of errors."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from pinbound.exceptions import InputError, Problem, blames_the_path
 __all__ = ["BLOCK", "bad", "check_names", "pass_on"]
 
 BLOCK = 1 << 16
-"""Most rows of one block that a reader yields."""
+"""Largest number of rows of a block."""
 
 
 def check_names(path: Path, names: Sequence[str]) -> None:
     """Refuse headings that occur twice.
 
     Raises:
-        InputError: If one does.
+        InputError: If a heading occurs twice.
     """
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice and all(map(_is_number, names)):  # joints may be called 1 and 2, but not 0 and 0
@@ -35,12 +35,12 @@ def _is_number(name: str) -> bool:
 
 
 def bad(path: Path, message: str, remedy: str, line: int | None = None) -> InputError:
-    """Return the error of one fault of a file."""
+    """Return the error for one fault of a file."""
     return InputError([Problem(message, remedy, path.name, line)])
 
 
 def pass_on(error: BaseException) -> None:
-    """Raise an error of the disk again; one without a number of the system is a library's word for a damaged file.
+    """Raise an error of the disk again; without a system error number it is a library's report of a damaged file.
 
     Raises:
         OSError: If the machine failed.

@@ -1,9 +1,9 @@
-"""What every table of numbers offers, whatever file it is in, and the rules that all readers keep to.
+"""The interface of all tables of numbers, for any file format, and the rules of all readers.
 
-- Columns have names, and no name occurs twice. An NPY file has no names: its columns are those that the caller gives.
+- Columns have names, and no name occurs twice. An NPY file has no names; the caller gives the names of its columns.
 - A cell is a decimal number (``-1.5e-3``), ``nan`` or ``inf``; an empty or missing cell is NaN. Words, truth values and
-  complex numbers are faults, as are nested or dated columns.
-- Only the columns that are asked for have to hold numbers.
+  complex numbers are faults, as are nested columns and dates.
+- Only the requested columns must be numbers.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from pinbound.typing import Array
 __all__ = ["SUFFIXES", "Table", "open_table", "read_table"]
 
 SUFFIXES = (".csv", ".npy", ".npz", ".parquet")
-"""Kinds of files, by suffix; capitals do not matter."""
+"""File formats by suffix, in upper or lower case."""
 
 MOST_CELLS = 100_000_000
-"""Most cells that `read_table` takes into memory at once (800 MB); files that claim more are refused."""
+"""Largest number of cells that `read_table` reads into memory (800 MB); larger files are refused."""
 
 
 class Table(Protocol):
-    """A file of named columns, opened and checked as far as its headings say."""
+    """A file of named columns that is opened; its headings are checked."""
 
     @property
     def path(self) -> Path:
@@ -40,18 +40,18 @@ class Table(Protocol):
         ...
 
     def count(self, columns: Sequence[str]) -> int:
-        """Return the number of rows; a text file is read through for it, and these columns of it are checked.
+        """Return the number of rows; a text file is read completely for this, and these columns are checked.
 
         Raises:
-            InputError: If the file turns out to be damaged.
+            InputError: If the file is damaged.
         """
         ...
 
     def blocks(self, columns: Sequence[str]) -> Iterator[Array]:
-        """Yield all rows in order, in blocks (k, len(columns)), k at most `BLOCK`.
+        """Yield all rows in order, in blocks (k, len(columns)), with k at most `BLOCK`.
 
         Raises:
-            InputError: If a cell is no number, or the file is damaged.
+            InputError: If a cell is not a number, or the file is damaged.
         """
         ...
 
@@ -61,11 +61,11 @@ def open_table(path: Path, unnamed: Sequence[str] = ()) -> Table:
 
     Args:
         path: A .csv, .npy, .npz or .parquet file.
-        unnamed: Names of the columns of an NPY file, which has none of its own.
+        unnamed: Names of the columns of an NPY file, which does not contain names.
 
     Raises:
         InputError: If the file is of another kind, or its headings cannot be read.
-        OSError: If the file is not there or cannot be read.
+        OSError: If the file does not exist or cannot be read.
         UnsupportedError: If it is Parquet and PyArrow is not installed.
 
     Example:
@@ -100,7 +100,7 @@ def read_table(table: Table, columns: Sequence[str]) -> Mapping[str, Array]:
     """Return whole columns (N,) of a table.
 
     Raises:
-        InputError: If a cell is no number, the file is damaged, or the columns hold more than `MOST_CELLS` cells.
+        InputError: If a cell is not a number, the file is damaged, or the columns have more than `MOST_CELLS` cells.
     """
     blocks: list[Array] = []
     cells = 0

@@ -1,8 +1,8 @@
-"""CSV: a line of headings, then one line a row; UTF-8, separated by commas.
+"""CSV: a line of headings, then one line for each row; UTF-8, separated by commas.
 
-Blank lines are passed over, and lines that start with ``#`` above the headings. Python's reader decides what is right.
-PyArrow, where it is installed, reads large files many times faster; where it refuses, Python's reader takes over at the
-part in doubt, and says which line is wrong.
+Blank lines are skipped, and so are lines above the headings that start with ``#``. Python's reader defines the format.
+If PyArrow is installed, it reads large files many times faster. Where it refuses, Python's reader continues at the part
+in doubt, and reports the line with the fault.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["TextTable"]
 _MOST_FAULTS = 8
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 _FAST_FROM = 1 << 20
-"""Bytes from which PyArrow is loaded for a file."""
+"""Size of a file in bytes from which PyArrow is loaded."""
 _PART = 1 << 20
 
 
@@ -38,7 +38,7 @@ class TextTable:
     Attributes:
         path: The file.
         names: Its headings.
-        top: Number of lines up to the headings, these included.
+        top: Number of lines up to and including the headings.
     """
 
     path: Path
@@ -50,7 +50,7 @@ class TextTable:
         """Read the headings.
 
         Raises:
-            InputError: If there are none, they are not in UTF-8, or not separated by commas.
+            InputError: If there are no headings, or if they are not in UTF-8 or not separated by commas.
         """
         for line, cells in _lines(path):
             if not any(cells) or cells[0].lstrip().startswith("#"):
@@ -63,7 +63,7 @@ class TextTable:
         raise bad(path, "the file is empty", "Give a line of column names, then one line per configuration")
 
     def count(self, columns: Sequence[str]) -> int:
-        """Return the number of rows; the file is read through, so that every fault in these columns is found."""
+        """Return the number of rows; the whole file is read, so that every fault in these columns is found."""
         return sum(len(block) for block in self.blocks(columns))
 
     def blocks(self, columns: Sequence[str]) -> Iterator[Array]:
@@ -72,7 +72,7 @@ class TextTable:
         if self.path.stat().st_size >= _FAST_FROM:
             for block in self._fast(columns):
                 done += len(block)
-                if not len(block):  # PyArrow gave up
+                if not len(block):  # PyArrow refused
                     break
                 yield block
             else:
@@ -80,7 +80,7 @@ class TextTable:
         yield from self._slow(columns, done)
 
     def lines(self) -> list[int]:
-        """Return the line of each row, for messages."""
+        """Return the line number of each row, for messages."""
         return [line for line, cells in self._rows() if cells]
 
     def _rows(self) -> Iterator[tuple[int, list[str]]]:
@@ -121,8 +121,8 @@ class TextTable:
         return float(cell)
 
     def _fast(self, columns: Sequence[str]) -> Iterator[Array]:
-        """Yield blocks as PyArrow reads them; an empty one where it refuses."""
-        if not _is_utf8(self.path):  # PyArrow looks at the columns that it converts only
+        """Yield blocks as PyArrow reads them; an empty one if it refuses."""
+        if not _is_utf8(self.path):  # PyArrow checks only the columns that it converts
             yield np.empty((0, len(columns)))
             return
         try:
@@ -161,7 +161,7 @@ def _is_utf8(path: Path) -> bool:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Yield the cells of each line, and its number; for a cell over several lines, that of its last."""
+    """Yield the cells of each line with its number; for a cell over several lines, the number of the last one."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             reader = csv.reader(stream, strict=True)
