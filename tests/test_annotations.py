@@ -190,6 +190,12 @@ def test_srdf_pairs_that_never_move_are_left_out_with_their_reason(tmp_path: Pat
     ]
 
 
+def test_two_marks_of_one_name_are_refused_from_python() -> None:
+    first, other = pb.Point("p", "base", (0.0, 0.0, 0.0)), pb.Segment("p", "arm", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    with pytest.raises(pb.InputError, match="two marks have the name 'p'"):
+        pb.Annotations.of([first, other])
+
+
 def test_an_srdf_of_another_robot_is_noted(tmp_path: Path) -> None:
     """Its pairs are left out if links have the same names, whatever robot they were judged on."""
     (tmp_path / "wrist.urdf").write_text(WRIST)

@@ -87,6 +87,9 @@ class Annotations(Value):
             boundaries: The boundaries, in the order that the robot will have.
             others: Further fields of `Annotations`, by name.
 
+        Raises:
+            InputError: If two marks have one name.
+
         Example:
             >>> ends = [Point("p", "base", (1.0, 0.0, 0.0)), Point("s", "arm", (0.0, 0.0, 1.0), radius=0.01)]
             >>> print(Annotations.of(ends, [BoundaryMark("stop", "p", "s")]).to_yaml())
@@ -104,7 +107,13 @@ class Annotations(Value):
             - {name: stop, a: p, b: s, min_distance: 0.0}
             <BLANKLINE>
         """
-        return cls(marks={mark.name: mark for mark in marks}, boundaries=tuple(boundaries), **others)
+        found, problems = dict[str, Mark](), Problems("annotations")
+        for mark in marks:
+            if mark.name in found:
+                problems.add(f"two marks have the name {mark.name!r}", "Rename one, or remove it")
+            found[mark.name] = mark
+        problems.raise_if_any()
+        return cls(marks=found, boundaries=tuple(boundaries), **others)
 
     @classmethod
     def load(cls, path: str | Path) -> Annotations:
