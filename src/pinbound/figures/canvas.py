@@ -1,4 +1,4 @@
-"""What all figures stand on: axes with a light grid, text that is no formula, files that are the same on every run.
+"""The basis of all figures: axes with a light grid, text without formulas, files that are the same in every run.
 
 Matplotlib loads when the first figure is drawn.
 """
@@ -14,11 +14,11 @@ from pinbound.extras import Needs
 __all__ = ["fit", "grow", "lay_out", "new_axes", "save", "settle", "svg_text", "width_of", "without_math"]
 
 _PASSES = 8
-_PAD = 0.1  # inches of white beside what a figure shows
+_PAD = 0.1  # inches of white margin around the content of a figure
 
 
 def new_axes(width: float, height: float, axes: Any = None) -> Any:
-    """Return axes with a light grid: those that are given, or those of a new figure of a size [inches]."""
+    """Return axes with a light grid: the given ones, or those of a new figure of a size [inches]."""
     with Needs("plots", "a figure"):
         from matplotlib.figure import Figure
 
@@ -31,14 +31,14 @@ def new_axes(width: float, height: float, axes: Any = None) -> Any:
 
 
 def svg_text(figure: Any) -> str:
-    """Return a figure as SVG, to stand in a page."""
+    """Return a figure as SVG, for a page."""
     text = io.StringIO()
     figure.savefig(text, format="svg", metadata={"Date": None})
     return text.getvalue()[text.getvalue().index("<svg") :]
 
 
 def without_math(figure: Any) -> Any:
-    """Let every text of a figure, or of axes, be read letter by letter: a name may hold `$`, and is no formula."""
+    """Draw every text of a figure, or of axes, letter by letter: a name may contain `$`, and is not a formula."""
     from matplotlib.text import Text
 
     for text in figure.findobj(Text):
@@ -47,12 +47,12 @@ def without_math(figure: Any) -> Any:
 
 
 def lay_out(axes: Any) -> None:
-    """Give axes of a figure of ours the size that they will have, so that names can be placed by it."""
+    """Give axes of our own figure their final size, so that names can be placed by it."""
     settle(without_math(axes).figure)
 
 
 def fit(axes: Any) -> None:
-    """Make a figure of ours as large as what it shows: axes of equal aspect leave white at two sides."""
+    """Make our own figure as large as its content: axes of equal aspect leave white space at two sides."""
     figure = without_math(axes).figure
     settle(figure)
     (width, height), shown = figure.get_size_inches(), figure.get_tightbbox()
@@ -61,7 +61,7 @@ def fit(axes: Any) -> None:
 
 
 def grow(axes: Any, width: float) -> None:
-    """Widen a figure of ours until its axes are as wide [inches] as before a legend took a part of it."""
+    """Widen our own figure until its axes are as wide [inches] as before a legend used a part of it."""
     figure = without_math(axes).figure
     for _ in range(_PASSES):
         settle(figure)
@@ -72,13 +72,13 @@ def grow(axes: Any, width: float) -> None:
 
 
 def width_of(axes: Any) -> float:
-    """Return the width of axes as they are drawn [inches]."""
+    """Return the width of axes as drawn [inches]."""
     axes.apply_aspect()
     return float(axes.get_window_extent().width) / float(axes.figure.dpi)
 
 
 def settle(figure: Any) -> None:
-    """Lay a figure out until no text of it is cut off: with axes of equal aspect that takes several passes."""
+    """Lay a figure out until no text is cut off: with axes of equal aspect this needs several passes."""
     for _ in range(_PASSES):
         figure.draw_without_rendering()
         (width, height), shown = figure.get_size_inches(), figure.get_tightbbox()
@@ -87,7 +87,7 @@ def settle(figure: Any) -> None:
 
 
 def save(figure: Any, path: Path) -> list[Path]:
-    """Write a figure as SVG and as PNG, the same bytes on every run; return the two paths."""
+    """Write a figure as SVG and as PNG, with the same bytes in every run; return the two paths."""
     import matplotlib as mpl_untyped
 
     mpl = cast(Any, mpl_untyped)

@@ -1,4 +1,4 @@
-"""Colours of names: those of Okabe and Ito, the same for one boundary on a whole page."""
+"""Colours of names: those of Okabe and Ito; a boundary has the same colour on a whole page."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ __all__ = ["PALETTE", "ink", "order_of", "style_of"]
 
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F6000", "#000000")
 _LINES = ("-", (0, (4, 1.2)), (0, (1, 1)), (0, (5, 1, 1, 1)))
-_INK = 0.6  # of a colour's light: names are as dark as text has to be, 4.5 against white and against a region's fill
+_INK = 0.6  # of a colour's light: text in this colour has a contrast of 4.5 with white and with a region's fill
 
 
 def order_of(region: Region | None, boundaries: Sequence[str]) -> tuple[str, ...]:
-    """Return in which order names get their colours: the edges of a region, then the other boundaries.
+    """Return the order in which names get their colours: the edges of a region, then the other boundaries.
 
     Args:
-        region: The region that a page shows; None: there is none.
+        region: The region of a page; None if there is none.
         boundaries: Names of the robot's boundaries.
     """
     edges = {edge.name for edge in region.edges} if region is not None else set[str]()
@@ -27,7 +27,7 @@ def order_of(region: Region | None, boundaries: Sequence[str]) -> tuple[str, ...
 
 
 def style_of(name: str, order: Sequence[str]) -> dict[str, Any]:
-    """Return colour and line style of a name in `order_of`; after eight the colours come again, dashed, then dotted.
+    """Return colour and line style of a name in `order_of`; after eight names the colours repeat, dashed, then dotted.
 
     Example:
         >>> style_of("b", ("a", "b"))

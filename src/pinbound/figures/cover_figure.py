@@ -1,11 +1,11 @@
-"""Bodies of a link and the marks that hold them, from three sides; and how far the marks stick out, in colour.
+"""Bodies of a link and the marks that hold them, from three sides; and how far the marks stick out, as colours.
 
-To the left the bodies in grey under their marks, which are translucent. Beside them the outer surface of the marks as
-it is seen from either side, each place in the colour of its distance from the bodies. All panels of a figure have one
-scale, and all figures of a report one scale of colours.
+On the left, the bodies are grey under their translucent marks. Next to them is the outer surface of the marks, seen
+from either side; each point has the colour of its distance from the bodies. All panels of a figure have one scale, and
+all figures of a report have one scale of colours.
 
-The outline of a mark is the hull of its projected vertices with its radius around; its arcs are drawn by chords, inside
-by 0.03 % of the radius. What sticks out of all marks shows in blue.
+The outline of a mark is the hull of its projected vertices with its radius around it. Its arcs are drawn by chords,
+which are inside by 0.03 % of the radius. Parts of bodies outside all marks are blue.
 """
 
 from __future__ import annotations
@@ -35,24 +35,24 @@ gis = cast(Any, shapely)
 _BODY, _OUT, _LINE = "#A9B4BF", "#0033CC", "#3C4650"
 _ADDED = "#F6B8A8"
 _COLOURS = "YlOrRd"
-_ROUND = 32  # corners of a quarter of a circle
-_MOST_TRIANGLES = 20_000  # drawn one by one: more take seconds, and show no more
+_ROUND = 32  # corners of a quarter circle
+_MOST_TRIANGLES = 20_000  # drawn one by one: more take seconds and show nothing more
 _MARGIN = 0.06
-_LEAST_SCALE = 0.1  # mm: a scale of colours that is shorter would show rounding
+_LEAST_SCALE = 0.1  # mm: a shorter scale of colours would show rounding
 _WIDTH, _LEFT, _GAP, _RIGHT, _TOP, _LABELS = 13.0, 0.75, 0.6, 0.95, 0.9, 0.65  # inches
 _TALLEST = 3.6  # inches of a row
 
 
 @dataclass(frozen=True, eq=False)
 class CoverPicture(Value):
-    """What is drawn of one link.
+    """The content of a figure of one link.
 
     Attributes:
         link: Its name.
         bodies: Its bodies.
-        meshes: By body, its mesh in the link's frame; None of bodies that are none, or that are not read.
+        meshes: For each body, its mesh in the link's frame; None for other bodies, and for meshes that are not read.
         marks: Bounded marks on the link.
-        views: The outer surface of the marks from three axes.
+        views: The outer surface of the marks along three axes.
     """
 
     link: str
@@ -63,21 +63,21 @@ class CoverPicture(Value):
 
     @property
     def furthest(self) -> float:
-        """[m], the largest distance from the bodies that is seen; 0 if no body is known."""
+        """[m], the largest visible distance from the bodies; 0 if no body is known."""
         return max((float(np.nanmax(one.away, initial=0.0)) for one in self.views), default=0.0)
 
 
 def picture_of(
     link: str, bodies: Sequence[Body], meshes: Sequence[Mesh | None], marks: Sequence[Mark], pixels: int = PIXELS
 ) -> CoverPicture:
-    """Return what `draw_cover` draws of a link, worked out.
+    """Return the content of `draw_cover` for a link, computed.
 
     Args:
         link: Its name.
         bodies: Its bodies.
-        meshes: By body, its mesh in the link's frame; None of bodies that are none, or that are not read.
+        meshes: For each body, its mesh in the link's frame; None for other bodies, and for meshes that are not read.
         marks: Bounded marks on the link.
-        pixels: Of a view, along the longest side.
+        pixels: Size of a view along its longest side.
     """
     low, high = 1e-3 * _bounds(bodies, meshes, marks)
     views = seen(marks, body_triangles(bodies, meshes), low, high, pixels)
@@ -85,12 +85,12 @@ def picture_of(
 
 
 def draw_cover(picture: CoverPicture, said: str, scale: float | None = None) -> Any:
-    """Draw the bodies of a link under its marks, and how far these stick out; in millimetres, in the link's frame.
+    """Draw the bodies of a link under its marks, and how far the marks stick out; in millimetres, in the link's frame.
 
     Args:
-        picture: What `picture_of` gives.
-        said: A line behind the link's name.
-        scale: [m], the end of the scale of colours; None: the furthest that is seen.
+        picture: The result of `picture_of`.
+        said: A text after the link's name.
+        scale: [m], the end of the scale of colours; None: the largest visible distance.
     """
     with Needs("plots", "a figure"):
         from matplotlib.figure import Figure
@@ -144,7 +144,7 @@ def _draw_bodies(axes: Any, picture: CoverPicture, view: View) -> None:
 
 
 def _draw_surface(axes: Any, one: Seen, side: int, end: float) -> Any:
-    """Colour each place by its distance from the bodies, lighter where it is looked at directly; marks have rims."""
+    """Colour each point by its distance from the bodies, lighter where it faces the viewer; marks have outlines."""
     import matplotlib as mpl_untyped
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
@@ -170,7 +170,7 @@ def _dress(axes: Any, one: Seen, column: int) -> None:
     low, high = 1e3 * one.low, 1e3 * one.high
     right_handed = (u, v, k) in ((0, 1, 2), (1, 2, 0), (2, 0, 1))
     from_plus = column < 2
-    # From the side that looks at u and v in right-handed order u grows to the right, from the other to the left.
+    # From the side for which u and v are right-handed, u grows to the right; from the other side, to the left.
     ends = (low[0], high[0]) if right_handed == from_plus else (high[0], low[0])
     axes.set(xlim=ends, ylim=(low[1], high[1]))
     axes.set_xlabel(f"{'xyz'[u]} [mm]", fontsize=9, labelpad=1)
@@ -197,7 +197,7 @@ def outline_of(mark: Mark, view: tuple[int, int]) -> Any:
 
 
 def _draw_body(axes: Any, body: Body, mesh: Mesh | None, view: View, whole: Any) -> None:
-    """Draw a body: triangles from the furthest to the nearest, lighter where they are looked at directly."""
+    """Draw a body: triangles from the furthest to the nearest, lighter where they face the viewer."""
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgb
 
@@ -222,7 +222,7 @@ def _draw_body(axes: Any, body: Body, mesh: Mesh | None, view: View, whole: Any)
 
 
 def _mark_outside(axes: Any, points: Array, whole: Any) -> None:
-    """Show points of bodies that are outside all marks: there should be none, but for rounding."""
+    """Show points of bodies that are outside all marks; up to rounding there should be none."""
     if not len(points) or whole.is_empty:
         return
     away = gis.distance(gis.points(points), whole)
@@ -232,7 +232,7 @@ def _mark_outside(axes: Any, points: Array, whole: Any) -> None:
 
 
 def _outline_of_body(body: Body, view: tuple[int, int]) -> Any:
-    """Return the outline of a body of a simple shape in mm; None of others."""
+    """Return the outline of a body with a simple shape in mm; None for other bodies."""
     size = body.size
     if body.shape == "box":
         corners, radius = np.array(list(product((-0.5, 0.5), repeat=3))) * size, 0.0
@@ -272,7 +272,7 @@ def _trace(axes: Any, outline: Any, colour: str) -> None:
 
 
 def _bounds(bodies: Sequence[Body], meshes: Sequence[Mesh | None], marks: Sequence[Mark]) -> Array:
-    """Return the corners (2, 3) [mm] of a box about all that is drawn, with a margin."""
+    """Return the corners (2, 3) [mm] of a box around everything that is drawn, with a margin."""
     points = list[Array]()
     for mark in marks:
         points += [mark.shape.vertices - mark.shape.radius, mark.shape.vertices + mark.shape.radius]

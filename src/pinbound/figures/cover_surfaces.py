@@ -1,11 +1,11 @@
-"""The outer surface of a link's marks as it is seen along an axis, and how far each place of it is from the bodies.
+"""The outer surface of a link's marks, seen along an axis, and the distance of each of its points from the bodies.
 
 A mark is convex: half-spaces `n_f . x <= b_f`. The line through (u, v) along axis k is in the mark between
 
     bottom = max over n_k < 0 of (b - n_u u - n_v v) / n_k,    top = min over n_k > 0 of the same,
 
-so the outer surface of all marks, seen from the plus side, is the largest top. The distance of each such place from
-the bodies is what the marks add there. It is about right, and never too small; it is no bound of what lies between.
+so the outer surface of all marks, seen from the plus side, is the largest top. The distance of such a point from the
+bodies is what the marks add there. It is approximate, and never too small. It is not a bound for the points in between.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ __all__ = ["PIXELS", "Seen", "body_triangles", "half_spaces", "seen", "views_of"
 View = tuple[int, int, int]
 
 PIXELS = 200
-"""Of a view, along the longest side."""
-_SIDEWAYS = 1e-12  # of a unit normal along the line of sight: less is none
-_THIN = 2e-3  # of a mark's extent: marks without volume are drawn so thick
-_ROUND = 48  # corners of a circle that stands for a round body, or for the ball of a mark
-_CLOSE, _AGAIN, _EXACT = 1e-5, 12, 100  # metres, triangles, places: where distances are looked at again
-_MANY = 64  # vertices of a mark, above which its faces are moved by its radius, and its edges stay sharp
+"""Size of a view along its longest side."""
+_SIDEWAYS = 1e-12  # of a unit normal along the line of sight: less counts as zero
+_THIN = 2e-3  # of a mark's extent: marks without volume are drawn with this thickness
+_ROUND = 48  # corners of a circle that replaces a round body, or the ball of a mark
+_CLOSE, _AGAIN, _EXACT = 1e-5, 12, 100  # metres, triangles, points: where distances are computed again
+_MANY = 64  # vertices of a mark; with more, its faces are moved by its radius, and its edges stay sharp
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +42,13 @@ class Seen(Value):
     """A view of the outer surface, as a picture of rows (v) and columns (u).
 
     Attributes:
-        view: The axes u, v and k: to the right, up, and the one that is looked along.
-        low: (2,) [m], where the picture begins.
-        high: (2,) [m], where it ends.
-        away: (2, rows, columns) [m], distances from the bodies seen from the plus and the minus side; NaN where no
-            mark is.
-        light: (2, rows, columns), from 0 to 1: how directly the surface is looked at.
-        mark: (2, rows, columns), which mark is seen; -1 where none is.
+        view: The axes u, v and k: to the right, up, and the viewing direction.
+        low: (2,) [m], lower corner of the picture.
+        high: (2,) [m], upper corner.
+        away: (2, rows, columns) [m], distances from the bodies seen from the plus and the minus side; NaN where there
+            is no mark.
+        light: (2, rows, columns), from 0 to 1: how directly the surface faces the viewer.
+        mark: (2, rows, columns), the index of the visible mark; -1 where there is none.
     """
 
     view: View
@@ -71,7 +71,7 @@ def views_of(low: Array, high: Array) -> tuple[View, View, View]:
 
 
 def half_spaces(mark: Mark) -> tuple[Array, Array]:
-    """Return unit normals n (F, 3) and b (F,) [m] of a bounded mark: it is where all `n . x <= b`.
+    """Return unit normals n (F, 3) and b (F,) [m] of a bounded mark: it is the set of all x with `n . x <= b`.
 
     Balls are drawn by polyhedra with corners on them.
     """
@@ -86,7 +86,7 @@ def half_spaces(mark: Mark) -> tuple[Array, Array]:
 
 
 def _directions() -> Array:
-    """Return directions all around (k, 3): rings of latitude."""
+    """Return directions on the whole sphere (k, 3): rings of latitude."""
     heights = np.linspace(-np.pi / 2, np.pi / 2, _ROUND // 4 + 1)
     turns = np.linspace(0.0, 2 * np.pi, _ROUND // 2, endpoint=False)
     found = [
@@ -96,7 +96,7 @@ def _directions() -> Array:
 
 
 def body_triangles(bodies: Sequence[Body], meshes: Sequence[Mesh | None]) -> list[Array]:
-    """Return the triangles (m, 3, 3) [m] of each body in the link's frame; none of shapes that are not known."""
+    """Return the triangles (m, 3, 3) [m] of each body in the link's frame; none for unknown shapes."""
     return [
         _of_shape(body) if mesh is None else mesh.vertices[mesh.triangles]
         for body, mesh in zip(bodies, meshes, strict=True)
@@ -140,9 +140,9 @@ def seen(
     Args:
         marks: Bounded marks of one link.
         triangles: (m, 3, 3) [m] of each body, as `body_triangles` gives them.
-        low: (3,) [m], the least corner of what is shown.
-        high: (3,) [m], the largest.
-        pixels: Of a view, along the longest side.
+        low: (3,) [m], lower corner of the shown box.
+        high: (3,) [m], upper corner.
+        pixels: Size of a view along its longest side.
     """
     solid = np.concatenate([*triangles, np.empty((0, 3, 3))])
     near = None
@@ -179,7 +179,7 @@ def _seen(
 
 
 def _away(near: Near, places: Array) -> Array:
-    """Return the distances of places (N, 3) from triangles, looked at again where the first few found may be others."""
+    """Return the distances of points (N, 3) from triangles, computed again where the first ones may be wrong."""
     found = near.away(places)
     rows = np.flatnonzero(found > _CLOSE)
     if len(rows):
@@ -191,7 +191,7 @@ def _away(near: Near, places: Array) -> Array:
 
 
 def _between(normals: Array, ends: Array, at: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Return top and bottom (N,) at places (N, 2), NaN outside, and how directly they are looked at."""
+    """Return top and bottom (N,) at points (N, 2), NaN outside, and how directly the surfaces face the viewer."""
     slope = normals[:, 2]
     room = ends[:, None] - normals[:, :2] @ at.T
     upper, lower = np.flatnonzero(slope > _SIDEWAYS), np.flatnonzero(slope < -_SIDEWAYS)

@@ -1,4 +1,4 @@
-"""Free volumes and projections as pictures: what is proven free, what is proven not to be, and what is not decided."""
+"""Free volumes and projections as pictures: what is proven free, proven not free, and undecided."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ __all__ = ["draw_free"]
 
 _FREE, _OPEN, _CONTACT = "#BFE3C9", "#E69F00", "#8A8A8A"
 _VOXELS = 36  # along each of three coordinates
-_SEEN_THROUGH = 0.35  # opacity of voxels, so that what lies behind the outer ones is seen
-_LINE = 82  # characters, of what the boundaries watch and what they do not
-_NAMED = 3  # coordinates that are held, in one line of the title
+_SEEN_THROUGH = 0.35  # opacity of voxels, so that those behind the outer ones are visible
+_LINE = 82  # characters of a line about what the boundaries watch and what they do not
+_NAMED = 3  # fixed coordinates in one line of the title
 
 
 def draw_free(robot: Robot, found: FreeVolume | FreeProjection) -> Any:
     """Draw a slice (two coordinates), a projection, or a volume (three coordinates); return the Matplotlib figure.
 
-    Green is proven free, grey proven not to be, orange not decided. Of three coordinates what is *not* proven free is
-    drawn, as voxels whose middle lies in no free box: orange where it lies in an open one. The title says where the
-    other coordinates are held, which share of the box is decided, and what the boundaries do not watch. Angles are in
-    degrees, lengths in mm.
+    Green is proven free, grey is proven not free, orange is undecided. For three coordinates, the part that is *not*
+    proven free is drawn, as voxels whose middle is in no free box; they are orange if it is in an undecided box. The
+    title has the values of the other coordinates, the decided share of the box, and the pairs that the boundaries do
+    not watch. Angles are in degrees, lengths in mm.
 
     Args:
         robot: The robot.
-        found: What `free_volume` or `free_projection` returned.
+        found: The result of `free_volume` or `free_projection`.
 
     Raises:
         UnsupportedError: If the volume has four coordinates.
@@ -65,7 +65,7 @@ def draw_free(robot: Robot, found: FreeVolume | FreeProjection) -> Any:
         assert isinstance(found, FreeVolume)
         _voxels(axes, found, scale)
         axes.set_zlabel(labels[2], labelpad=8.0)
-        axes.set_box_aspect(None, zoom=0.9)  # else labels are cut off
+        axes.set_box_aspect(None, zoom=0.9)  # otherwise labels are cut off
         _legend(figure, zip(meanings[1:], (_CONTACT, _OPEN), strict=True))
         title += "\na voxel is drawn where its middle lies in no box that is proven free"
     title = f"{robot.name}. {title}\n{100.0 * found.decided:.1f} % of the box decided"
@@ -76,7 +76,7 @@ def draw_free(robot: Robot, found: FreeVolume | FreeProjection) -> Any:
 
 
 def _held(robot: Robot, found: FreeVolume) -> str:
-    """Return where the coordinates are held that are not drawn."""
+    """Return the values of the fixed coordinates, as text."""
     held = [
         f"{name} = {units.amount(value, 'rad' if robot.turns(name) else 'm', 1)}"
         for name, value in zip(robot.coordinates, found.at.tolist(), strict=True)
@@ -138,9 +138,9 @@ def _voxels(axes: Any, found: FreeVolume, scale: Array) -> None:
 
 
 def _faces(is_drawn: Flags) -> tuple[Indices, Indices]:
-    """Return the squares between drawn voxels and others: corners (f, 4, 3) and the drawn voxel of each (f, 3).
+    """Return the squares between drawn voxels and others: corners (f, 4, 3), and the drawn voxel of each (f, 3).
 
-    Both are counted in voxels. One collection of squares is drawn in a second; Matplotlib's `voxels` makes one for
+    Both are in units of voxels. One collection of squares is drawn in a second; Matplotlib's `voxels` makes one for
     each voxel, which takes minutes.
     """
     corners: list[Indices] = []
@@ -150,7 +150,7 @@ def _faces(is_drawn: Flags) -> tuple[Indices, Indices]:
         change = np.diff(np.pad(is_drawn, width).astype(np.int8), axis=axis)
         across = np.eye(3, dtype=np.intp)[[one for one in range(3) if one != axis]]
         square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) @ across
-        for side in (1, -1):  # its voxel is behind the square, or before it
+        for side in (1, -1):  # its voxel is behind the square, or in front of it
             at = np.argwhere(change == side)
             corners.append(at[:, None] + square)
             owners.append(at - (side < 0) * np.eye(3, dtype=np.intp)[axis])
@@ -158,7 +158,7 @@ def _faces(is_drawn: Flags) -> tuple[Indices, Indices]:
 
 
 def _in(boxes: Array, middles: Sequence[Array]) -> Flags:
-    """Return which points of a grid lie in one of the boxes; `middles` are its ascending values along each axis."""
+    """Return which points of a grid are in one of the boxes; `middles` are its ascending values along each axis."""
     found: Flags = np.zeros([len(one) for one in middles], dtype=np.bool_)
     first = [np.searchsorted(one, boxes[:, 0, axis], "left").tolist() for axis, one in enumerate(middles)]
     last = [np.searchsorted(one, boxes[:, 1, axis], "right").tolist() for axis, one in enumerate(middles)]

@@ -1,4 +1,4 @@
-"""The figure of a motion over time: clearances, and membership where there is a region (the paper's Fig. 22)."""
+"""The figure of a motion over time: clearances, and membership if there is a region (the paper's Fig. 22)."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _MOST_BARS = 24
 def draw_motion(
     seen: MotionHistory, certificate: Certificate | None = None, clock: str = "time", region: Region | None = None
 ) -> Any:
-    """Draw signed clearances over time, below them memberships and signed distance if there is a region.
+    """Draw signed clearances over time, and below them memberships and signed distance if there is a region.
 
     Args:
         seen: The sampled motion.
-        certificate: Its certificate; first contacts and what is undecided are marked.
-        clock: What the time axis counts, e.g. ``"time [s]"`` or ``"waypoint"``.
-        region: A region that is shown on the same page: a boundary has the colour that it has there. None: the six
-            boundaries nearest to contact have six colours.
+        certificate: Its certificate; first contacts and undecided parts are marked.
+        clock: The label of the time axis, e.g. ``"time [s]"`` or ``"waypoint"``.
+        region: A region on the same page: boundaries have the same colours as there. None: the six boundaries nearest
+            to contact have six colours.
 
     Returns:
         A matplotlib figure.
@@ -67,10 +67,10 @@ def draw_motion(
 
 
 def certificate_axes(certificate: Certificate, axes: Any = None) -> Any:
-    """Draw between which bounds the smallest clearance of each boundary lies over a motion, and return the axes.
+    """Draw the bounds of the smallest clearance of each boundary over a motion, and return the axes.
 
     Args:
-        certificate: The certificate; its boundaries of the least clearance are drawn, 24 at most.
+        certificate: The certificate; its boundaries with the smallest clearances are drawn, at most 24.
         axes: Matplotlib axes; None: those of a new figure.
     """
     found = certificate.boundaries
@@ -97,11 +97,11 @@ def certificate_axes(certificate: Certificate, axes: Any = None) -> Any:
 
 
 def draw_paths(region: Region, paths: Mapping[str, MotionHistory], margin: Region | None = None) -> Any:
-    """Draw motions in the plane of a region, samples outside it marked (the paper's Fig. 21).
+    """Draw motions in the slice of a region, with samples outside it marked (the paper's Fig. 21).
 
     Args:
         region: The region; its edges are named.
-        paths: Histories by label, each made with a region of the same plane.
+        paths: Histories by label, each made with a region of the same slice.
         margin: A smaller region inside, drawn as a dashed outline.
 
     Returns:
@@ -167,7 +167,7 @@ def _clearances(axes: Any, seen: MotionHistory, region: Region | None) -> None:
 
 
 def _broken(values: Any) -> Any:
-    """Leave a gap where the sign changes by a jump: a contact line was crossed, the norm did not become zero."""
+    """Leave a gap where the sign jumps: a contact line was crossed, and the norm did not become zero."""
     jump = np.flatnonzero((values[1:] > 0.0) != (values[:-1] > 0.0))
     steps = np.abs(np.diff(values))
     typical = np.median(steps) if steps.size else 0.0
