@@ -3,6 +3,7 @@
 import importlib.metadata
 import io
 import struct
+import sys
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -84,6 +85,8 @@ GOOD: dict[str, bytes] = {
     "part.obj": (OBJ + OBJ_FACES).encode(),
     "marked.obj": b"\xef\xbb\xbf" + (OBJ + OBJ_FACES).encode(),
     "part.dae": dae(PLAIN).encode(),
+    "latin1.off": off().replace(b"OFF\n", b"OFF\n# aus K\xf6ln\n"),
+    "latin1.ply": ply().replace(b"1.0\n", b"1.0\ncomment aus K\xf6ln\n", 1),
     "part.off": off(),
     "part.ply": ply(),
 }
@@ -304,6 +307,32 @@ def test_a_broken_file_is_one_clear_error(name: str, tmp_path: Path) -> None:
     (problem,) = caught.value.problems
     assert problem.source == str(path)
     assert problem.remedy
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_text_that_is_not_utf8_is_damaged_whatever_guesses_its_encoding(
+    installed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """trimesh guesses encodings by a library that it does not require."""
+    if not installed:
+        monkeypatch.setitem(sys.modules, "charset_normalizer", None)
+    text = b'{"asset": "\xa3"}'.ljust(20)
+    head = b"glTF" + struct.pack("<II", 2, 20 + len(text)) + struct.pack("<I", len(text)) + b"JSON"
+    with pytest.raises(pb.InputError, match="is no GLB file that can be read"):
+        read_mesh(written(tmp_path, "text.glb", head + text))
+
+
+def test_a_module_that_a_format_needs_is_said_with_what_to_type(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import trimesh
+
+    def without(*_: Any, **__: Any) -> None:
+        raise ModuleNotFoundError("No module named 'networkx'", name="networkx")
+
+    monkeypatch.setattr(trimesh, "load_scene", without)
+    with pytest.raises(pb.UnsupportedError, match=r"a mesh in OFF needs networkx.*pip install 'pinbound\[meshes\]'"):
+        read_mesh(written(tmp_path, "part.off", off()))
 
 
 def test_what_is_no_file(tmp_path: Path) -> None:

@@ -43,6 +43,7 @@ _FAULTS = (
     zlib.error,
 )
 """What a reader that does not check its input may raise on damaged bytes."""
+_TO_ASCII = bytes([*range(128), *b"?" * 128])
 _MEND = "Export the mesh again"
 
 
@@ -60,17 +61,27 @@ def read_other(data: bytes, suffix: str, source: str) -> tuple[Array, Ints]:
 
     loader: Any = trimesh
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), Needs("meshes", f"a mesh in {suffix[1:].upper()}"):
             warnings.simplefilter("ignore")  # of numbers that do not fit: they are looked at below
-            scene = loader.load_scene(io.BytesIO(data), file_type=suffix[1:], process=False)
+            scene = loader.load_scene(io.BytesIO(_ascii_text(data, suffix)), file_type=suffix[1:], process=False)
             mesh = scene.to_mesh()
         vertices, triangles = np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
     except _FAULTS as error:
         said = " ".join(str(error).split())[:80] or type(error).__name__
         refuse(source, f"is no {suffix[1:].upper()} file that can be read ({said})", _MEND)
+    except ModuleNotFoundError:  # trimesh guesses the encoding of such text by a library that it does not require
+        refuse(source, f"is no {suffix[1:].upper()} file that can be read (its text is not UTF-8)", _MEND)
     if len(triangles) < faces:
         refuse(source, f"is cut off: it has {len(triangles)} triangles of {faces} polygons", _MEND)
     return vertices.reshape(-1, 3), triangles.reshape(-1, 3)
+
+
+def _ascii_text(data: bytes, suffix: str) -> bytes:
+    """Return the file with its comments in ASCII: trimesh takes text for UTF-8, and comments may be in any encoding."""
+    if suffix == ".off":
+        return data.translate(_TO_ASCII)
+    head, mark, body = data.partition(b"end_header")
+    return head.translate(_TO_ASCII) + mark + body if suffix == ".ply" else data
 
 
 def _ply_faces(data: bytes, source: str) -> int:
