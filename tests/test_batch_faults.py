@@ -179,7 +179,7 @@ def test_degrees_of_a_file_are_converted(tmp_path: Path) -> None:
     [
         (["--random", "5", "--seed", "-1"], 2, "--seed"),
         (["--grid", "q2=0:1:²"], 2, "'²' is no count"),
-        (["--random", "1" + "0" * 30], 2, "Give from 0 to 10^15"),
+        (["--random", "1" + "0" * 30], 2, "Give from 1 to 10^15"),
         (["--random", "10000000000", "--chunk-rows", "1"], 2, "the most are 100,000,000"),
         (["--random", "5", "--scheduler", "localhost:8786"], 2, "tcp://"),
         (["--random", "5", "--scheduler", "tcp://127.0.0.1:1"], 3, "no Dask scheduler answers"),
@@ -191,6 +191,28 @@ def test_exit_codes(words: list[str], code: int, message: str, tmp_path: Path) -
     result = CliRunner().invoke(app, ["batch", "minervabot_v3", "--out", str(tmp_path / "o"), *words])
     assert result.exit_code == code, result.output
     assert message in result.output
+
+
+@pytest.mark.parametrize("name", ["m.csv", "m.npy", "m.npz", "m.parquet"])
+def test_a_file_without_a_row_is_refused_and_leaves_no_folder(name: str, robot: pb.Robot, tmp_path: Path) -> None:
+    import pyarrow
+    import pyarrow.parquet
+
+    path, out, nothing = tmp_path / name, tmp_path / "out", np.zeros(0)
+    {
+        ".csv": lambda: path.write_text("q1,q2,q3\n"),
+        ".npy": lambda: np.save(path, np.zeros((0, 3))),
+        ".npz": lambda: np.savez(path, q1=nothing, q2=nothing, q3=nothing),
+        ".parquet": lambda: pyarrow.parquet.write_table(pyarrow.table(dict.fromkeys(robot.coordinates, nothing)), path),
+    }[path.suffix]()
+    result = CliRunner().invoke(app, ["batch", "minervabot_v3", "--in", str(path), "--out", str(out)])
+    assert result.exit_code == 2, result.output
+    assert f"{name}: there is no row. Give at least one configuration." in result.output
+    with pytest.raises(pb.InputError, match=f"{name}: there is no row"):
+        run(evaluation_of(robot, ("verdict",), backend="numpy"), open_source(path, robot.coordinates), out)
+    with pytest.raises(pb.InputError, match="there is no row"):
+        run(evaluation_of(robot, ("verdict",), backend="numpy"), RandomSource(0, 1, *BOX), out)
+    assert not out.exists()
 
 
 def test_a_full_disk_is_no_fault_of_the_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

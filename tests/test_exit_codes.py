@@ -54,6 +54,9 @@ CASES: list[tuple[str, int, str]] = [
     ("batch", 0, "batch ARM --random 5 --out HERE/o"),
     ("batch", 1, "batch ARM --random 5 --out HERE/o --require-coverage"),
     ("batch", 2, "batch ARM --out HERE/o"),
+    ("batch", 2, "batch ARM --in HERE/rowless.csv --out HERE/o"),
+    ("batch", 2, "batch ARM --random 0 --out HERE/o"),
+    ("check", 2, "check ARM HERE/rowless.csv"),
     ("check", 0, "check ARM HERE/clear.csv"),
     ("check", 1, "check ARM HERE/beyond.csv"),
     ("check", 1, "check ARM HERE/clear.csv --require-coverage"),
@@ -108,6 +111,7 @@ def run(words: str, folder: Path) -> tuple[int, str]:
     (folder / "clear.csv").write_text("a,b\n0,0\n0.1,0.1\n")
     (folder / "beyond.csv").write_text("a,b\n0,0\n0,2\n")
     (folder / "wrong.csv").write_text("a,b\n0,far\n")
+    (folder / "rowless.csv").write_text("a,b\n")
     robots = {name: str(folder / f"{name.lower()}.urdf") for name in ("ARM", "MESHES", "BARE")}
     line = [robots.get(word, word.replace("HERE", str(folder))) for word in words.split()]
     result = CliRunner().invoke(app, line)

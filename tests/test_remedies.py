@@ -773,7 +773,7 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
         yield Entry(address, lambda f: job(f, scheduler="localhost"), answered)
     # commands
     yield commands("Give one of --in, --grid, --random, --sobol", "batch CRANE --out HERE/o", JOB)
-    yield commands("Give from 0 to 10^15", JOB.replace(" 5 ", " 1" + "0" * 20 + " "), JOB)
+    yield commands("Give from 1 to 10^15", JOB.replace(" 5 ", " 1" + "0" * 20 + " "), JOB)
     ends = "Write FROM:TO, two finite numbers, FROM <= TO"
     grid = "batch CRANE --out HERE/o --grid lift=0:1:"
     yield commands(ends, JOB + " --within lift=1:0", JOB + " --within lift=0:1")

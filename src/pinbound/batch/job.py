@@ -92,14 +92,17 @@ def run(
         Counts and sizes.
 
     Raises:
-        InputError: If the folder contains something else, or a job that differs in anything that the numbers depend on;
-            or if the input changes during the job.
+        InputError: If the source has no row; if the folder contains something else, or a job that differs in anything
+            that the numbers depend on; or if the input changes during the job.
         MachineError: If the disk or the cluster fails; the same call resumes.
         UnsupportedError: If PyArrow is not installed.
     """
     load_arrow("pyarrow")
     if chunk_rows < 1 or threads < 1:
         raise files.bad(folder, f"chunks of {chunk_rows} rows by {threads} threads", "Give 1 or more of both")
+    if source.rows < 1:  # files without a row would look like a job that found nothing wrong
+        where = str(source.describe().get("name", "batch"))
+        raise files.bad(Path(where), "there is no row", "Give at least one configuration")
     count = -(-source.rows // chunk_rows)
     if count > MOST_CHUNKS:
         message = f"{source.rows:.3g} rows make {count:.3g} files of {chunk_rows:,} rows; the most are {MOST_CHUNKS:,}"

@@ -68,11 +68,9 @@ def batch(
         typer.Option(help="Grid as NAME=FROM:TO:COUNT, e.g. q2=-1.5:1.5:301,q3=... Other coordinates stay at home."),
     ] = None,
     random: Annotated[
-        int | None, typer.Option(help="Number of random configurations, uniform within the joint limits.", min=0)
+        int | None, typer.Option(help="Number of random configurations, uniform within the joint limits.")
     ] = None,
-    sobol: Annotated[
-        int | None, typer.Option(help="Number of scrambled Sobol points within the joint limits.", min=0)
-    ] = None,
+    sobol: Annotated[int | None, typer.Option(help="Number of scrambled Sobol points within the joint limits.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of --random and --sobol.", min=0)] = 0,
     within: Annotated[
         str | None, typer.Option(help="Other ranges for --random and --sobol, e.g. q2=-3:3,q3=-1:1.")
@@ -182,8 +180,8 @@ def _source(
         if not (math.isfinite(lower[index]) and math.isfinite(upper[index])):
             raise _bad("--within", f"{name!r} has no limits", f"Give its box, e.g. --within {name}=-3.14:3.14")
     count = random if random is not None else sobol
-    if count is None or count >= 10**_DIGITS:
-        raise _bad(given[0], f"{count} configurations", "Give from 0 to 10^15")
+    if count is None or not 0 < count < 10**_DIGITS:
+        raise _bad(given[0], f"{count} configurations", "Give from 1 to 10^15")
     kind = RandomSource if random is not None else SobolSource
     return kind(count, seed, tuple(lower.tolist()), tuple(upper.tolist()))
 
