@@ -1,4 +1,4 @@
-"""A page in which one drags through a region and sees the robot move, and the same live with meshes."""
+"""A page in which a user drags through a region and sees the robot move; a live view, which also shows meshes."""
 
 from pinbound.explorer.assembled import ExplorerPage, explorer_page
 

@@ -57,7 +57,7 @@ class ExplorerPage:
     verdict: Verdict | None = None
 
     def __repr__(self) -> str:
-        """Return size and planes."""
+        """Return the size and the planes as text."""
         planes = "; ".join(", ".join(plane) for plane in self.planes) or "none"
         return f"<ExplorerPage: {self.size / 1e6:.2f} MB; planes {planes}>"
 
@@ -104,7 +104,7 @@ def explorer_page(
         window: Ends [rad or m] of coordinates without limits, by name.
         meshes: Whether to draw bodies that are meshes; then the page is as large as the meshes.
         budget: [s] for each region, after which the page samples instead.
-        width: As in `feasible_region`.
+        width: The longest side of the cells around curved edges, as in `feasible_region`.
         motion_name: The name of the motion on the page.
 
     Raises:
@@ -137,7 +137,7 @@ def explorer_page(
 
 
 def _rendered(name: str, data: str) -> str:
-    """Return the page: texts of names are data, and none of them can end the script that holds it."""
+    """Return the page. Names are written as data; `<` is escaped, so that no name can end the script element."""
     with Needs("report", "the explorer's page"):
         import jinja2
 

@@ -1,4 +1,4 @@
-"""The robot live in a browser, by viser: meshes included, every number asked of Python.
+"""A live view of the robot in a browser, by viser. It shows meshes, and Python computes every number.
 
 viser loads when a view is first asked for (extra `view`). It brings trimesh, which triangulates simple bodies.
 """
@@ -28,24 +28,24 @@ __all__ = ["LiveView", "live_view"]
 _BODY = (120, 134, 148)
 _MARK = (40, 50, 60)
 _TOUCHES = (213, 94, 0)
-_STRETCH = 0.25  # metres of a line or plane that are drawn
-_DOT = 0.004  # metres: points and segments of radius zero are drawn as thick as this
-_SKIN = 0.0005  # metres: so are other marks of radius zero, which may be flat
-_MOST_LIMITS = 40  # boundaries up to which live limits are found: each asks all of them
+_STRETCH = 0.25  # metres: length of the drawn part of a line or plane
+_DOT = 0.004  # metres: points and segments of radius zero are drawn with this thickness
+_SKIN = 0.0005  # metres: other marks of radius zero, which may be flat, are drawn with this thickness
+_MOST_LIMITS = 40  # with more boundaries, limits are not computed: each limit needs all boundaries
 
 
 class LiveView:
-    """A robot on a viser server.
+    """A robot that is shown by a viser server.
 
     Attributes:
         robot: The robot.
         server: The `viser.ViserServer`.
-        q: (n,) what is shown [rad or m].
-        missing: Bodies that are not drawn, a sentence each.
+        q: (n,) the configuration that is shown [rad or m].
+        missing: One sentence for each body that is not drawn.
     """
 
     def __init__(self, robot: Robot, server: Any, at: ArrayLike | None = None) -> None:
-        """Draw a robot on a server that runs, with a slider for each coordinate."""
+        """Draw a robot on a running server, with one slider for each coordinate."""
         self.robot, self.server = robot, server
         start = robot.home if at is None else one_configuration(at, robot.coordinates)
         self.q: Array = np.array(start, dtype=np.float64)
@@ -67,7 +67,7 @@ class LiveView:
         self.show(self.q)
 
     def _look(self, client: Any) -> None:
-        """Point a new window's camera at the robot, from the side on which most of it is seen."""
+        """Point the camera of a new window at the robot, from the side that shows most of it."""
         places = np.array([self.robot.positions(link, self.q) for link in self.robot.tree.links])
         low, high = places.min(axis=0), places.max(axis=0)
         size, middle = float(np.linalg.norm(high - low)) or 1.0, 0.5 * (low + high)
@@ -94,7 +94,7 @@ class LiveView:
     def _add_body(self, number: int, body: Body) -> None:
         try:
             vertices, triangles = _body_triangles(self.robot, body)
-        except ValueError as error:  # a mesh that cannot be read, or a shape that has no form
+        except ValueError as error:  # a mesh cannot be read, or the body has no shape to draw
             self.missing.append(f"{body.name} is not drawn: {error}")
             return
         place = f"/link_{self._links[body.link]}/body_{number}"
@@ -106,7 +106,7 @@ class LiveView:
         return self.server.scene.add_mesh_simple(place, vertices, triangles, color=_MARK, opacity=0.3)
 
     def show(self, q: ArrayLike) -> None:
-        """Show a configuration (n,): places of links, clearances, what is in contact, the chosen marks."""
+        """Show a configuration (n,): placements of links, clearances, contacts, and the chosen marks."""
         with self._lock:
             self.q = np.array(one_configuration(q, self.robot.coordinates), dtype=np.float64)
             for frame, link in zip(self._frames, self.robot.tree.links, strict=True):
@@ -145,7 +145,7 @@ class LiveView:
         return "\n".join([*lines, "", f"Coverage: {self.robot.coverage.summary}.", *self.missing])
 
     def _open(self) -> str:
-        """Return which loops cannot be closed, so that no robot has these values; else ""."""
+        """Return which loops cannot be closed at q; "" if all can. The robot cannot reach a q with an open loop."""
         if not isinstance(self.robot, LoopRobot):
             return ""
         z, lift = self.robot.lift(self.q), self.robot.lift
@@ -167,12 +167,12 @@ class LiveView:
 
 
 def live_view(robot: Robot, port: int = 8080, host: str = "127.0.0.1", at: ArrayLike | None = None) -> LiveView:
-    """Serve a robot live, meshes included, at ``http://HOST:PORT``; the server runs until its process ends.
+    """Serve a live view of a robot, with meshes, at ``http://HOST:PORT``; the server runs until its process ends.
 
     Args:
         robot: The robot.
         port: The first port that is tried.
-        host: Who may look: this machine only by default.
+        host: The address on which the server listens; by default only this machine can connect.
         at: (n,) the configuration that is shown first [rad or m]; home by default.
 
     Raises:
@@ -216,7 +216,7 @@ def _body_triangles(robot: Robot, body: Body) -> tuple[Array, Ints]:
 
 
 def _mark_triangles(mark: Mark) -> tuple[Array, Ints]:
-    """Return the hull of balls about a mark's vertices; of a line or plane a stretch of it."""
+    """Return the hull of balls about a mark's vertices; for a line or plane, of a part of it."""
     trimesh: Any = import_module("trimesh")
     shape = mark.shape
     points = shape.vertices

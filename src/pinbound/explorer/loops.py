@@ -1,6 +1,7 @@
-"""Loops that are not parallelograms, for the page: their closed forms in numbers, and bounds of how fast they move.
+"""Loops that are not parallelograms, for the page: the numbers of their closed forms, and bounds of their rates.
 
-The page evaluates everything over z, as Python does: q, then the passive joints and the transmission of each loop.
+The page evaluates all quantities at z, as Python does. z is q, then the passive joints and the transmission of each
+loop.
 """
 
 from __future__ import annotations
@@ -33,11 +34,11 @@ _UP = 6e-3
 
 
 def loops_record(robot: LoopRobot, shown: Sequence[tuple[float, float]]) -> dict[str, Any]:
-    """Return how the page solves the loops.
+    """Return the data with which the page solves the loops.
 
     Args:
         robot: The robot.
-        shown: Of each coordinate the values that the page shows.
+        shown: The range of each coordinate that the page shows.
     """
     lift = robot.lift
     return {
@@ -80,11 +81,11 @@ def _linkage(one: Linkage, columns: Sequence[int]) -> dict[str, Any]:
 
 
 def _rates(robot: LoopRobot, index: int, shown: Sequence[tuple[float, float]]) -> dict[str, Any]:
-    """Return bounds of `|dz_k / dq_j|` over equal parts of a coordinate's window.
+    """Return bounds of `|dz_k / dq_j|`, one for each of the equal parts of a coordinate's window.
 
-    If one other coordinate moves the same loops, they are by parts of its window, too: `rows` of them. Any further ones
-    are anywhere in theirs. A bound is null where none is known; none is where a loop may be moved by another one that
-    passes a cut of its turn, for Python does not follow that over a box, either.
+    If exactly one other coordinate moves the same loops, its window is divided into `rows` parts, too. If several do,
+    a bound holds for all values in their windows. A bound is null where none is known. All are null if one loop moves
+    another and the angle of some loop can pass its cut: Python does not follow such loops over a box, either.
     """
     lift, n = robot.lift, len(robot.coordinates)
     is_chained = any(max(one.inputs) >= n for one in lift.linkages) and any(one.ahead < 0 for one in lift.linkages)
@@ -117,9 +118,9 @@ def _rates(robot: LoopRobot, index: int, shown: Sequence[tuple[float, float]]) -
 
 
 def _beside(robot: LoopRobot, index: int) -> list[int]:
-    """Return the other coordinates that move the loops that a coordinate moves."""
+    """Return the other coordinates that move the same loops as a coordinate."""
     lift, n = robot.lift, len(robot.coordinates)
-    moving: dict[int, set[int]] = {}  # of each passive joint
+    moving: dict[int, set[int]] = {}  # for each passive joint, the coordinates that move it
     found: set[int] = set()
     for one in lift.linkages:
         inputs = set[int]().union(*({k} if k < n else moving[k] for k in one.inputs))
@@ -139,5 +140,5 @@ def _written(bound: float) -> float | None:
 
 
 def boundary_speeds(rule: ContactRule, reach: Array) -> list[float | None]:
-    """Return bounds (n + k,) of how fast a boundary's separation changes with each entry of z; null: none is known."""
+    """Return bounds (n + k,) of `|d separation / d z_i|`, one for each entry of z; null where no bound is known."""
     return [float(one) if np.isfinite(one) else None for one in speeds(rule.path, reach)]

@@ -1,4 +1,4 @@
-"""The regions on the page: outlines with named edges, exact where Python computed them; and windows for sampling."""
+"""The regions on the page: outlines with named edges, as Python computed them; and the windows for sampling."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from pinbound.typing import Array
 
 __all__ = ["chosen_planes", "plane_record", "windows"]
 
-_DIGITS = 12  # decimals of rad and m that an outline is written with: a picture shows four
+_DIGITS = 12  # decimals of the points of an outline, in rad and m; four are visible in a picture
 
 
 def chosen_planes(robot: Robot, planes: Sequence[Sequence[str]] | None) -> list[tuple[str, str]]:
-    """Return the planes whose regions are computed.
+    """Return the pairs of coordinates whose regions are computed.
 
     Args:
         robot: The robot.
-        planes: Two coordinates each; None: the two that most boundaries depend on, the first ones if there are more.
+        planes: Two coordinates each. None: the two that most boundaries depend on, the first ones if several tie.
 
     Raises:
         DimensionError: If a plane has not two coordinates.
@@ -52,10 +52,10 @@ def chosen_planes(robot: Robot, planes: Sequence[Sequence[str]] | None) -> list[
 
 
 def windows(robot: Robot, at: Array, window: dict[str, tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the values of each coordinate that the page shows: what limits allow, else the window, else a turn or 2 m.
+    """Return the range of each coordinate that the page shows: its limits, else the window, else one turn or 2 m.
 
-    Limits of mimic joints and rules of one coordinate count, too. Where loops toggle does not: the page says there that
-    they cannot be closed.
+    Limits of mimic joints and rules of one coordinate narrow the range, too. Values at which a loop cannot be closed
+    stay in the range: there the page says that the loop cannot be closed.
     """
     ends: list[tuple[float, float]] = []
     is_looped = isinstance(robot, LoopRobot)
@@ -84,15 +84,15 @@ def plane_record(
     budget: float,
     width: float,
 ) -> dict[str, Any]:
-    """Return one region's outline, or why there is none.
+    """Return the outline of one region, or the reason why there is none.
 
     Args:
         robot: The robot.
         plane: The two coordinates.
         at: (n,) the values of the other coordinates.
-        shown: Of each coordinate the values that the page shows.
-        budget: [s] for tracing.
-        width: As in `feasible_region`.
+        shown: The range of each coordinate that the page shows.
+        budget: The time for tracing [s].
+        width: The longest side of the cells around curved edges, as in `feasible_region`.
     """
     columns = [robot.coordinates.index(name) for name in plane]
     record: dict[str, Any] = {"columns": columns, "at": at.tolist()}
@@ -128,7 +128,7 @@ def _edge(edge: Edge) -> dict[str, Any]:
 
 
 def _said(region: Region) -> str:
-    """Return what the outline is worth, in one sentence."""
+    """Return how exact the outline is, and its area, as text."""
     unit = units.area_name(region.area_unit)
     area = f"area {region.area:.6g} {unit}"
     if region.accuracy == 0.0:
@@ -141,7 +141,7 @@ def _said(region: Region) -> str:
 
 
 def _implied(region: Region) -> list[dict[str, Any]]:
-    """Return contact lines `normal . x = bound` that no edge is, the nearest of each boundary: drawn dashed."""
+    """Return implied contact lines `normal . x = bound`: they are no edges; the nearest of each boundary is dashed."""
     supports, edges = region.supports(), {edge.source for edge in region.edges}
     nearest: dict[str, tuple[float, HalfPlane]] = {}
     for half in region.half_planes:

@@ -1,7 +1,8 @@
-"""Everything that the page computes, as nodes of one graph: signed clearances, chains of hulls, places of links.
+"""All quantities that the page computes, as nodes of one graph: signed clearances, chains of hulls, link placements.
 
-The page's JavaScript walks these nodes and knows no kinematics of its own. Boundaries whose nearest points are searched
-for end at their chain: `w` and the edge vectors `e_i` of `r = w + sum_i t_i e_i`. The search over t is the page's.
+The page's JavaScript evaluates these nodes and has no kinematics of its own. Some boundaries need a search for their
+nearest points. For these the graph gives only `w` and the edge vectors `e_i` of `r = w + sum_i t_i e_i`; the page
+searches over t.
 """
 
 from __future__ import annotations
@@ -45,11 +46,11 @@ class Searched:
     """A boundary whose nearest points are searched for.
 
     Attributes:
-        w: Nodes of the vector where all t are zero, or of what counts of it.
-        edges: Nodes of each edge vector.
-        corners: Of either body the vertices of its t.
-        is_height: Whether the first component alone counts, and the least is a height.
-        overlap: [m], below which bodies overlap, as far as rounding can tell.
+        w: Nodes of r at t = 0; only the components that the measure uses, the others are zero.
+        edges: Nodes of each edge vector, with the same components.
+        corners: For each of the two bodies, the vertices of the set of its t.
+        is_height: Whether the value is the least first component (a height) instead of the least norm.
+        overlap: A distance below this one counts as an overlap, because of rounding [m].
     """
 
     w: Vector
@@ -62,12 +63,12 @@ class Searched:
 def program_record(
     robot: Robot, rules: Sequence[ContactRule], marks: Sequence[tuple[str, str]], common: Common
 ) -> tuple[dict[str, Any], list[dict[str, Any]], list[dict[str, Any]]]:
-    """Return the nodes, where each boundary's signed clearance is in them, and where each link is.
+    """Return the nodes, with the node numbers of each boundary's signed clearance and of each link's placement.
 
     Args:
         robot: The robot.
         rules: The boundaries' contact rules.
-        marks: Names of the two marks of each.
+        marks: Names of the two marks of each boundary.
         common: Each mark's chains in one common frame, as for `BoundarySet`.
     """
     n = len(robot.coordinates)
@@ -97,7 +98,7 @@ Common = Callable[[], Mapping[str, CommonMark] | None]
 
 
 def _nodes_record(graph: Graph, order: Sequence[int], places: Mapping[int, int], n: int) -> dict[str, Any]:
-    """Return kinds (a letter a node), operands one after the other, and the values of constants."""
+    """Return the kinds (one letter for each node), all operands in one list, and the values of the constants."""
     kinds, args, constants = list[str](), list[int](), list[float]()
     for number in order:
         node = graph.nodes[number]
@@ -139,9 +140,9 @@ def _turned_by(g: Graph, matrix: Array, vector: Vector) -> Vector:
 
 
 def chain_nodes(g: Graph, chain: Chain) -> Vector:
-    """Return the three components of a chain's value, from its tail: `x_i = b_i + R(u, c . q) x_{i+1}`.
+    """Return the three components of a chain's value, computed from its tail: `x_i = b_i + R(u, c . q) x_{i+1}`.
 
-    About an axis u of the frame a rotation mixes two components; about another one it is
+    If u is an axis of the frame, the rotation changes two components. For any other u it is
     `cos x + sin (u x x) + (1 - cos) (u . x) u`.
     """
     vector = _offset(g, chain, chain.rotations)
@@ -180,7 +181,7 @@ def _rotated(g: Graph, axis: Array, cos: int, sin: int, vector: Vector) -> Vecto
 
 
 def _placed(g: Graph, robot: Robot, link: str) -> tuple[Vector, Vector, Vector]:
-    """Return a link's origin in the root's frame [m], and its x and y directions."""
+    """Return a link's origin [m] and the directions of its x and y axes, all in the root link's frame."""
     tree, coupling = robot.tree, robot.coupling
     origin = absolute_chain(tree, coupling, link, (0.0, 0.0, 0.0))
     x, y = (direction_chain(tree, coupling, link, unit) for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
@@ -188,14 +189,15 @@ def _placed(g: Graph, robot: Robot, link: str) -> tuple[Vector, Vector, Vector]:
 
 
 def ways(rule: ContactRule, reach: Array) -> list[dict[str, Any]]:
-    """Return, for each coordinate, how the page finds how far it can move before this boundary is in contact.
+    """Return, for each coordinate, the method by which the page finds where this boundary comes into contact.
 
-    ``"none"``: it changes nothing. ``"stop"``: contact lines are known. ``"turn"``: the square of the distance, or the
-    height, is `a + b cos(c q_j) + s sin(c q_j)`; `rate` is c. ``"slide"``: the square is a parabola, the height a line.
-    ``"step"``: none of these; `speed` bounds how fast the signed clearance changes [m/rad or 1], infinite as null.
+    ``"none"``: the coordinate does not change the clearance. ``"stop"``: the contact lines are known. ``"turn"``: the
+    squared distance, or the height, is `a + b cos(c q_j) + s sin(c q_j)`; `rate` is c. ``"slide"``: the squared
+    distance is quadratic in q_j, or the height is linear. ``"step"``: none of these; the page steps along q_j, and
+    `speed` is a bound of the rate of the signed clearance [m/rad or 1]; null if it is infinite.
 
     Args:
-        rule: The boundary's.
+        rule: The boundary's contact rule.
         reach: (n,) the largest `|q_j|` [rad or m], infinite without limits.
     """
     path = rule.path
@@ -222,7 +224,7 @@ def ways(rule: ContactRule, reach: Array) -> list[dict[str, Any]]:
 
 
 def speeds(path: RelativePath, reach: Array) -> Array:
-    """Return bounds (n,) of `|d separation / d q_j|`: those of the point, and of every t's edge vector on top."""
+    """Return bounds (n,) of `|d separation / d q_j|`: the lever arms of w, plus the largest of `sum_i t_i e_i`."""
     chain, difference = path.minimal, path.difference
     speed = lever_arms(chain, reach).first
     first = difference.corners[0].shape[1]

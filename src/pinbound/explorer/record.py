@@ -1,4 +1,4 @@
-"""The data of a page: what Python knows of a robot, in numbers that JavaScript reads back as they are."""
+"""The data of a page: a robot as JSON, with numbers that JavaScript reads without a change of value."""
 
 from __future__ import annotations
 
@@ -41,19 +41,19 @@ def page_record(
     budget: float,
     width: float,
 ) -> dict[str, Any]:
-    """Return everything that the page shows, but the motion.
+    """Return all data of the page except the motion.
 
     Args:
         robot: The robot.
         planes: Pairs of coordinates whose regions are computed.
-        at: (n,) where the other coordinates are held, and where the page starts.
-        window: Ends of coordinates without limits.
+        at: (n,) the values at which the other coordinates are fixed and at which the page starts.
+        window: The ranges of coordinates without limits.
         meshes: Whether meshes are drawn.
-        budget: [s] for each region.
-        width: As in `feasible_region`.
+        budget: The time for each region [s].
+        width: The longest side of the cells around curved edges, as in `feasible_region`.
     """
     looped = robot if isinstance(robot, LoopRobot) else None
-    over = robot if looped is None else looped.opened  # the page evaluates it at z = F(q)
+    over = robot if looped is None else looped.opened  # the page evaluates the opened robot at z = F(q)
     boundaries = list(over.boundaries)
     marks = [(one.point_a.name, one.point_b.name) for one in boundaries]
     rules = [one.rule for one in boundaries]
@@ -123,7 +123,7 @@ def _boundary(one: Boundary, value: dict[str, Any], reach: Array, formula: Seque
 
 
 def _through(robot: LoopRobot, one: Boundary, reach: Array) -> dict[str, Any]:
-    """Return what the page needs to follow a boundary over z through loops."""
+    """Return the data that the page needs to evaluate a boundary at z where loops are solved."""
     return {"speeds": boundary_speeds(one.rule, reach), "solved": robot.coupling.solved(formula_joints(one))}
 
 
@@ -149,7 +149,7 @@ def _linear(one: LinearLimit) -> dict[str, Any]:
 
 
 def _limits(linear: Sequence[LinearLimit], guarded: Sequence[GuardedLimit], intervals: Intervals) -> dict[str, Any]:
-    """Return limits as users know them, and as the rows that say whether q keeps them."""
+    """Return limits and rules as declared, and as the rows by which the page decides whether q is within them."""
     return {
         "linear": [_linear(one) for one in linear],
         "guarded": [
@@ -171,7 +171,7 @@ def _limits(linear: Sequence[LinearLimit], guarded: Sequence[GuardedLimit], inte
 
 
 def _colours(regions: Sequence[dict[str, Any]], names: Sequence[str]) -> dict[str, int]:
-    """Return the place of each name in the palette: edges as in the figures, then the other boundaries."""
+    """Return the index of each name's colour in the palette: edges first, as in the figures, then other boundaries."""
     edges = {edge["name"] for region in regions for loop in region.get("loops", ()) for edge in loop}
     first = sorted(edges, key=lambda name: (len(name), name))
     rest = sorted(set(names) - edges, key=lambda name: (len(name), name))
@@ -189,13 +189,13 @@ def _coverage(coverage: Coverage) -> dict[str, Any]:
 
 
 def motion_record(robot: Robot, motion: Motion, found: Certificate, name: str) -> dict[str, Any]:
-    """Return a motion and what its certificate says.
+    """Return a motion and the contents of its certificate.
 
     Args:
         robot: The robot.
-        motion: Waypoints, straight in q between them.
+        motion: Waypoints; the motion is straight in q between them.
         found: The certificate of the whole motion.
-        name: What the motion is called.
+        name: The name of the motion on the page.
     """
     times = np.arange(len(motion.waypoints), dtype=np.float64) if motion.times is None else motion.times
     first, tightest = found.first_contact, found.tightest

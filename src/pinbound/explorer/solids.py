@@ -1,4 +1,4 @@
-"""What the page draws of a robot: bodies and marks, each in the frame of its link."""
+"""The bodies and marks of a robot that the page draws, each in the frame of its link."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from pinbound.units import several
 
 __all__ = ["bodies_record", "marks_record"]
 
-_FLAT = 1e-9  # thickness of a hull over its length, below which it is drawn as a face
+_FLAT = 1e-9  # a hull whose thickness is below this share of its length is drawn as a flat face
 
 
 def bodies_record(robot: Robot, meshes: bool) -> tuple[list[dict[str, Any]], list[str]]:
-    """Return the bodies that are drawn, and a sentence for each kind of body that is not.
+    """Return the bodies that are drawn, and one sentence for each kind of body that is not drawn.
 
     Args:
         robot: The robot.
@@ -57,13 +57,13 @@ def _record(body: Body) -> dict[str, Any]:
 
 
 def _packed(array: Array | Ints, kind: Any) -> str:
-    """Return an array as base64 of its little-endian bytes, for drawing alone: float32 has 1e-7 of its size."""
+    """Return an array as base64 of its little-endian bytes. Float32 (relative error 1e-7) is exact enough to draw."""
     little = np.ascontiguousarray(array, dtype=np.dtype(kind).newbyteorder("<"))
     return base64.b64encode(little.tobytes()).decode("ascii")
 
 
 def marks_record(robot: Robot) -> list[dict[str, Any]]:
-    """Return the marks: vertices of their cores [m], radius, triangles of a hull, normal of a line or plane."""
+    """Return the marks: core vertices [m], radius, triangles of a hull, direction of a line or normal of a plane."""
     return [_mark(mark) for mark in robot.annotations.marks.values()]
 
 
@@ -83,9 +83,9 @@ def _mark(mark: Mark) -> dict[str, Any]:
 
 
 def _triangles(shape: Shape) -> Ints:
-    """Return the faces (k, 3) of a hull of vertices, outward; of a flat one both sides.
+    """Return the triangles (k, 3) of the hull of a shape's vertices, oriented outward; for a flat hull, both sides.
 
-    Vertices of a sum of edge vectors may lie within it: only those on its border are corners of triangles.
+    Vertices that are sums of edge vectors may lie inside the hull: only those on its border are corners of triangles.
     """
     from scipy.spatial import ConvexHull
 
