@@ -1,4 +1,4 @@
-"""What all figures of the reproduction share: frames, colours, the robot's outline. Matplotlib loads here."""
+"""Parts that all figures of the reproduction use: axes, colours, the robot's outline. Matplotlib loads here."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ PLACE_STYLE: dict[int, tuple[str, str, str]] = {
 
 
 def frames(width: float, height: float, columns: int = 1, **options: Any) -> tuple[Any, list[Any]]:
-    """Return a figure and its axes, side by side, with a light grid."""
+    """Return a figure and its axes, placed side by side, with a light grid."""
     with Needs("plots", "a figure"):
         from matplotlib.figure import Figure
 
@@ -55,7 +55,7 @@ def frames(width: float, height: float, columns: int = 1, **options: Any) -> tup
 
 
 def spatial(width: float, height: float) -> tuple[Any, Any]:
-    """Return a figure and its one 3D frame, labelled x, y, z in millimetres."""
+    """Return a figure and its only axes: 3D axes labelled x, y, z in millimetres."""
     with Needs("plots", "a figure"):
         from matplotlib.figure import Figure
 
@@ -74,7 +74,7 @@ def _spatial_frame(figure: Any, place: int) -> Any:
 
 
 def mixed(width: float, height: float, spatial_first: bool) -> tuple[Any, Any, Any]:
-    """Return a figure, its 3D frame and its plane one, side by side."""
+    """Return a figure, its 3D axes and its 2D axes, placed side by side."""
     with Needs("plots", "a figure"):
         from matplotlib.figure import Figure
 
@@ -89,7 +89,7 @@ def mixed(width: float, height: float, spatial_first: bool) -> tuple[Any, Any, A
 
 
 def to_scale(axes: Any, zoom: float) -> None:
-    """Give a 3D frame equal scales, and enlarge it in its place."""
+    """Give 3D axes equal scales, and enlarge what they show by `zoom`."""
     spans = [float(np.ptp(limits())) for limits in (axes.get_xlim, axes.get_ylim, axes.get_zlim)]
     axes.set_box_aspect(spans, zoom=zoom)
 
@@ -132,7 +132,7 @@ def name_along(axes: Any, name: str, line: Array, inside: Array, colour: str) ->
 
 
 def solids(robot: Robot, q: Array) -> list[tuple[Any, str]]:
-    """Return the boxes and cylinders of a robot's visuals at q, as meshes in the root's frame [m], with a colour."""
+    """Return the boxes and cylinders of a robot's visuals at q: meshes in the root link's frame [m], and colours."""
     with Needs("meshes", "drawing solids"):
         import trimesh
 
@@ -173,7 +173,7 @@ def _solid(geometry: Any, creation: Any) -> Any:
 
 
 def draw_silhouette(axes: Any, robot: Robot, q: Array, plane: tuple[int, int], label: str | None = None) -> None:
-    """Fill the robot's outline seen along the third axis, every solid in its colour, pale [mm]."""
+    """Fill the robot's outline [mm], as seen along the axis that is not in `plane`: each solid in a pale colour."""
     columns = list(plane)
     for mesh, colour in solids(robot, q):
         hull: Any = cast(Any, shapely).MultiPoint(1e3 * mesh.vertices[:, columns]).convex_hull
@@ -184,13 +184,13 @@ def draw_silhouette(axes: Any, robot: Robot, q: Array, plane: tuple[int, int], l
 
 
 def draw_solids(axes: Any, robot: Robot, q: Array) -> None:
-    """Draw the robot's solids in 3D [mm], shaded."""
+    """Draw the robot's solids in 3D [mm], with shading."""
     for mesh, colour in solids(robot, q):
         draw_surface(axes, mesh, colour, 1.0)
 
 
 def draw_surface(axes: Any, mesh: Any, colour: str, alpha: float) -> None:
-    """Draw a mesh in 3D [mm], shaded by its normals."""
+    """Draw a mesh in 3D [mm], with shading from its normals."""
     from matplotlib.colors import to_rgb
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 

@@ -1,4 +1,4 @@
-"""Eqs. (5)-(17) evaluated as printed, beside the norms that are derived from the URDF."""
+"""Eqs. (5)-(17) evaluated as printed, and compared with the norms that are derived from the URDF."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _COUNT = 2000
 
 
 def check_equations(study: Study, kinds: Robot) -> tuple[Equation, ...]:
-    """Return one row an equation.
+    """Return one row for each equation.
 
     Args:
         study: The paper's robot.
-        kinds: The arm of `four_kinds`: MinervaBotV3 has no boundary for Eqs. (8), (9), (12)-(14).
+        kinds: The arm of `four_kinds`, because MinervaBotV3 has no boundary for Eqs. (8), (9), (12)-(14).
     """
     robots = (study.robot, kinds)
     by_kind = {kind: [(r, b) for r in robots for b in r.boundaries if b.kind is kind] for kind in Kind}
@@ -55,7 +55,7 @@ def _row(
 
 
 def _equation_17(study: Study) -> tuple[Equation, ...]:
-    """Return the twenty components of Eq. (17): those that agree, and the four of beta_5 and beta_6."""
+    """Compare the twenty components of Eq. (17) in two rows: the four of beta_5 and beta_6 have their own row."""
     Q = np.random.default_rng(SEED).uniform(-2 * np.pi, 2 * np.pi, (_COUNT, len(study.robot.coordinates)))
     q2, q3 = (Q[:, study.robot.coordinates.index(name)] for name in ("q2", "q3"))
     rows = list[Equation]()
@@ -84,13 +84,13 @@ def relative_frame(robot: Robot, above: str, link: str, Q: Array) -> Frame:
 
 
 def _from_base(robot: Robot, boundary: Boundary, Q: Array) -> Array:
-    """Eqs. (5)-(7): `r_0,n - r_0,m`."""
+    """Evaluate Eqs. (5)-(7): `r_0,n - r_0,m`."""
     a, b = boundary.point_a, boundary.point_b
     return robot.positions(a.link, Q, a.shape.origin.tolist()) - robot.positions(b.link, Q, b.shape.origin.tolist())
 
 
 def _consecutive(robot: Robot, boundary: Boundary, Q: Array) -> Array:
-    """Eqs. (8)-(11): `r_a,n - r_a,b - R_a,b r_b,m`; for (8), (9) r_a,b runs over the frames between."""
+    """Evaluate Eqs. (8)-(11): `r_a,n - r_a,b - R_a,b r_b,m`; in (8), (9) r_a,b leads over the frames between."""
     upper, lower = boundary.point_a, boundary.point_b
     if boundary.ancestor != upper.link:
         upper, lower = lower, upper
@@ -99,7 +99,7 @@ def _consecutive(robot: Robot, boundary: Boundary, Q: Array) -> Array:
 
 
 def _branched(robot: Robot, boundary: Boundary, Q: Array) -> Array:
-    """Eqs. (12)-(14): `r_c,a + R_c,a r_a,n - r_c,b - R_c,b r_b,m`, c the link at the bifurcation."""
+    """Evaluate Eqs. (12)-(14): `r_c,a + R_c,a r_a,n - r_c,b - R_c,b r_b,m`; c is the link at the bifurcation."""
     ends = list[Array]()
     for point in (boundary.point_a, boundary.point_b):
         r, R = relative_frame(robot, boundary.ancestor, point.link, Q)
@@ -108,7 +108,7 @@ def _branched(robot: Robot, boundary: Boundary, Q: Array) -> Array:
 
 
 def _coincident(robot: Robot, boundary: Boundary, Q: Array) -> Array:
-    """Eqs. (15), (16): `R_c,a r_a,n - R_c,b r_b,m`, the two offsets being equal."""
+    """Evaluate Eqs. (15), (16): `R_c,a r_a,n - R_c,b r_b,m`; the two offsets are equal and cancel."""
     ends = list[Array]()
     for point in (boundary.point_a, boundary.point_b):
         _, R = relative_frame(robot, boundary.ancestor, point.link, Q)

@@ -1,4 +1,4 @@
-"""The errata of the print, each a computation with its numbers."""
+"""The errata of the printed paper; each is a computation with its numbers."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _sign_of_the_norm(study: Study) -> Erratum:
     X, norms, _ = study.samples
     robot, Q = study.robot, study.configurations(X)
     by_contacts = np.ones(len(X), dtype=np.bool_)
-    for boundary in robot.boundaries:  # an oracle of its own: every effective angle within the gap around home
+    for boundary in robot.boundaries:  # an independent check: each effective angle lies in the gap around home
         contact = study.contact(boundary.name)
         lower, upper = contact.gap(float(contact.coefficients @ robot.home))
         phi = Q @ contact.coefficients

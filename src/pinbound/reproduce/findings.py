@@ -11,16 +11,16 @@ __all__ = ["Equation", "Erratum", "Table"]
 
 @dataclass(frozen=True)
 class Table:
-    """One table drawn anew.
+    """One table, computed again.
 
     Attributes:
         label: ``"Table 5"``, or the numbers of equations.
         title: What it shows.
-        columns: Headings; those that end in ``]`` hold numbers.
+        columns: Headings; a column whose heading ends in ``]`` has numbers.
         rows: Cells as text.
-        verdict: How it agrees with the print.
-        agrees: Whether it does.
-        formulas: MathML lines that belong to it.
+        verdict: How well the table agrees with the printed one, as text.
+        agrees: Whether the two tables agree.
+        formulas: MathML lines that belong to the table.
     """
 
     label: str
@@ -34,14 +34,14 @@ class Table:
 
 @dataclass(frozen=True)
 class Equation:
-    """A printed equation, evaluated beside the derived boundary.
+    """A printed equation, evaluated and compared with the derived boundary.
 
     Attributes:
         number: ``"(8), (9)"``.
-        says: What it states.
-        checked_on: On which boundaries.
-        difference: Largest difference [m] over the samples.
-        agrees: Whether that is rounding.
+        says: The statement of the equation.
+        checked_on: The boundaries on which it was evaluated.
+        difference: Largest difference from the derived boundary over the samples [m].
+        agrees: Whether this difference is only rounding.
     """
 
     number: str
@@ -53,15 +53,15 @@ class Equation:
 
 @dataclass(frozen=True)
 class Erratum(Value):
-    """One fault of the print, as a computation.
+    """One fault of the printed paper, shown by a computation.
 
     Attributes:
-        number: As in the list of errata.
-        where: Equation, table or figure.
+        number: Its number in the list of errata.
+        where: The equation, table or figure with the fault.
         title: The fault in one sentence.
-        printed: What the print says or gives.
-        derived: What the computation gives.
-        consequence: What follows.
+        printed: The printed statement or value.
+        derived: The result of the computation.
+        consequence: The consequence of the fault.
         numbers: The numbers behind it, by name; SI units unless the name says otherwise.
         holds: Whether the computation confirms the fault.
     """

@@ -1,4 +1,4 @@
-"""Formulas of the page as MathML, by SymPy."""
+"""Formulas of the page as MathML, made by SymPy."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def limit_formula(boundary: Boundary, joint: str) -> str:
 
 
 def membership_formulas() -> Sequence[tuple[str, ...]]:
-    """Return the lines of Eq. (21): where, as printed, and as its text asks."""
+    """Return the lines of Eq. (21): for each the case, the printed formula, and the formula that its text means."""
     q, low, high, mu = sp.symbols("q_n q_min q_max mu_n")
 
     def minus(a: Any, b: Any) -> Any:

@@ -1,4 +1,4 @@
-"""A small arm with one boundary of each kind: MinervaBotV3 has two of the four kinds only (erratum 6)."""
+"""A small arm with one boundary of each kind; MinervaBotV3 has only two of the four kinds (erratum 6)."""
 
 from __future__ import annotations
 

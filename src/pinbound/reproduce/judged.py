@@ -1,4 +1,4 @@
-"""The sixteen printed limits of Eqs. (18)-(20), each judged by its own component equation."""
+"""The sixteen printed limits of Eqs. (18)-(20); each is checked by putting it into its own component equation."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ _OTHERS = np.linspace(-np.pi, np.pi, 361)
 
 @dataclass(frozen=True)
 class JudgedLimit:
-    """One printed limit beside what it should be.
+    """One printed limit, compared with the derived limit.
 
     Attributes:
-        limit: As printed.
-        values: The two printed angles [rad] (plus, minus) at `other`, tan^-1 read as atan2.
+        limit: The printed limit.
+        values: The two printed angles [rad] (plus, minus) at `other`, with tan^-1 read as atan2.
         other: Angle of the other joint [rad] at which values are given.
         residual: Largest |component| [m] over all angles of the other joint and both signs, with atan2.
-        residual_one_argument: The same with the arctangent of the quotient.
+        residual_one_argument: The same residual, with tan^-1 read as the arctangent of the quotient.
         derived: The contact angle of this joint at `other` [rad], from the URDF.
         branch: ``"+"`` or ``"-"``: the sign whose value is nearest to the contact.
-        difference: That value less the derived one, whole turns left out [rad].
-        mended: The offset over pi with which the line solves its equation; the printed one if that does.
+        difference: This value minus the derived one, without whole turns [rad].
+        mended: The offset, divided by pi, with which the line solves its equation: the printed one if it does; None if
+            no offset does.
     """
 
     limit: PrintedLimit
@@ -46,19 +47,19 @@ class JudgedLimit:
 
     @property
     def solves(self) -> bool:
-        """Whether the line, read with atan2, solves its own component equation."""
+        """Whether the line, read with atan2, solves its component equation."""
         return self.residual <= SOLVES
 
     @property
     def solves_with_one_argument(self) -> bool:
-        """Whether it does so with the arctangent of the quotient."""
+        """Whether the line, read with the arctangent of the quotient, solves its component equation."""
         return self.residual_one_argument <= SOLVES
 
 
 def derived_limit(boundary: Boundary, joint: str, other: float) -> float:
-    """Return the value of `joint` at which a one-angle boundary is in contact, the other joint's angle given [rad].
+    """Return the value of `joint` [rad] at which a boundary of one effective angle is in contact.
 
-    Of q2 and q3 only: `phi = c_j q_j + c_o q_o`, so `q_j = (phi* - c_o q_o) / c_j`.
+    The effective angle depends on q2 and q3 only: `phi = c_j q_j + c_o q_o`, so `q_j = (phi* - c_o q_o) / c_j`.
     """
     contact = boundary.contact
     if contact is None:
@@ -70,11 +71,11 @@ def derived_limit(boundary: Boundary, joint: str, other: float) -> float:
 
 
 def judge_limits(robot: Robot, k: Constants, other: float) -> tuple[JudgedLimit, ...]:
-    """Judge all sixteen lines.
+    """Check all sixteen lines.
 
     Args:
         robot: The paper's robot.
-        k: The lengths [mm], r_1,27 included.
+        k: The lengths [mm], including r_1,27.
         other: Angle of the other joint [rad] at which values are given.
     """
     return tuple(_judge(robot, k, limit, other) for limit in LIMITS)

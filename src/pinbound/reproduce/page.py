@@ -1,4 +1,4 @@
-"""`reproduce_paper`: all figures, tables, errata and meshes in one folder, and the page that shows them."""
+"""`reproduce_paper`: writes all figures, tables, errata and meshes to one folder, with a page that shows them."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ __all__ = ["FIGURES", "Reproduction", "reproduce_paper"]
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What was written.
+    """The files and results of a reproduction.
 
     Attributes:
         page: The HTML page.
-        figures: Figure number to caption.
-        tables: Tables 3-14, Eqs. (18)-(20), and the numbers behind the figures.
-        equations: Eqs. (5)-(17) as printed beside the derived norms.
-        errata: The faults of the print.
-        files: Everything else that was written.
-        changes: In what the robot is not the paper's.
+        figures: The caption of each figure, by its number.
+        tables: Tables 3-14, Eqs. (18)-(20), and the numbers shown in the figures.
+        equations: Eqs. (5)-(17) as printed, compared with the derived norms.
+        errata: The faults of the printed paper.
+        files: All other files that were written.
+        changes: One sentence for each difference between the robot and the paper's robot.
     """
 
     page: Path
@@ -48,7 +48,7 @@ class Reproduction:
     changes: tuple[str, ...] = ()
 
 
-_WIDE = 1.5  # a figure of that ratio has two panels: on a narrow screen it scrolls in its frame
+_WIDE = 1.5  # a figure with a larger ratio of width to height has two panels; on a narrow screen it scrolls
 
 FIGURES: dict[int, tuple[Callable[[Study], Any], str]] = {
     8: (
@@ -101,15 +101,15 @@ FIGURES: dict[int, tuple[Callable[[Study], Any], str]] = {
 
 
 def reproduce_paper(robot: Robot, out: Path, progress: Callable[[str], None] | None = None) -> Reproduction:
-    """Draw Tables 3 to 14 and Figs. 8 to 22 of the paper anew and write them, with the errata, into a folder.
+    """Compute Tables 3 to 14 and Figs. 8 to 22 of the paper again, and write them, with the errata, to a folder.
 
     Args:
         robot: `minervabot_v3`, or a copy of it with the paper's names.
-        out: The folder; made if it is not there. Files of the same names are replaced, others are left alone.
+        out: The folder; it is made if it does not exist. Files of the same names are replaced; others are kept.
         progress: Called with a line of text before each step that takes time.
 
     Returns:
-        What was written. `index.html` shows all of it; `results.json` holds the numbers.
+        The files and results. `index.html` shows all of them; `results.json` has the numbers.
 
     Raises:
         UnsupportedError: If the robot is not the paper's.
@@ -132,7 +132,7 @@ def reproduce_paper(robot: Robot, out: Path, progress: Callable[[str], None] | N
     for number, (draw, _) in FIGURES.items():
         say(f"figure {number}")
         figure = draw(study)
-        figure.draw_without_rendering()  # the layout of a frame of equal scales settles in the second pass
+        figure.draw_without_rendering()  # axes of equal scales get their final layout only in the second pass
         files += save(figure, out / f"figure_{number:02d}")
         width, height = figure.get_size_inches()
         if width > _WIDE * height:
@@ -156,7 +156,7 @@ def reproduce_paper(robot: Robot, out: Path, progress: Callable[[str], None] | N
 
 
 def _unseen(study: Study) -> str:
-    """Say where the path is outside of the scaled region although every mu is positive."""
+    """Return as text where the path is outside the scaled region although every mu is positive."""
     found = study.path.membership
     share = study.path.share[np.all(found.mu > 0.0, axis=1) & (study.path.place == Place.OUTSIDE)]
     if not len(share):
@@ -167,11 +167,11 @@ def _unseen(study: Study) -> str:
 
 
 def _quiet(_: str) -> None:
-    """Say nothing."""
+    """Ignore a progress message."""
 
 
 def _write_path(study: Study, target: Path) -> Path:
-    """Write the tool path and its membership, metres and radians."""
+    """Write the tool path and its membership, in metres and radians."""
     path, found = study.path, study.path.membership
     columns = [path.share, *path.targets.T, *path.solution.q.T, *found.mu.T, *found.mu_printed.T, found.signed_distance]
     names = [f"q{i + 1}" for i in range(len(found.coordinates))]

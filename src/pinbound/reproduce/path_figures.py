@@ -27,17 +27,17 @@ __all__ = ["figure_13", "figure_14", "figure_15", "figure_18", "figure_19", "fig
 
 
 def figure_13(study: Study) -> Any:
-    """Norms of beta_1 to beta_4."""
+    """Draw the norms of beta_1 to beta_4 along the contours."""
     return _norms(study, (("beta_1", "beta_2"), ("beta_3", "beta_4")))
 
 
 def figure_14(study: Study) -> Any:
-    """Norms of beta_5 to beta_8."""
+    """Draw the norms of beta_5 to beta_8 along the contours."""
     return _norms(study, (("beta_5", "beta_6"), ("beta_7", "beta_8")))
 
 
 def figure_15(study: Study) -> Any:
-    """Norms of beta_9 and beta_10."""
+    """Draw the norms of beta_9 and beta_10 along the contours."""
     return _norms(study, (("beta_9", "beta_10"),))
 
 
@@ -70,7 +70,7 @@ def _classes(study: Study) -> list[tuple[Flags, str, str, str]]:
 
 
 def _scatter(axes: Any, study: Study, points: Array, size: float = 14.0) -> None:
-    """Draw points (N, 2) or (N, 3) by class."""
+    """Draw points (N, 2) or (N, 3); each class has its own colour and marker."""
     for chosen, colour, marker, name in _classes(study):
         label = f"{name} ({int(chosen.sum())})"
         axes.scatter(*points[chosen].T, s=size, color=colour, marker=marker, linewidths=1.1, label=label, zorder=5)
@@ -82,7 +82,7 @@ def _place_robot(study: Study) -> Array:
 
 
 def figure_18(study: Study) -> Any:
-    """The tool path in the swept volume, and from the side."""
+    """Draw the tool path in the swept volume, and from the side."""
     figure, left, right = mixed(13.4, 6.2, spatial_first=True)
     draw_solids(left, study.robot, _place_robot(study))
     draw_surface(left, study.scaled_body.mesh(1e-3), "#56B4E9", 0.16)
@@ -108,7 +108,7 @@ def figure_18(study: Study) -> Any:
 
 
 def figure_19(study: Study) -> Any:
-    """The tool path from above, and close by."""
+    """Draw the tool path from above, and a part of it enlarged."""
     figure, right, left = mixed(13.4, 6.4, spatial_first=False)
     targets = 1e3 * study.path.targets
     draw_silhouette(left, study.robot, _place_robot(study), (0, 1))
@@ -147,7 +147,7 @@ def _shades(axes: Any) -> None:
 
 
 def figure_20(study: Study) -> Any:
-    """The joints along the path."""
+    """Draw the joint angles along the path."""
     figure, (axes,) = frames(9.6, 4.8)
     q = np.degrees(study.path.solution.q)
     for index, (name, style) in enumerate(zip(study.robot.coordinates, ("-", (0, (5, 2)), (0, (1, 1))), strict=False)):
@@ -161,7 +161,7 @@ def figure_20(study: Study) -> Any:
 
 
 def figure_21(study: Study) -> Any:
-    """The path's points classified, in the plane and in the prism over q1."""
+    """Draw the classified points of the path, in the plane and in the prism over q1."""
     figure, right, left = mixed(13.4, 6.4, spatial_first=False)
     coordinates = study.robot.coordinates
     q = np.degrees(study.path.solution.q)
@@ -191,7 +191,7 @@ def figure_21(study: Study) -> Any:
 
 
 def figure_22(study: Study) -> Any:
-    """mu_1, mu_2, mu_3 along the path, and the signed distance beside them."""
+    """Draw mu_1, mu_2, mu_3 along the path, and the signed distance beside them."""
     figure, (axes,) = frames(9.8, 6.2)
     found, share = study.path.membership, study.path.share
     styles = ("-", (0, (5, 2)), (0, (7, 2, 1, 2)))

@@ -1,7 +1,7 @@
-"""What the paper prints, as numbers and formulas: Tables 3-14, Eqs. (17)-(20). Facts to compare with, never to use.
+"""The printed numbers and formulas of the paper: Tables 3-14, Eqs. (17)-(20). They serve for comparison only.
 
-Technologies 2025, 13(9), 404, doi 10.3390/technologies13090404. Lengths in millimetres, named as there: `x_2,7` is the
-x of point o_7 in frame 2. Errors of the print are kept.
+Technologies 2025, 13(9), 404, doi 10.3390/technologies13090404. Lengths are in millimetres, with the paper's names:
+`x_2,7` is the x of point o_7 in frame 2. Errors of the printed paper are kept.
 """
 
 from __future__ import annotations
@@ -66,21 +66,21 @@ CONSTANTS: dict[str, float] = {
 
 
 def constants(pivot: tuple[float, float]) -> dict[str, float]:
-    """Return the printed lengths with r_1,27 (x, z) [mm], which the paper does not print."""
+    """Return the printed lengths, and r_1,27 (x, z) [mm] as given, which the paper does not print."""
     return {**CONSTANTS, "x_1,27": pivot[0], "z_1,27": pivot[1]}
 
 
 @dataclass(frozen=True)
 class PrintedBoundary:
-    """One of Tables 5-14.
+    """The content of one of Tables 5-14.
 
     Attributes:
-        number: i of beta_i.
-        table: Its table.
-        kind: As printed, lower case.
-        points: Frame and point, twice: `(2, 7), (3, 8)` is o_7 in frame 2 and o_8 in frame 3.
-        norm: The norm, as text.
-        components: (beta_i1, beta_i3) [mm] of (q2, q3), as in Eq. (17).
+        number: The index i of beta_i.
+        table: The number of its table.
+        kind: The printed kind, in lower case.
+        points: Frame and point of both marks: `(2, 7), (3, 8)` is o_7 in frame 2 and o_8 in frame 3.
+        norm: The printed norm, as text.
+        components: The function (beta_i1, beta_i3) [mm] of (q2, q3) in Eq. (17).
     """
 
     number: int
@@ -97,7 +97,7 @@ class PrintedBoundary:
 
 
 def _elbow(a: str, b: str, with_x: bool = False) -> Components:
-    """Frames 2 and 3: `r_2,a - r_2,3 - R_2,3 r_3,b`."""
+    """Return the components for points of frames 2 and 3: `r_2,a - r_2,3 - R_2,3 r_3,b`."""
 
     def components(k: Constants, q2: Array, q3: Array) -> tuple[Array, Array]:
         cos, sin = np.cos(q2 - q3), np.sin(q2 - q3)
@@ -108,7 +108,7 @@ def _elbow(a: str, b: str, with_x: bool = False) -> Components:
 
 
 def _bridge(a: str, b: str) -> Components:
-    """Frames 3 and 16, with the printed R_2,16 = R_y(q3)."""
+    """Return the components for points of frames 3 and 16, with the printed R_2,16 = R_y(q3)."""
 
     def components(k: Constants, q2: Array, q3: Array) -> tuple[Array, Array]:
         cos, sin, c3, s3 = np.cos(q2 - q3), np.sin(q2 - q3), np.cos(q3), np.sin(q3)
@@ -137,7 +137,7 @@ def _stop(k: Constants, q2: Array, q3: Array) -> tuple[Array, Array]:
 
 
 def _base(frame: str, a: str, b: str, uses_q2: bool) -> Components:
-    """Frame 1 and a frame that turns on it: `r_1,a - r_1,frame - R_y r_frame,b`."""
+    """Return the components for points of frame 1 and of a frame that rotates: `r_1,a - r_1,frame - R_y r_frame,b`."""
 
     def components(k: Constants, q2: Array, q3: Array) -> tuple[Array, Array]:
         angle = q2 if uses_q2 else q3
@@ -176,14 +176,15 @@ class PrintedLimit:
 
     Attributes:
         equation: 18, 19 or 20.
-        line: From the top, from 1.
-        boundary: i of beta_i whose component it inverts.
-        component: 1 or 3.
-        joint: ``"q2"`` or ``"q3"``.
-        adds_other: Whether the other joint's angle is added.
-        half_turns: The printed offset over pi.
-        arctangent: Numerator and denominator, as signed symbols: `-x_3,8` is minus x_3,8.
-        cosine: Argument of the arccosine, of the constants, the other joint's angle, and how an arctangent is read.
+        line: The number of the line in its equation, from 1.
+        boundary: The index i of the boundary beta_i whose component the line inverts.
+        component: The number of this component, 1 or 3.
+        joint: The joint that the line limits, ``"q2"`` or ``"q3"``.
+        adds_other: Whether the line adds the other joint's angle.
+        half_turns: The printed offset, divided by pi.
+        arctangent: Numerator and denominator, as symbols with a sign: `-x_3,8` is minus x_3,8.
+        cosine: The argument of the arccosine, as a function of the constants, of the other joint's angle, and of the
+            function that evaluates an arctangent.
     """
 
     equation: int
@@ -199,14 +200,14 @@ class PrintedLimit:
     def value(
         self, k: Constants, other: Array, sign: float, two_arguments: bool, half_turns: int | None = None
     ) -> Array:
-        """Return the printed angle [rad] for one sign, at angles of the other joint; NaN where there is none.
+        """Return the printed angle [rad] for one sign, at angles of the other joint; NaN where the line gives none.
 
         Args:
-            k: The lengths.
+            k: The lengths [mm].
             other: (N,) angles of the other joint [rad].
-            sign: +1 or -1, for the printed +-.
-            two_arguments: Read tan^-1(a / b) as atan2(a, b); else as the arctangent of the quotient.
-            half_turns: Another offset than the printed one.
+            sign: +1 or -1: the sign to use for the printed +-.
+            two_arguments: Whether tan^-1(a / b) is read as atan2(a, b) or as the arctangent of the quotient.
+            half_turns: An offset, divided by pi, that replaces the printed one.
         """
         read = math.atan2 if two_arguments else _quotient_arctangent
         y, x = (_signed(k, symbol) for symbol in self.arctangent)
@@ -233,7 +234,7 @@ def _length(k: Constants, suffix: str) -> float:
 
 
 def _ratio(first: str, second: str | None, arm: str) -> Callable[..., Array]:
-    """`(first - second) / |arm|`."""
+    """Return the function `(first - second) / |arm|`."""
 
     def cosine(k: Constants, other: Array, _: Callable[[float, float], float]) -> Array:
         return np.full_like(other, (k[first] - (k[second] if second else 0.0)) / _length(k, arm))
@@ -242,7 +243,7 @@ def _ratio(first: str, second: str | None, arm: str) -> Callable[..., Array]:
 
 
 def _crank_ratio(y: str, x: str) -> Callable[..., Array]:
-    """`cos(q3 - atan(y / x)) |r_13,15| / |r_2,14|`."""
+    """Return the function `cos(q3 - atan(y / x)) |r_13,15| / |r_2,14|`."""
 
     def cosine(k: Constants, other: Array, read: Callable[[float, float], float]) -> Array:
         turned = np.cos(other - read(_signed(k, y), _signed(k, x)))

@@ -31,7 +31,7 @@ _INSIDE, _OUTSIDE = "#1FB5AD", "#8E5BA6"  # turquoise and purple, as in the pape
 
 
 def figure_8(study: Study) -> Any:
-    """Contact curves of all ten boundaries in the plane, and the region that they leave."""
+    """Draw the contact curves of all ten boundaries in the plane, and the region between them."""
     robot, region = study.robot, study.region
     figure, (axes,) = frames(9.6, 6.6)
     axes.fill(*np.degrees(region.vertices).T, color=FILL, zorder=1, label="feasible region")
@@ -78,7 +78,7 @@ def _in_plane(study: Study, q: Array) -> Array:
 
 
 def figure_9(study: Study) -> Any:
-    """The region with named edges, and where the tool may be."""
+    """Draw the region with named edges, and the positions that the tool can have."""
     figure, (left, right) = frames(13.0, 6.0, 2)
     _draw_region(left, study, study.region)
     left.set_title(f"(a) Feasible region, {study.region.area:.4f} rad²", loc="left")
@@ -119,7 +119,7 @@ def _draw_section(axes: Any, study: Study, section: Section) -> None:
 
 
 def figure_10(study: Study) -> Any:
-    """The region and the scaled one, in both spaces."""
+    """Draw the region and the scaled region, in joint space and in the workspace."""
     figure, (left, right) = frames(13.0, 6.0, 2)
     for region, section, style, colour, name in (
         (study.region, study.section, "-", "#333333", "feasible region"),
@@ -147,7 +147,7 @@ def figure_10(study: Study) -> Any:
 
 
 def figure_11(study: Study) -> Any:
-    """The scaled section turned about q1 in steps of 15 degrees."""
+    """Draw the scaled section, rotated about q1 in steps of 15 degrees."""
     figure, axes = spatial(8.4, 6.8)
     body = study.scaled_body
     ring = 1e3 * shapely.get_coordinates(study.scaled_section.polygon(1e-4).exterior)
@@ -170,7 +170,7 @@ def figure_11(study: Study) -> Any:
 
 
 def figure_12(study: Study) -> Any:
-    """The swept body of the region, with the robot in it."""
+    """Draw the swept body of the region, with the robot inside."""
     figure, axes = spatial(8.4, 6.8)
     draw_solids(axes, study.robot, study.robot.home)
     draw_surface(axes, study.body.mesh(1e-3), "#56B4E9", 0.42)
@@ -183,7 +183,7 @@ def figure_12(study: Study) -> Any:
 
 
 def figure_16(study: Study) -> Any:
-    """The summed norms as a surface, coloured by membership."""
+    """Draw the summed norms as a surface, coloured by membership."""
     figure, axes = spatial(9.0, 6.8)
     axes.set_box_aspect((1, 1, 0.42), zoom=1.0)
     q2, q3, height, inside = study.summed_norms
@@ -192,7 +192,7 @@ def figure_16(study: Study) -> Any:
         np.degrees(q2), np.degrees(q3), height, facecolors=colours, rstride=2, cstride=2, linewidth=0, antialiased=False
     )
     surface.set_rasterized(True)
-    axes.computed_zorder = False  # or the surface would hide the contour drawn on it
+    axes.computed_zorder = False  # otherwise the surface hides the contour that is drawn on it
     _, X, _ = study.contour(study.region)
     lifted = np.sum(study.robot.boundaries.norms(study.configurations(X)) / study.samples[1].max(axis=0), axis=1)
     axes.plot(*np.degrees(X).T, lifted, color="black", linewidth=1.2, zorder=10)
@@ -214,7 +214,7 @@ def _rgba(colour: str, alpha: float) -> Array:
 
 
 def figure_17(study: Study) -> Any:
-    """The same from above, with the contour of the region."""
+    """Draw the surface of Fig. 16 from above, with the contour of the region."""
     figure, (axes,) = frames(8.6, 7.0)
     q2, q3, height, _ = study.summed_norms
     shown = axes.pcolormesh(np.degrees(q2), np.degrees(q3), height, cmap="cividis", shading="nearest", rasterized=True)

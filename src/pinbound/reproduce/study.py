@@ -1,4 +1,4 @@
-"""What all figures, tables and errata of the reproduction share, computed once from the robot."""
+"""Results that all figures, tables and errata of the reproduction use, computed once from the robot."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ TURN = "q1"
 PLANE = ("q2", "q3")
 FACTOR = 0.9  # the paper scales about the centroid, by a factor that it does not print
 SEED, SAMPLES = 404, 90_000
-_BEYOND = np.radians(12.0)  # how far outside an edge the tool path goes on purpose
+_BEYOND = np.radians(12.0)  # distance to which the tool path intentionally goes outside an edge
 _LEG = 60
 _GRID = 221
 
 
 @dataclass(frozen=True, eq=False)
 class ToolPath(Value):
-    """The tool path, defined in space, and its inverse kinematics.
+    """The tool path, which is defined in the workspace, and its inverse kinematics.
 
     Attributes:
-        share: (N,) length along the path over its whole length.
+        share: (N,) length along the path, divided by the whole length.
         targets: (N, 3) tool points [m].
-        solution: Inverse kinematics of all targets, each started from the one before.
-        membership: In the scaled region, as the paper does.
-        place: (N,) `Place` with regard to the scaled region.
-        in_region: (N,) signed distance [rad] to the region itself.
-        corners: (k,) places at which legs of the path meet.
+        solution: Inverse kinematics of all targets; each search starts from the solution before.
+        membership: Membership in the scaled region, as in the paper.
+        place: (N,) `Place` relative to the scaled region.
+        in_region: (N,) signed distance [rad] to the contour of the unscaled region.
+        corners: (k,) shares at which legs of the path meet.
     """
 
     share: Array
@@ -59,7 +59,7 @@ class ToolPath(Value):
 
 @dataclass(frozen=True)
 class Study:
-    """The paper's robot and all that follows from it."""
+    """The paper's robot, and the results that are computed from it."""
 
     robot: Robot
 
@@ -86,7 +86,7 @@ class Study:
         """Return the contact angle of a boundary.
 
         Raises:
-            UnsupportedError: If it has none: it has more than one effective angle, or never touches.
+            UnsupportedError: If it has none, because it has several effective angles or is never in contact.
         """
         contact = self.robot.boundaries[name].contact
         if contact is None or contact.half_width is None:
@@ -106,7 +106,7 @@ class Study:
 
     @cached_property
     def changes(self) -> tuple[str, ...]:
-        """Marked points that are not where the paper prints them, said for people: the robot is another one then."""
+        """One sentence for each marked point at another position than the paper prints; none for the paper's robot."""
         found: dict[str, str] = {}
         for one in BOUNDARIES:
             boundary = self.robot.boundaries[one.name]
@@ -130,22 +130,22 @@ class Study:
 
     @cached_property
     def section(self) -> Section:
-        """Where the tool may be, in the plane that q1 turns."""
+        """The positions that the tool can have, in the plane that q1 rotates."""
         return workspace_section(self.robot, self.region, TOOL, turn=TURN)
 
     @cached_property
     def scaled_section(self) -> Section:
-        """The same for the scaled region."""
+        """The section of the scaled region."""
         return workspace_section(self.robot, self.scaled, TOOL, turn=TURN)
 
     @cached_property
     def body(self) -> SweptBody:
-        """What the section sweeps between the limits of q1."""
+        """The body that the section sweeps between the limits of q1."""
         return swept_body(self.robot, self.section)
 
     @cached_property
     def scaled_body(self) -> SweptBody:
-        """What the scaled section sweeps."""
+        """The body that the scaled section sweeps."""
         return swept_body(self.robot, self.scaled_section)
 
     @cached_property
@@ -161,13 +161,13 @@ class Study:
         return constants(self.pivot)
 
     def configurations(self, X: Array) -> Array:
-        """Return q (N, n) for points (N, 2) of the plane, the other coordinates at home."""
+        """Return q (N, n) for points (N, 2) of the plane; the other coordinates are at home."""
         Q = np.repeat(self.robot.home[None], len(X), axis=0)
         Q[:, [self.robot.coordinates.index(name) for name in PLANE]] = X
         return Q
 
     def contour(self, region: Region, per_edge: int = 150) -> tuple[Array, Array, Array]:
-        """Return the contour: share of its length (N,), points (N, 2) [rad], shares at the vertices (k + 1,)."""
+        """Return shares (N,) of the contour's length, its points (N, 2) [rad], and the shares at vertices (k + 1,)."""
         s = np.arange(per_edge) / per_edge
         pieces = [edge.start + s[:, None] * (edge.end - edge.start) for edge in region.edges]
         X = np.vstack((*pieces, region.vertices[:1]))
@@ -176,14 +176,14 @@ class Study:
 
     @cached_property
     def samples(self) -> tuple[Array, Array, Flags]:
-        """90,000 points (N, 2) in [-2 pi, 2 pi]^2, their norms (N, m) [m], whether they are in the region (N,)."""
+        """90,000 points (N, 2) in [-2 pi, 2 pi]^2, their norms (N, m) [m], and whether they are in the region (N,)."""
         X = np.random.default_rng(SEED).uniform(-2 * np.pi, 2 * np.pi, (SAMPLES, 2))
         Q = self.configurations(X)
         return X, self.robot.boundaries.norms(Q), np.asarray(self.region.contains(Q))
 
     @cached_property
     def summed_norms(self) -> tuple[Array, Array, Array, Flags]:
-        """A grid of q2, q3 [rad], the sum of normalised norms interpolated on it, and what of it lies in the region."""
+        """A grid of q2, q3 [rad], the interpolated sum of normalised norms, and which grid points are in the region."""
         from scipy import interpolate
 
         X, norms, _ = self.samples
@@ -196,11 +196,12 @@ class Study:
 
     @cached_property
     def path(self) -> ToolPath:
-        """The tool path: inside, out beyond two edges on purpose, and along one edge of the scaled region.
+        """The tool path: inside, intentionally beyond two edges of the region, and along one edge of the scaled region.
 
-        It is defined in space. Legs are straight in the plane that q1 turns, while the azimuth swings to +-100
-        degrees; the leg along an edge is that edge's image. Outer points lie 12 degrees beyond the middle of an
-        edge: of the longest one, and of the longest slanted one, beyond which Eq. (21) sees nothing.
+        The path is defined in the workspace. Legs are straight in the plane that q1 rotates, while the azimuth goes
+        to +-100 degrees. The leg along an edge is the image of this edge. Outer points lie 12 degrees beyond the middle
+        of two edges: the longest one, and the longest slanted one, beyond which Eq. (21) does not detect that q is
+        outside.
         """
         ranked = sorted(range(len(self.region.edges)), key=lambda i: -_length(self.region, i))
         slanted = [i for i in ranked if np.all(np.abs(self.region.edges[i].end - self.region.edges[i].start) > _BEYOND)]
@@ -240,7 +241,7 @@ def _length(region: Region, index: int) -> float:
 
 
 def _beyond(region: Region, index: int) -> Array:
-    """Return a point outside, over the middle of an edge; the region lies to the left of start -> end."""
+    """Return a point outside the region, beside the middle of an edge; the region lies to the left of start -> end."""
     edge = region.edges[index]
     along = (edge.end - edge.start) / _length(region, index)
     return (edge.start + edge.end) / 2 + _BEYOND * np.array([along[1], -along[0]])

@@ -1,4 +1,4 @@
-"""Tables 3-14 and Eqs. (18)-(20) drawn anew from the URDF, and the numbers behind the figures."""
+"""Tables 3-14 and Eqs. (18)-(20), computed again from the URDF, and the numbers shown in the figures."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def geometry_tables(study: Study) -> tuple[Table, ...]:
 
 
 def _recursion_table(study: Study) -> Table:
-    """Table 4: each offset and rotation against the URDF's frames, and the recursion from the base."""
+    """Return Table 4: compare each offset and rotation, and the recursion from the base, with the URDF's frames."""
     robot = study.robot
     Q = np.random.default_rng(SEED).uniform(-np.pi, np.pi, (_COUNT, len(robot.coordinates)))
     columns = [robot.coordinates.index(name) for name in ("q1", "q2", "q3")]
@@ -138,7 +138,7 @@ def _boundary_table(study: Study, printed: PrintedBoundary) -> Table:
 
 
 def limits_table(judged: Sequence[JudgedLimit]) -> Table:
-    """Return Eqs. (18)-(20): sixteen printed limits judged one by one."""
+    """Return Eqs. (18)-(20): the sixteen printed limits, checked one by one."""
     rows = list[tuple[str, ...]]()
     for one in judged:
         limit = one.limit
@@ -212,7 +212,7 @@ def region_table(study: Study) -> Table:
 
 
 def workspace_table(study: Study) -> Table:
-    """Return area and volume with their errors, and a Monte Carlo estimate of each."""
+    """Return area and volume with their error bounds, and a Monte Carlo estimate of each."""
     rows, agrees = list[tuple[str, ...]](), True
     for label, region, section, body in (
         ("region", study.region, study.section, study.body),
@@ -245,7 +245,7 @@ def workspace_table(study: Study) -> Table:
 
 
 def norms_table(study: Study) -> Table:
-    """Return the smallest norms along the contour of the region and of the scaled one."""
+    """Return the smallest norms along the contours of the region and of the scaled region."""
     rows, grows = list[tuple[str, ...]](), True
     smallest = [
         study.robot.boundaries.norms(study.configurations(study.contour(region, 2000)[1])).min(axis=0)
