@@ -1,4 +1,4 @@
-"""Old public names: they stay for one release, and say what they are called now."""
+"""Old public names: they remain for one release, and warn with the new name."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ V = TypeVar("V")
 
 
 def renamed(value: V, old: str, new: str) -> V:
-    """Return a value that was asked for by its old name, and warn the caller's caller.
+    """Return a value that a user requested by its old name, and warn at the line of the caller's caller.
 
     Example:
         >>> import warnings

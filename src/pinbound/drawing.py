@@ -1,4 +1,4 @@
-"""The one way up the house: what is asked to draw itself calls the room of figures, when it is asked."""
+"""The only call from lower rooms up to `figures/`: a record that is asked to draw itself imports its figure then."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ __all__ = ["Pictured", "drawn"]
 
 
 def drawn(figure: str, *values: Any, **options: Any) -> Any:
-    """Return what a function of `pinbound.figures` returns, e.g. of ``"plots.draw_region"``.
+    """Call a function of `pinbound.figures` by its name, e.g. ``"plots.draw_region"``, and return its result.
 
     Raises:
-        UnsupportedError: If matplotlib is not installed; it says what to type.
+        UnsupportedError: If matplotlib is not installed; the message says what to type.
     """
     module, _, name = figure.partition(".")
     return getattr(importlib.import_module(f"pinbound.figures.{module}"), name)(*values, **options)
 
 
 class Pictured:
-    """What a notebook shows as a picture: the axes that `plot()` draws, and the text of `repr` below them.
+    """A record that notebooks show as a picture: the axes that `plot()` draws, and the text of `repr` below them.
 
     Example:
         >>> import pinbound as pb
@@ -34,7 +34,7 @@ class Pictured:
     __slots__ = ()
 
     def _repr_html_(self) -> str:
-        """Return the picture and the text; the text alone if matplotlib is not installed."""
+        """Return the picture and the text; only the text if matplotlib is not installed."""
         text = f"<pre>{html.escape(repr(self))}</pre>"
         plot: Any = getattr(self, "plot")  # noqa: B009 - each class has its own
         try:

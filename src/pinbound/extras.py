@@ -1,4 +1,4 @@
-"""Libraries that come with an extra: where one is missing, one message says what to type."""
+"""Libraries that an extra installs: if one is missing, the message says what to type."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "report": ("jinja2", "matplotlib", "sympy"),
     "meshes": ("trimesh", "networkx", "collada"),
 }
-"""The modules that the core does without, by the extra that brings them; `pyproject.toml` says the same."""
+"""The modules that the core does not need, by the extra that installs them, as in `pyproject.toml`."""
 
 
 class Needs:
-    """Imports inside this block come with an extra: where one is missing, the message says what to type.
+    """A block whose imports need an extra: if a library is missing, the message says what to type.
 
     Raises:
         UnsupportedError: If a module of the extra is not installed.
@@ -32,16 +32,16 @@ class Needs:
     """
 
     def __init__(self, extra: str, what: str) -> None:
-        """Remember which extra it is, and what is being made."""
+        """Store the name of the extra, and the thing that needs it."""
         self.extra, self.what = extra, what
 
     def __enter__(self) -> None:
-        """Do nothing yet."""
+        """Do nothing when the block starts."""
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Turn a module that is missing into a message for people."""
+        """Replace the error about a missing module of the extra by a message for people."""
         if not isinstance(error, ModuleNotFoundError):
             return
         module = (error.name or "").partition(".")[0]
@@ -51,7 +51,7 @@ class Needs:
 
 
 def require(extra: str, what: str) -> None:
-    """Import what an extra brings, before work starts that would be lost without it.
+    """Import the modules of an extra before long work starts, so that the work is not lost.
 
     Raises:
         UnsupportedError: If a module of the extra is not installed.

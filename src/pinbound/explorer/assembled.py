@@ -29,7 +29,7 @@ SCRIPTS = (
     *("loops.js", "interpreter.js", "nearest.js", "limits.js", "plane.js"),
     *("solids.js", "pen_gl.js", "pen_soft.js", "scene.js", "app.js"),
 )
-"""Files of `page/`; each needs only the files before it."""
+"""Files of `page/`; each file needs only the files before it."""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from pinbound.typing import Array, Ints
 __all__ = ["boundary_speeds", "loops_record"]
 
 _CELLS = 360
-"""Parts of a coordinate's window, each with its own bounds."""
+"""Number of parts of a coordinate's window; each part has its own bounds."""
 _GRID = 180, 60
 """Parts of a coordinate's window, and of that of the one other coordinate that moves the same loops."""
 _OVER = 1e-6

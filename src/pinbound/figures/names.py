@@ -1,7 +1,7 @@
 """Names in figures, placed where there is room: inside the axes, and not over each other.
 
-Sizes of texts are estimated from their letters, so that nothing has to be drawn first. An edge that has no room for its
-name gets an entry in the legend instead.
+Text sizes are estimated from the number of letters, so that the figure need not be drawn first. If there is no room for
+the name of an edge, the legend has an entry instead.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ __all__ = ["Names", "draw_edge", "legend_of_short_edges", "name_edges", "resampl
 
 gis = cast(Any, shapely)
 
-_LETTER, _LINE = 0.62, 1.15  # width of a letter and height of a line, relative to the size of the text
-_SHARES = (0.5, 0.35, 0.65, 0.2, 0.8)  # of an edge's length, where its name may stand
-_LONGER = 1.3  # a name may be that much longer than the straight line under it
+_LETTER, _LINE = 0.62, 1.15  # width of a letter and height of a line, relative to the font size
+_SHARES = (0.5, 0.35, 0.65, 0.2, 0.8)  # shares of an edge's length at which its name may be placed
+_LONGER = 1.3  # a name may be longer by this factor than the straight line under it
 _OFFSET = 11.0  # points from an edge to the middle of its name
-_LINE_WIDTH = 1.5  # points: half of an edge's
-_SPOT = 7.0  # points about a marker
-_MOST_ENTRIES = 40  # in a legend
-_CORNERS = ((1, 1), (1, -1), (-1, 1), (-1, -1))  # of a point, where its name may stand
+_LINE_WIDTH = 1.5  # points: half of the line width of an edge
+_SPOT = 7.0  # points: radius around a marker that names must not cover
+_MOST_ENTRIES = 40  # largest number of entries in a legend
+_CORNERS = ((1, 1), (1, -1), (-1, 1), (-1, -1))  # directions from a point in which its name may be placed
 
 
 def resampled(points: Array, share: Array) -> Array:
@@ -47,18 +47,18 @@ def resampled(points: Array, share: Array) -> Array:
 
 @dataclass
 class Names:
-    """The names in one pair of axes, which have their limits already.
+    """The names in one pair of axes, whose limits are already set.
 
     Attributes:
         axes: Matplotlib axes.
-        taken: What names must not cover: edges, and names that are placed [points].
+        taken: Areas that names must not cover: edges, markers, and names that are already placed [points].
     """
 
     axes: Any
     taken: list[Any] = field(default_factory=list[Any])
 
     def __post_init__(self) -> None:
-        """Bring the axes to their shape, so that data can be measured in points."""
+        """Apply the aspect ratio of the axes, so that data can be converted to points."""
         self.axes.apply_aspect()
         per_point = 72.0 / self.axes.figure.dpi
         self._to_points = self.axes.transData
@@ -73,12 +73,12 @@ class Names:
     def along(self, name: str, edge: Array, inside: Array, colour: str, turned: bool, size: float = 10.0) -> bool:
         """Write a name along an edge (k, 2), on the side of the point `inside`; return whether there was room.
 
-        The name is level, and beside the edge, if it is not `turned`.
+        If it is not `turned`, the name is horizontal and beside the edge.
         """
         width, height = _LETTER * size * len(name), _LINE * size
         line = self.points(edge)
         length = float(np.sum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-        if length == 0.0:  # an edge may be mapped to one point
+        if length == 0.0:  # the image of an edge may be one point
             return False
         half = min(0.5, 0.5 * width / length)
         for share in _SHARES:
@@ -140,7 +140,7 @@ class Names:
 
 
 def _box(middle: Array, extent: Sequence[float], angle: float) -> Any:
-    """Return the box of a text about a point, rotated by an angle [deg]."""
+    """Return the box of a text around its middle, rotated by an angle [deg]."""
     c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     corners = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * extent
     return gis.Polygon(middle + corners @ np.array([[c, s], [-s, c]]))
@@ -159,18 +159,18 @@ def name_edges(
     is_new: bool,
     spots: Iterable[Array] = (),
 ) -> list[Any]:
-    """Write the names of edges along them; return lines for a legend of those that have no room anywhere.
+    """Write each edge's name along the edge; return legend lines for edges whose names have no room.
 
     Args:
-        axes: The axes, with their limits.
-        edges: Name, points (k, 2) and style of each.
+        axes: The axes, with their limits set.
+        edges: Name, points (k, 2) and style of each edge.
         inside: (2,) a point on the side of the names.
-        turned: Whether names run along edges: where both axes are scaled alike.
-        is_new: Whether the figure is ours, and may be laid out first.
+        turned: Whether names are rotated to the direction of their edges, for axes with equal scales.
+        is_new: Whether pinbound made the figure, so that it may be laid out first.
         spots: Places (2,) of markers that names must not cover.
     """
     if is_new:
-        lay_out(axes)  # before its layout, axes have another size
+        lay_out(axes)  # layout changes the size of the axes
     names, edges = Names(axes), list(edges)
     names.taken += [gis.buffer(gis.LineString(names.points(points)), _LINE_WIDTH) for _, points, _ in edges]
     names.taken += [gis.Point(names.points(spot[None])[0]).buffer(_SPOT) for spot in spots]
@@ -189,8 +189,8 @@ def legend_of_short_edges(axes: Any, handles: Sequence[Any], is_new: bool) -> No
 
     Args:
         axes: The axes.
-        handles: Lines with labels; without any there is no second legend.
-        is_new: Whether the figure is ours, and has to be laid out again.
+        handles: Lines with labels; if there are none, there is no second legend.
+        is_new: Whether pinbound made the figure, so that it must be laid out again.
     """
     if not handles:
         return
@@ -211,7 +211,7 @@ def legend_of_short_edges(axes: Any, handles: Sequence[Any], is_new: bool) -> No
     )
     if first is not None:
         axes.add_artist(first)
-        first.set_clip_on(False)  # a layout leaves room only for what is not clipped
+        first.set_clip_on(False)  # the layout leaves room only for artists that are not clipped
     if is_new:
-        grow(axes, width)  # names have been placed in axes of that size
+        grow(axes, width)  # names were placed for axes of this size
         fit(axes)

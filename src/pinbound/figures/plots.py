@@ -1,7 +1,7 @@
 """Figures: the robot seen from the side, a region with named edges, its image in the workspace.
 
-Matplotlib loads when the first figure is drawn. Colours are Okabe and Ito's, which colour-blind readers tell apart; a
-boundary has one colour on a page (`order_of`), and every edge also carries its name.
+Matplotlib loads when the first figure is drawn. The colours are those of Okabe and Ito, which colour-blind readers can
+distinguish. A boundary has the same colour in all figures of a page (`order_of`), and every edge also has its name.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ __all__ = [
     "side_axes",
 ]
 
-gis = cast(Any, shapely)  # its stubs know only part of what its functions take
+gis = cast(Any, shapely)  # its type stubs lack some of the accepted arguments
 
 _GREY = "#8A8A8A"
 _FILL = "#DCEBF5"
 _BELOW: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.1), "ncols": 3, "frameon": False}
-_MOST_LINES = 20  # boundaries that a robot's figure shows; of more, those that are nearest to contact
-_NEAREST = 12  # of so many
-_STRETCH = 0.1  # metres of a line, or of a plane's normal, that are drawn
+_MOST_LINES = 20  # a robot's figure shows all boundaries up to this number
+_NEAREST = 12  # if there are more, it shows only this number, those nearest to contact
+_STRETCH = 0.1  # metres: length of the drawn part of a line, or of a plane's normal
 
 
 def draw_region(region: Region, home: Array, contacts: Sequence[tuple[str, Array, float]] = ()) -> Any:
-    """Draw a region with every edge in its colour and with its name, and implied contact lines in grey.
+    """Draw a region, each edge with its own colour and its name, and implied contact lines in grey.
 
     Args:
         region: The region; angles are drawn in degrees, lengths in millimetres.
@@ -105,7 +105,7 @@ def region_axes(
 
 
 def _fill(axes: Any, loops: Sequence[Sequence[Array]]) -> None:
-    """Fill what lies between an outer contour and its holes, each a list of polylines (k, 2)."""
+    """Fill the area between an outer contour and its holes; each is a list of polylines (k, 2)."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
 
@@ -115,7 +115,7 @@ def _fill(axes: Any, loops: Sequence[Sequence[Array]]) -> None:
 
 
 def _label_plane(axes: Any, region: Region) -> None:
-    """Name the axes with their units; they are scaled alike only if they have the same."""
+    """Label the axes with names and units; both axes have the same scale only if they have the same unit."""
     a, b = units.names(region.units)
     axes.set_xlabel(f"{region.coordinates[0]} [{a}]")
     axes.set_ylabel(f"{region.coordinates[1]} [{b}]")
@@ -123,12 +123,12 @@ def _label_plane(axes: Any, region: Region) -> None:
 
 
 def draw_verdicts(region: Region, home: Array, groups: Mapping[str, Array]) -> Any:
-    """Draw what another engine said of a region: each group of points (k, 2) [rad or m] with its own colour and marker.
+    """Draw the verdicts of another engine on a region: each group of points (k, 2) has its own colour and marker.
 
     Args:
         region: The region; angles are drawn in degrees, lengths in millimetres.
         home: (2,) the start point [rad or m].
-        groups: Points by what they are; the legend counts them, empty groups too.
+        groups: Points [rad or m] by the name of their group; the legend counts them, also in empty groups.
     """
     axes = new_axes(8.2, 7.6)
     scale, alike = units.factors(region.units), region.units[0] == region.units[1]
@@ -159,7 +159,7 @@ def draw_verdicts(region: Region, home: Array, groups: Mapping[str, Array]) -> A
 
 
 def _frame(vertices: Array, contacts: Sequence[tuple[str, Array, float]]) -> tuple[Array, Array]:
-    """Return the lower and upper corner of a frame that also shows the implied lines nearby."""
+    """Return the lower and the upper corner of a frame with the region and the implied lines near it."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     span = np.maximum(high - low, 1e-3 * float(np.max(high - low)))
     points = [*vertices]
@@ -185,7 +185,7 @@ def _draw_line(axes: Any, name: str, normal: Array, value: float, low: Array, hi
     points = np.array([foot + enter * along, foot + leave * along])
     axes.plot(*points.T, color=_GREY, linewidth=1.1, linestyle=(0, (4, 3)), zorder=2)
     first, last = points[np.argsort(points @ np.array([1.0, 0.5]))]
-    room = np.array([0.008 * len(name), 0.02]) * (high - low)  # a name is about that long: it stays inside the axes
+    room = np.array([0.008 * len(name), 0.02]) * (high - low)  # estimated size: the name must stay inside the axes
     places = last + np.linspace(0.07, 0.5, 44)[:, None] * (first - last)
     fits = np.all((low + room <= places) & (places <= high - room), axis=1)
     axes.text(
@@ -201,10 +201,10 @@ def _draw_line(axes: Any, name: str, normal: Array, value: float, low: Array, hi
 
 
 def side_axes(robot: Robot, q: Array) -> tuple[int, int]:
-    """Return the two world axes of the side from which a robot is seen to move: x and z, y and z, or x and y.
+    """Return the two world axes of the view in which a robot's motion is visible: x and z, y and z, or x and y.
 
-    It is seen from the horizontal axis that its joints turn about most. From above it is seen only if all of them turn
-    about the vertical, or if nothing turns in a plane that stands.
+    The view is along the horizontal world axis, x or y, about which the joints rotate most. The view is from above only
+    if no joint rotates about an axis with a horizontal component.
 
     Example:
         >>> import pinbound as pb
@@ -221,7 +221,7 @@ def side_axes(robot: Robot, q: Array) -> tuple[int, int]:
 
 
 def _skeleton(robot: Robot, q: Array) -> list[tuple[str, Array]]:
-    """Return one polyline (k, 3) a link: from its origin to each joint, and to each pin of a closure, on it."""
+    """Return one polyline (k, 3) for each link: from its origin to its joints and to its pins of closures."""
     ends: dict[str, list[Array]] = {name: [] for name in robot.tree.links}
     for joint in robot.tree.kinematics.joints:
         ends[joint.parent].append(robot.positions(joint.child, q))
@@ -242,7 +242,7 @@ def _draw_skeleton(axes: Any, robot: Robot, q: Array, plane: tuple[int, int], co
 
 
 def draw_robot(robot: Robot, q: Array, region: Region | None = None) -> Any:
-    """Draw joints, pins and marked points of a robot at one configuration, from the side in which it moves.
+    """Draw joints, pins and marks of a robot at one configuration, in the view of `side_axes`.
 
     Args:
         robot: The robot.
@@ -266,7 +266,7 @@ def robot_axes(robot: Robot, q: Array, axes: Any = None, region: Region | None =
     plane = side_axes(robot, q)
     _draw_skeleton(axes, robot, q, plane, "#9AA5B1")
     boundaries = _nearest_boundaries(robot, q)
-    order = order_of(region, [boundary.name for boundary in boundaries])  # colours of edges, then of what is shown
+    order = order_of(region, [boundary.name for boundary in boundaries])  # edges first, then the boundaries shown
     for mark in robot.annotations.marks.values():
         _draw_mark(axes, mark, marked[mark.name], plane)
     places: dict[str, tuple[Array, str]] = {}
@@ -294,7 +294,7 @@ def robot_axes(robot: Robot, q: Array, axes: Any = None, region: Region | None =
 
 
 def _nearest_boundaries(robot: Robot, q: Array) -> list[Boundary]:
-    """Return the boundaries whose nearest points are drawn: all, or those that are nearest to contact at q."""
+    """Return the boundaries whose nearest points are drawn: all of them, or those that are nearest to contact at q."""
     if len(robot.boundaries) <= _MOST_LINES:
         return list(robot.boundaries)
     clearances = robot.boundaries.signed_clearances(q)
@@ -303,14 +303,14 @@ def _nearest_boundaries(robot: Robot, q: Array) -> list[Boundary]:
 
 
 def _anchors(robot: Robot, mark: Mark, q: Array) -> list[Array]:
-    """Return where the vertices of a mark are; of a line and a plane a stretch of 0.1 m, [m]."""
+    """Return the positions of a mark's vertices [m]; for a line or plane, the ends of a part of 0.1 m."""
     shape = mark.shape
     local = shape.vertices if shape.normal is None else shape.origin + np.outer((0.0, _STRETCH), shape.normal)
     return list(_in_root(robot, mark.link, q, local))
 
 
 def _draw_mark(axes: Any, mark: Mark, places: list[Array], plane: tuple[int, int]) -> None:
-    """Draw what a mark covers, seen along the third axis: the hull of its corners, its radius around it."""
+    """Draw the outline of a mark in the plane of the figure: the hull of its corners, with the radius around it."""
     if mark.shape.is_unbounded:
         axes.plot(*(1e3 * np.array(places)[:, list(plane)]).T, color="#333333", linewidth=2.0, zorder=3)
         return
@@ -322,28 +322,28 @@ def _draw_mark(axes: Any, mark: Mark, places: list[Array], plane: tuple[int, int
 
 
 def _nearest_ends(robot: Robot, boundary: Boundary, q: Array) -> Array:
-    """Return where the marks of a boundary are nearest, (2, 3) [mm], in the root link's frame."""
+    """Return the nearest points (2, 3) of a boundary's two marks, in the root link's frame [mm]."""
     return 1e3 * _in_root(robot, boundary.ancestor, q, boundary.nearest_points(q))
 
 
 def _in_root(robot: Robot, link: str, q: Array, points: Array) -> Array:
-    """Return points (k, 3) of a link's frame in the root link's."""
+    """Return points (k, 3), given in a link's frame, in the frame of the root link."""
     centre, *axes = (robot.positions(link, q, xyz) for xyz in np.vstack((np.zeros(3), np.eye(3))).tolist())
     found: Array = centre + points @ (np.array(axes) - centre)
     return found
 
 
 def draw_workspace(robot: Robot, region: Region, frame: str, image: WorkspaceImage | None = None) -> Any:
-    """Draw the image of a region's contour under forward kinematics of a link's origin, edges named.
+    """Draw the image of a region's contour under the forward kinematics of a link's origin, with named edges.
 
-    What the image covers is filled where the link moves in a plane. There the contour need not be its border: where
-    the map folds, the link reaches places beyond the image of the edges.
+    If the link moves in a plane, the image of the region is filled. The images of the edges need not be its border:
+    where the map folds, the link reaches positions beyond them.
 
     Args:
         robot: The robot.
         region: The region.
         frame: The link.
-        image: The image, if it is computed already.
+        image: The image, if it has already been computed.
     """
     from matplotlib.transforms import ScaledTranslation
 
@@ -370,7 +370,7 @@ def draw_workspace(robot: Robot, region: Region, frame: str, image: WorkspaceIma
     axes.set_ylabel(f"{labels[plane[1]]} [mm]")
     axes.set_aspect("equal")
     axes.set_title(f"Reachable points of {frame},\nand the image of the region's edges", loc="left")
-    below = ScaledTranslation(0.0, -0.5, axes.figure.dpi_scale_trans)  # inches, for the axes may be flat
+    below = ScaledTranslation(0.0, -0.5, axes.figure.dpi_scale_trans)  # in inches, because the axes may be flat
     axes.legend(**_BELOW | {"bbox_to_anchor": (0.5, 0.0), "bbox_transform": axes.transAxes + below})
     fit(axes)
     legend_of_short_edges(axes, name_edges(axes, edges, centre, True, True, (1e3 * home[keep],)), True)

@@ -32,28 +32,29 @@ from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
 from pinbound.units import several
 
-_REGION_SECONDS = 20.0  # for the region, as in the explorer
-_FREE_SECONDS, _FREE_SHARE = 5.0, 0.97  # of the volume of three coordinates: how long, or how much of it, is enough
+_REGION_SECONDS = 20.0  # budget of the region, as in the explorer
+_FREE_SECONDS, _FREE_SHARE = 5.0, 0.97  # the free volume stops after this time, or when this share of it is decided
 _MOST_FORMULAS = 200
-_MOST_BYTES = 400_000  # of all formulas
+_MOST_BYTES = 400_000  # largest size of all formulas together
 
 __all__ = ["BoundaryRow", "boundary_rows", "tool_link", "write_covers", "write_report"]
 
 
 @dataclass(frozen=True)
 class BoundaryRow:
-    """What the report says about one boundary.
+    """The row of one boundary in the report.
 
     Attributes:
         boundary: The boundary.
         contact: Effective angle and contact angle, for people.
-        status: ``"active"``: an edge of the region; ``"implied"``: a contact line that edges keep the region away from;
-            ``"not an edge"``: a contact curve elsewhere in the window; ``"no contact here"``: none in the window;
-            ``"constant"``: the same everywhere in the plane; ``"never in contact"``; or ``"no region"``.
+        status: ``"active"``: it is an edge of the region; ``"implied"``: edges keep the region away from its contact
+            line; ``"not an edge"``: its contact curve is elsewhere in the window; ``"no contact here"``: the window has
+            no contact; ``"constant"``: its clearance is the same everywhere in the plane; ``"never in contact"``;
+            ``"no region"``.
         by: The edges that imply it.
-        slack: How far the region stays away from a contact that is no edge: [deg], in a plane of prismatic joints [mm];
-            NaN if there is none, or the plane mixes both.
-        unit: Of the slack: ``"°"`` or ``" mm"``.
+        slack: The distance of the region from a contact that is no edge: [deg], in a plane of prismatic joints [mm];
+            NaN if there is no such contact, or if the plane has an angle and a length.
+        unit: Unit of the slack: ``"°"`` or ``" mm"``.
     """
 
     boundary: Boundary
@@ -65,7 +66,7 @@ class BoundaryRow:
 
     @property
     def where(self) -> str:
-        """What the boundary is to the region, for people."""
+        """How the boundary limits the region, as text for people."""
         away = f"{self.slack:.4f}{self.unit} away" if np.isfinite(self.slack) else ""
         if self.status == "active":
             return "an edge"
@@ -75,12 +76,12 @@ class BoundaryRow:
 
 
 def boundary_rows(robot: Robot, region: Region | None) -> list[BoundaryRow]:
-    """Return one row a boundary: contact, an edge or not, and what implies it."""
+    """Return one row for each boundary: its contact, whether it is an edge, and the edges that imply it."""
     supports = region.supports() if region is not None else {}
     edges = {edge.source for edge in region.edges} if region is not None else set[str]()
     rows: list[BoundaryRow] = []
     for boundary in robot.boundaries:
-        one = over_z(boundary)  # a passive joint may be its one angle
+        one = over_z(boundary)  # its only angle may be that of a passive joint
         contact = one.contact
         if contact is None and one.contacts:
             strips = [f"{np.degrees(c.angle):.6f} ± {np.degrees(c.half_width or 0.0):.6f}" for c in one.contacts]
@@ -110,7 +111,7 @@ def boundary_rows(robot: Robot, region: Region | None) -> list[BoundaryRow]:
 
 
 def tool_link(robot: Robot, frame: str | None = None) -> str:
-    """Return the link whose origin the workspace figure shows: the given one, or the deepest leaf.
+    """Return the link whose origin the workspace figure shows: the given link, or the deepest leaf of the tree.
 
     Raises:
         UnknownNameError: If there is no such link.
@@ -136,15 +137,15 @@ def write_report(
 
     Args:
         robot: The robot.
-        out: The folder; made if it is not there. Files of the same names are replaced, others are left alone.
+        out: The folder; it is made if it does not exist. Files of the same names are replaced; others are kept.
         frame: The link whose origin is the tool point; the deepest leaf by default.
-        free: Two or three coordinates whose free volume is drawn, the others at home. By default the three with limits
-            that most boundaries depend on; none if there are fewer.
-        coordinates: The two coordinates of the region, the others at home. By default those that the boundaries use;
-            if these are more, the two with limits that most boundaries depend on.
+        free: Two or three coordinates whose free volume is drawn; the others are at home. Default: of the coordinates
+            with limits, the three that most boundaries depend on; no volume is drawn if there are fewer.
+        coordinates: The two coordinates of the region; the others are at home. Default: those that the boundaries use.
+            If the boundaries use more than two: of those with limits, the two that most boundaries depend on.
 
     Returns:
-        The page, and the rows of its boundary table.
+        The path of the page, and the rows of its boundary table.
 
     Raises:
         UnsupportedError: If the extra `report` is not installed, or more than three coordinates are to be drawn.
@@ -166,7 +167,7 @@ def write_report(
     for name, figure in figures.items():
         save(figure, out / name)
     if volume is not None:
-        draw_free(robot, volume).savefig(out / "free.png", dpi=130)  # thousands of faces: no SVG
+        draw_free(robot, volume).savefig(out / "free.png", dpi=130)  # no SVG: it has thousands of faces
     covers = list(write_covers(robot, out))
     rows = boundary_rows(robot, region)
     environment = jinja2.Environment(
@@ -207,9 +208,9 @@ def write_report(
 
 
 def write_covers(robot: Robot, out: Path) -> Iterator[tuple[str, str, str]]:
-    """Write a picture of every link that has bodies and marks; yield link, file name, and what is said of it.
+    """Write a picture of every link that has bodies and marks; yield link, file name, and the caption.
 
-    Marks without a surface, which are points of radius 0, have nothing to show: no file is written, and its name is "".
+    If all marks of a link are points of radius 0, there is no surface to show: no file is written, and its name is "".
     """
     by_link: dict[str, list[Body]] = {}
     for body in collision_bodies(robot):
@@ -246,7 +247,7 @@ def _said_of(robot: Robot, link: str, bodies: Sequence[Body], marks: Sequence[Ma
 
 
 def _formulas(robot: Robot, edges: set[str]) -> dict[str, dict[str, tuple[str, ...]]]:
-    """Return the formulas that are printed, by boundary: short ones of points and segments, those of edges first."""
+    """Return the printed formulas by boundary: short formulas of points and segments, with those of edges first."""
     plain = [one for one in robot.boundaries if over_z(one).path.is_short]
     found: dict[str, dict[str, tuple[str, ...]]] = {}
     left = _MOST_BYTES
@@ -260,7 +261,7 @@ def _formulas(robot: Robot, edges: set[str]) -> dict[str, dict[str, tuple[str, .
 
 
 def _exactness(region: Region) -> str:
-    """Return how exact the edges of a region are, in a sentence or two."""
+    """Return one or two sentences about how exact the edges of a region are."""
     to = " and ".join(dict.fromkeys(units.amount(region.accuracy, unit) for unit in region.units))
     if region.width:
         low, high = region.area_interval
@@ -274,7 +275,7 @@ def _exactness(region: Region) -> str:
 
 
 def _swatches(robot: Robot, region: Region | None) -> dict[str, str]:
-    """Return the line, as CSS, that each edge has in the figures of the page."""
+    """Return the CSS of the line with which the figures of the page draw each edge."""
     if region is None:
         return {}
     order = order_of(region, robot.boundaries.names)
@@ -289,7 +290,7 @@ def _swatches(robot: Robot, region: Region | None) -> dict[str, str]:
 
 
 def _region(robot: Robot, names: Sequence[str] | None) -> tuple[Region | None, str]:
-    """Return the region that is drawn; or why there is none."""
+    """Return the region that is drawn, or the reason why there is none."""
     used = {name for boundary in robot.boundaries for name in boundary.coordinates}
     asked = names or (_most_used(robot, 2) if len(used) > 2 else None) or None
     try:
@@ -301,7 +302,7 @@ def _region(robot: Robot, names: Sequence[str] | None) -> tuple[Region | None, s
 
 
 def _volume(robot: Robot, names: Sequence[str] | None) -> tuple[FreeVolume | None, str]:
-    """Return the free volume that is drawn; or why there is none, empty if none was to be expected."""
+    """Return the free volume that is drawn, or the reason why there is none; "" if too few coordinates have limits."""
     asked = names if names is not None else _most_used(robot, 3)
     if not asked:
         return None, ""
@@ -316,7 +317,7 @@ def _volume(robot: Robot, names: Sequence[str] | None) -> tuple[FreeVolume | Non
 
 
 def _most_used(robot: Robot, count: int) -> list[str]:
-    """Return so many coordinates with limits that most boundaries depend on, in the robot's order; [] if fewer."""
+    """Return the `count` coordinates with limits that most boundaries depend on, in the robot's order; [] if fewer."""
     used = Counter(name for boundary in robot.boundaries for name in boundary.coordinates)
     held = np.isfinite(robot.lower) & np.isfinite(robot.upper) & (robot.lower < robot.upper)
     bounded = [name for name, one in zip(robot.coordinates, held.tolist(), strict=True) if one and used[name]]
@@ -345,9 +346,9 @@ def _implied_lines(robot: Robot, region: Region) -> list[tuple[str, Any, float]]
 
 
 def _forms(boundary: Boundary) -> dict[str, tuple[str, ...]]:
-    """Return MathML components of the paper's form, and of the minimal form where it differs.
+    """Return the components of the paper's form as MathML, and those of the minimal form if it differs.
 
-    Through loops that are not parallelograms they are functions of the joints, passive ones included.
+    With loops that are not parallelograms, the components are functions of all joints, including passive joints.
     """
     from pinbound.evaluate import symbolic
 

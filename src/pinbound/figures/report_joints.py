@@ -1,4 +1,4 @@
-"""Tables of the report about joints: the tree with its ranges, limits at home, and how the loops close."""
+"""Tables of the report about joints: the tree with the declared limits, the limits at home, and the closed loops."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _SAMPLES = 10_000
 
 @dataclass(frozen=True)
 class LoopRow:
-    """What the report says of a loop that is no parallelogram.
+    """The row of a loop that is not a parallelogram.
 
     Attributes:
-        name: The closure's.
+        name: The name of the closure.
         passive: Names of the two joints that it determines.
-        inputs: Names of the joints that determine them; a passive joint of another loop may be one.
-        form: What closes it, e.g. ``"two arms"``.
-        toggles: Where its two assemblies meet, for people.
+        inputs: Names of the joints that determine them; these may be passive joints of another loop.
+        form: The closed form that solves the loop, e.g. ``"two arms"``.
+        toggles: The configurations in which its two assemblies meet, as text for people.
     """
 
     name: str
@@ -46,13 +46,13 @@ class LoopRow:
 
 @dataclass(frozen=True)
 class ClosureRow:
-    """What the report says of a pin.
+    """The row of a pin.
 
     Attributes:
-        name: The closure's.
+        name: The name of the closure.
         links: The two links that it joins.
-        bound: Proven bound of its gap, for people; how it closes, if its loop is solved.
-        largest: The largest gap of the samples [m].
+        bound: Proven bound of its gap, as text for people; for a solved loop, how it is solved.
+        largest: The largest gap among the samples [m].
     """
 
     name: str
@@ -63,14 +63,14 @@ class ClosureRow:
 
 @dataclass(frozen=True)
 class LimitRow:
-    """How far one coordinate can move from home, for people: the two ends, what stops it there; or why it is not known.
+    """The row of one coordinate: how far it can move from home, and what limits it, as text for people.
 
     Attributes:
-        coordinate: Its name.
+        coordinate: Name of the coordinate.
         home: Its value at home.
-        ends: Its lower and upper end.
-        stops: What stops it there; "-" if nothing does.
-        fault: Why there are no ends; empty if there are.
+        ends: The lower and the upper end of its motion.
+        stops: The limit or boundary at each end; "-" if there is none.
+        fault: The reason why there are no ends; empty if there are.
     """
 
     coordinate: str
@@ -81,7 +81,7 @@ class LimitRow:
 
 
 def tree_rows(robot: Robot) -> Iterator[tuple[int, str, str, str, str]]:
-    """Yield depth, link, joint, what moves it, and its declared limits, depth first."""
+    """Yield depth, link, joint, the coordinates that move it (or its type), and its declared limits, depth first."""
     for link, joint, depth in robot.tree.walk():
         moves = ends = ""
         if joint is not None:
@@ -95,7 +95,7 @@ def tree_rows(robot: Robot) -> Iterator[tuple[int, str, str, str, str]]:
 
 
 def limit_rows(robot: Robot) -> list[LimitRow]:
-    """Return how far each coordinate can move from home while the others stand still."""
+    """Return how far each coordinate can move from home while the others are fixed."""
     return [_limit_row(robot, name) for name in robot.coordinates]
 
 
@@ -113,7 +113,7 @@ def _limit_row(robot: Robot, name: str) -> LimitRow:
 
 
 def loop_rows(robot: Robot) -> list[LoopRow]:
-    """Return one row for each loop that is no parallelogram."""
+    """Return one row for each loop that is not a parallelogram."""
     if not isinstance(robot, LoopRobot):
         return []
     names, found = robot.lift.names, list[LoopRow]()
@@ -133,9 +133,9 @@ def loop_rows(robot: Robot) -> list[LoopRow]:
 
 
 def closure_rows(robot: Robot) -> tuple[list[ClosureRow], str]:
-    """Return one row for each pin; and of which samples its largest gap is.
+    """Return one row for each pin, and a text about the samples that give the largest gaps.
 
-    A loop that is no parallelogram exists only where it can be closed: samples elsewhere are left out.
+    A loop that is not a parallelogram can be closed only for some q: samples at which it cannot are left out.
     """
     low, high = (np.clip(ends, -2 * np.pi, 2 * np.pi) for ends in (robot.lower, robot.upper))
     Q: Array = np.random.default_rng(0).uniform(low, high, (_SAMPLES, len(robot.coordinates)))
@@ -160,7 +160,7 @@ def closure_rows(robot: Robot) -> tuple[list[ClosureRow], str]:
 
 
 def solved_joints(robot: Robot, boundary: Boundary) -> str:
-    """Return which joints of a boundary's formula a loop determines, and from what: ``"knee = four_bar(crank)"``."""
+    """Return which joints in a boundary's formula are determined by loops: ``"knee = four_bar(crank)"``."""
     if not isinstance(robot.coupling, LoopCoupling):
         return ""
     found = robot.coupling.solved(formula_joints(boundary))

@@ -1,4 +1,4 @@
-"""What a link's origin reaches over a region, as outlines to fill: computed, or through loops made of small cells."""
+"""The positions that a link's origin reaches over a region, as outlines to fill; with loops, a union of small cells."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from pinbound.typing import Array
 
 __all__ = ["WorkspaceImage", "edge_image", "section_axes", "workspace_image"]
 
-gis = cast(Any, shapely)  # its stubs know only part of what its functions take
+gis = cast(Any, shapely)  # its type stubs lack some of the accepted arguments
 
 _EDGE_SAMPLES = 200
-_CHORD = 5e-4  # metres that a computed image may be off: less than a line is wide
-_CELLS = 96  # along each side of a region
-_CHORDS = 8  # of a cell's side
-_FLAT = 1e-6  # metres that a plane of motion may be thick
-_LEAST = 1e-6  # square metres that can be seen
+_CHORD = 5e-4  # metres: largest error of a computed image, less than the width of a line
+_CELLS = 96  # number of cells along each side of a region
+_CHORDS = 8  # number of chords along each side of a cell
+_FLAT = 1e-6  # metres: points this near to a plane count as in the plane
+_LEAST = 1e-6  # square metres: smaller areas are not visible
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +35,9 @@ class WorkspaceImage:
     Attributes:
         plane: The two world axes that are drawn.
         edges: The image (k, 3) of each edge [m].
-        rings: Of each part that is covered its outline and its holes, (k, 2) [mm]; none if the link moves in no plane,
-            or along a curve.
-        is_sampled: Whether the parts are made of small cells.
+        rings: The outline and the holes of each part of the image, (k, 2) [mm]; none if the link does not move in a
+            plane, or moves along a curve.
+        is_sampled: Whether the image is a union of small cells.
     """
 
     plane: tuple[int, int]
@@ -59,9 +59,9 @@ def section_axes(points: Array) -> tuple[int, int]:
 
 
 def workspace_image(robot: Robot, region: Region, frame: str) -> WorkspaceImage:
-    """Return what the origin of a link reaches over a region.
+    """Return the positions that the origin of a link reaches over a region.
 
-    Through loops that are not parallelograms the region is cut into cells, whose corners and sides are mapped.
+    With loops that are not parallelograms, the region is divided into cells, and the borders of the cells are mapped.
     """
     edges = tuple(edge_image(robot, region, edge, frame) for edge in region.edges)
     plane = section_axes(np.concatenate(edges))
@@ -73,7 +73,7 @@ def workspace_image(robot: Robot, region: Region, frame: str) -> WorkspaceImage:
 
 
 def edge_image(robot: Robot, region: Region, edge: Edge, frame: str) -> Array:
-    """Return where a link's origin is along one edge, (k, 3) [m]."""
+    """Return the positions (k, 3) of a link's origin along one edge [m]."""
     return _mapped(robot, region, frame, resampled(edge.points, np.linspace(0.0, 1.0, _EDGE_SAMPLES)))
 
 
@@ -84,7 +84,7 @@ def _mapped(robot: Robot, region: Region, frame: str, X: Array) -> Array:
 
 
 def _computed(robot: Robot, region: Region, frame: str, plane: tuple[int, int]) -> Any:
-    """Return the image in the drawn axes [mm]; None if the link moves in no plane."""
+    """Return the image in the drawn axes [mm]; None if the link does not move in a plane."""
     try:
         section = workspace_section(robot, region, frame)
     except UnsupportedError:
@@ -101,7 +101,7 @@ def _computed(robot: Robot, region: Region, frame: str, plane: tuple[int, int]) 
 
 
 def _cells(robot: Robot, region: Region, frame: str, plane: tuple[int, int]) -> Any:
-    """Return the union of the images of small cells [mm]; None if they do not lie in a plane of the world's axes."""
+    """Return the union of the images of small cells [mm]; None if they are not in a plane of two world axes."""
     whole = region.polygon
     low, high = np.array(whole.bounds).reshape(2, 2)
     x, y = np.linspace(low, high, _CELLS + 1).T
@@ -110,7 +110,7 @@ def _cells(robot: Robot, region: Region, frame: str, plane: tuple[int, int]) -> 
     pieces = gis.get_parts(pieces[~gis.is_empty(pieces)])
     pieces = pieces[gis.area(pieces) > 0.0]
     sizes = (high - low) / (_CELLS * _CHORDS)
-    scaled = gis.set_coordinates(pieces, gis.get_coordinates(pieces) / sizes)  # chords of both coordinates are alike
+    scaled = gis.set_coordinates(pieces, gis.get_coordinates(pieces) / sizes)  # equal chords along both coordinates
     places = gis.segmentize(scaled, 1.0)
     points = _mapped(robot, region, frame, gis.get_coordinates(places) * sizes)
     (across,) = {0, 1, 2} - set(plane)
