@@ -365,7 +365,7 @@ def test_wrong_questions_and_levels_that_do_not_apply(load_text: Load, minerva: 
         pb.cross_check(minerva, levels=("meshes",))
     with pytest.raises(pb.UnknownNameError, match="no level ''"):
         pb.cross_check(minerva, levels=())
-    with pytest.raises(pb.DimensionError, match="samples is 0; give 1 or more"):
+    with pytest.raises(pb.DimensionError, match="samples is 0; give a whole number of 1 or more"):
         pb.cross_check(minerva, samples=0)
     with pytest.raises(pb.DimensionError, match="positive angle"):
         pb.cross_check(minerva, levels=("region",), step=-1.0)

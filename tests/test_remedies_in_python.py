@@ -767,7 +767,7 @@ def entries() -> Iterator[Entry]:
     yield one("give window=(lower, upper), the lower end first", spans((2.0, -1.0)), spans((-1.0, 2.0)))
     # kernel
     yield one("give float64 or float32", norms([ZERO], dtype="int32"), norms([ZERO], dtype="float32"))
-    yield one("give a whole number of 1 or more", norms([ZERO], threads=0), norms([ZERO], threads=1))
+    yield one("give a whole number of {} or more", norms([ZERO], threads=0), norms([ZERO], threads=1))
     compiled = norms([ZERO], backend="compiled")
     numba = "type: pip install 'pinbound[fast]', or leave the choice to 'auto'"
     yield one(numba, without_numba(compiled), compiled, without_numba(norms([ZERO])))
@@ -851,6 +851,18 @@ def entries() -> Iterator[Entry]:
         certify([ZERO], budget=None) if False else lambda _: pb.Budget(-1, 1.0),
         lambda _: pb.certify(planar(), [ZERO], budget=pb.Budget(10, 1.0)),
     )
+    yield one(
+        "give pinbound.Budget(boxes=..., seconds=...)", certify([ZERO], budget=3), certify([ZERO], budget=pb.Budget(3))
+    )
+    yield one("give a name, or a list of names", certify([ZERO], boundaries=3), certify([ZERO], boundaries="far"))
+    on = lambda model: lambda _: planar().on(planar().model if model else None)
+    yield one("give a pinocchio.Model, e.g. robot.model, or the .model of a wrapper", on(False), on(True))
+    yield one("give a Robot, e.g. pinbound.load(...)", lambda _: pb.certify("far", [ZERO]), certify([ZERO]))
+    place = lambda *xyz: lambda _: planar().positions("base", ZERO, xyz)
+    yield one("give three numbers", place(1.0, 2.0), place(1.0, 2.0, 3.0))
+    yield one("give three finite numbers", place(1.0, 2.0, np.nan), place(1.0, 2.0, 3.0))
+    write = lambda path: lambda folder: planar().export("json", path and folder / path)
+    yield one("give the path of a file", write(None), write("chains.json"))
     for asked, left in (({"boundaries": ["far"]}, {}), ({"limits": False}, {})):
         yield one("leave {} out", certify([ZERO], limits_only=True, **asked), certify([ZERO], limits_only=True, **left))
     yield one("give a function of time", bounded(1.0), bounded())
@@ -931,11 +943,6 @@ def entries() -> Iterator[Entry]:
     yield one("give metres above 0", covering(0.0), covering(0.01))
     heart = Body("a", 0, "heart", (0.1, 0.1, 0.1), np.eye(3), np.zeros(3))
     yield one("give one of: {}", covering(0.01, heart), covering(0.01))
-    yield one(
-        "give 1 or more",
-        lambda _: pb.cross_check(planar(), 0),
-        lambda _: pb.cross_check(planar(), 1, levels=("points",)),
-    )
     yield one(
         "give radians above 0",
         lambda _: check_region(minerva(), step=0.0),

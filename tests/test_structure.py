@@ -14,7 +14,7 @@ import pinbound
 PACKAGE = Path(pinbound.__file__).parent
 FLOORS = [
     ("deprecation", "exceptions", "tolerances", "typing"),
-    ("drawing", "extras", "units", "values"),
+    ("checks", "drawing", "extras", "units", "values"),
     ("geometry", "machine", "tables"),
     ("model",),
     ("meshes",),

@@ -14,6 +14,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from pinbound.checks import random_numbers, whole_number
 from pinbound.exceptions import InputError, Problem, name_hint
 from pinbound.tables import Table, open_table
 from pinbound.tables.arrays import NpyTable
@@ -116,7 +117,7 @@ class RandomSource(_Anywhere):
         lower, upper = np.array(self.lower), np.array(self.upper)
         parts: list[Array] = []
         for block in range(start // _BLOCK, -(-stop // _BLOCK)):
-            rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(block,)))
+            rng = np.random.default_rng(np.random.SeedSequence(whole_number(self.seed, "seed"), spawn_key=(block,)))
             points = rng.random((_BLOCK, len(lower)))
             first = block * _BLOCK
             parts.append(points[max(start - first, 0) : min(stop - first, _BLOCK)])
@@ -143,7 +144,7 @@ class SobolSource(_Anywhere):
         """Return rows start to stop."""
         qmc: Any = importlib.import_module("scipy.stats.qmc")
         bits = min(64, max(30, math.ceil(math.log2(max(self.rows, 2))) + 1))
-        engine = qmc.Sobol(len(self.lower), scramble=True, bits=bits, rng=np.random.default_rng(self.seed))
+        engine = qmc.Sobol(len(self.lower), scramble=True, bits=bits, rng=random_numbers(self.seed))
         if start:
             engine.fast_forward(start)
         points = np.empty((stop - start, len(self.lower)))

@@ -23,6 +23,7 @@ from pinbound.boundaries.spans import (
     linear_spans,
     tighten,
 )
+from pinbound.checks import names_of
 from pinbound.contact import SignedKernel
 from pinbound.exceptions import DimensionError
 from pinbound.model.coupling import GuardedLimit, LinearLimit, as_configurations, coordinate_index
@@ -65,8 +66,7 @@ class BoundarySet(NamedBoundaries):
         """
         self.common, self._guarded = common, tuple(guarded)
         super().__init__(boundaries)
-        self._coordinates = tuple(coordinates)
-        self._limits = tuple(limits)
+        self._coordinates, self._limits = tuple(coordinates), tuple(limits)
         self._home = np.zeros(len(coordinates)) if home is None else as_configurations(home, coordinates)
 
     def select(self, names: str | Iterable[str]) -> BoundarySet:
@@ -83,7 +83,7 @@ class BoundarySet(NamedBoundaries):
             >>> some.names, some.signed_clearances([0.0, 0.0, 0.0]).shape
             (('beta_4', 'beta_1'), (2,))
         """
-        wanted = (names,) if isinstance(names, str) else tuple(names)
+        wanted = names_of(names, "boundaries")
         if len(set(wanted)) < len(wanted):
             twice = next(name for place, name in enumerate(wanted) if name in wanted[:place])
             raise DimensionError(f"boundary {twice!r} is named twice; name each boundary once")

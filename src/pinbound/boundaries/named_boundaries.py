@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import overload
 
+import numpy as np
+
 from pinbound.boundaries.boundary import Boundary
 from pinbound.exceptions import UnknownNameError
 
@@ -46,6 +48,8 @@ class NamedBoundaries(Sequence[Boundary]):
             if key not in self._index:
                 raise UnknownNameError("boundary", key, self._index)
             return self._index[key]
+        if not isinstance(key, int | np.integer | slice):
+            raise UnknownNameError("boundary", key, self._index)
         return self._boundaries[key]
 
     def __repr__(self) -> str:

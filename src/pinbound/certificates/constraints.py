@@ -22,6 +22,7 @@ from pinbound.certificates.kept import tables_of
 from pinbound.certificates.limits import Limits
 from pinbound.certificates.one_angle import OneAngleBoundaries
 from pinbound.certificates.swept import SweptBoundaries
+from pinbound.checks import names_of
 from pinbound.exceptions import UnknownNameError
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array
@@ -39,7 +40,7 @@ def select(robot: Robot, boundaries: Sequence[str] | None) -> tuple[Boundary, ..
     """
     if boundaries is None:
         return tuple(robot.boundaries[:])  # always the same tuple, which `kept` finds again
-    wanted = [boundaries] if isinstance(boundaries, str) else list(boundaries)
+    wanted = names_of(boundaries, "boundaries")
     known = robot.boundaries.names
     for name in sorted(set(wanted).difference(known), key=wanted.index):
         raise UnknownNameError("boundary", name, known)

@@ -10,6 +10,7 @@ from typing import Any, overload
 
 import numpy as np
 
+from pinbound.checks import is_amount
 from pinbound.coverage import CoverageRecord
 from pinbound.drawing import Pictured, drawn
 from pinbound.exceptions import DimensionError
@@ -84,8 +85,8 @@ class Budget:
         Raises:
             DimensionError: If boxes or seconds are negative or not a number.
         """
-        if not (self.boxes >= 0 and self.seconds >= 0.0):
-            raise DimensionError(f"a budget of {self.boxes} boxes and {self.seconds} seconds; give numbers, 0 or more")
+        if not (is_amount(self.boxes) and is_amount(self.seconds)):
+            raise DimensionError(f"the budget is {self}; give numbers, 0 or more")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -308,9 +309,8 @@ class Certificate(NoTruth, Pictured):
         """Return the verdict, the tightest boundary and the coverage."""
         found = self.tightest
         if found is None:
-            return (
-                f"<Certificate {self.verdict.value}: no boundary, {len(self.limits)} ends of limits; {self.coverage}>"
-            )
+            said = f"no boundary, {len(self.limits)} ends of limits"
+            return f"<Certificate {self.verdict.value}: {said}; {self.coverage}>"
         span = f"[{1e3 * found.lower:.6g}, {1e3 * found.upper:.6g}] mm"
         smallest = f"smallest clearance in {span}, {found.name} at t = {found.time:.6g}"
         return f"<Certificate {self.verdict.value}: {smallest}; {self.coverage}>"

@@ -9,7 +9,7 @@ from pinbound.certificates.constraints import select
 from pinbound.certificates.records import Verdict
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError
-from pinbound.robot.robot import Robot
+from pinbound.robot.robot import Robot, check_robot
 
 __all__ = ["ONLY_LIMITS", "covered", "scope", "settled"]
 
@@ -24,6 +24,7 @@ def scope(robot: Robot, boundaries: Sequence[str] | None, limits: bool, limits_o
         UnknownNameError: If the robot has no boundary of that name.
         DimensionError: If only limits are requested, and also boundaries, or no limits.
     """
+    check_robot(robot)
     if limits_only and (boundaries or not limits):
         asked = "names of boundaries" if boundaries else "limits=False"
         raise DimensionError(f"limits_only=True checks joint limits and nothing else; leave {asked} out")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from pinbound.certificates.one_angle import OneAngleBoundaries
 from pinbound.certificates.polynomials import Polynomials, Trajectory, is_straight
 from pinbound.certificates.records import Budget, Contact, Findings, OpenPart, Reason
 from pinbound.certificates.swept import SweptBoundaries
+from pinbound.exceptions import DimensionError
 from pinbound.tolerances import FIRST_CONTACT
 from pinbound.typing import Array, Flags, Indices
 from pinbound.values import owned
@@ -43,6 +45,15 @@ class Meter:
     budget: Budget
     boxes: int = 0
     started: float = field(default_factory=time.perf_counter)
+
+    def __post_init__(self) -> None:
+        """Refuse a budget that is none.
+
+        Raises:
+            DimensionError: If it is no `Budget`.
+        """
+        if not isinstance(cast(object, self.budget), Budget):
+            raise DimensionError(f"the budget is {self.budget!r}; give pinbound.Budget(boxes=..., seconds=...)")
 
     @property
     def seconds(self) -> float:

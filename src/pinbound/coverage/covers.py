@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 
 from pinbound.annotations import Mark, Point, Segment, Sweep
+from pinbound.checks import whole_number
 from pinbound.coverage.bodies import SHAPES, Body
 from pinbound.coverage.body_meshes import MeshSource
 from pinbound.coverage.mesh_covers import cover_meshes
@@ -97,9 +98,7 @@ def covers(
             spheres.setdefault(body.link, []).append(body)
     if not accuracy > 0.0:
         raise DimensionError(f"the accuracy {accuracy} is not a positive length; give metres above 0")
-    most = parts_allowed(accuracy, most)
-    if most < 1:
-        raise DimensionError(f"most = {most} allows no mark for a link; give 1 or more")
+    most = whole_number(parts_allowed(accuracy, most), "most", 1)
     if meshes is not None:
         found += _of_meshes([body for body in bodies if body.shape == "mesh"], accuracy, by, meshes, most, progress)
         taken |= {body for body in bodies if body.shape == "mesh"}

@@ -8,15 +8,16 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
+from pinbound.checks import names_of, whole_number
 from pinbound.coverage import CoverageRecord
 from pinbound.crosscheck.bodies_level import BodyLevel, check_bodies
 from pinbound.crosscheck.contacts import BoundaryLevel, check_contacts
 from pinbound.crosscheck.points import PointLevel, check_points
 from pinbound.crosscheck.regions_level import RegionLevel, check_region
-from pinbound.exceptions import DimensionError, UnknownNameError
+from pinbound.exceptions import UnknownNameError
 from pinbound.region import Region
 from pinbound.robot.loop_robot import LoopRobot
-from pinbound.robot.robot import Robot
+from pinbound.robot.robot import Robot, check_robot
 from pinbound.tolerances import REGION_ACCURACY
 from pinbound.values import Value
 
@@ -125,7 +126,7 @@ def cross_check(
 
     Raises:
         UnknownNameError: If a level does not exist, or no level is given.
-        DimensionError: If `samples` or `rays` is not positive.
+        DimensionError: If `samples` or `rays` is not a positive whole number, or `seed` is negative.
         UnsupportedError: If no random configuration satisfies the limits of all joints.
 
     References:
@@ -137,12 +138,13 @@ def cross_check(
         >>> found.holds, found.points.worst < 1e-12, found.boundaries.worst < 1e-9
         (True, True, True)
     """
+    check_robot(robot)
+    levels = names_of(levels, "levels")
     for level in levels or ("",):
         if level not in LEVELS:
             raise UnknownNameError("level", level, LEVELS)
-    for name, count in (("samples", samples), ("rays", rays)):
-        if count < 1:
-            raise DimensionError(f"{name} is {count}; give 1 or more")
+    for name, count, least in (("samples", samples, 1), ("rays", rays, 1), ("seed", seed, 0)):
+        whole_number(count, name, least)
     if not len(robot.boundaries):
         reasons = dict.fromkeys((level for level in LEVELS if level in levels), "the robot has no boundaries")
         return CrossCheck(robot.name, samples, rays, seed, None, None, None, None, reasons, robot.coverage.record)

@@ -18,6 +18,7 @@ from pinbound.boundaries.boundary import Boundary, one_configuration
 from pinbound.certificates.records import Budget, Reason, Verdict
 from pinbound.certificates.scope import covered, scope
 from pinbound.certificates.search import Meter
+from pinbound.checks import whole_number
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.freespace.cover_records import ConvexSet, FreeCover
 from pinbound.freespace.digest import robot_digest
@@ -92,6 +93,7 @@ def certified_cover(
     """
     if not 0.0 < share <= 1.0:
         raise DimensionError(f"the share {share} is not in (0, 1]; give above 0, at most 1")
+    whole_number(seed, "seed")
     chosen = scope(robot, boundaries, True, limits_only)
     if not chosen and not limits_only:
         raise UnsupportedError(

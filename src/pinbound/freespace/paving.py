@@ -18,6 +18,7 @@ from pinbound.boundaries.boundary import Boundary, one_configuration
 from pinbound.certificates.records import Budget, Reason
 from pinbound.certificates.scope import covered, scope
 from pinbound.certificates.search import Meter
+from pinbound.checks import names_of
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.freespace.faces import Face, guarded_choices, limit_faces, outer_box
@@ -175,7 +176,7 @@ def axes_of(robot: Robot, coordinates: Sequence[str]) -> tuple[tuple[str, ...], 
         UnknownNameError: If a coordinate does not exist.
         UnsupportedError: If there are not two to four different ones.
     """
-    names = (coordinates,) if isinstance(coordinates, str) else tuple(coordinates)
+    names = names_of(coordinates, "coordinates")
     for name in names:
         if name not in robot.coordinates:
             raise UnknownNameError("coordinate", name, robot.coordinates)

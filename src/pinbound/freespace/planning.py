@@ -20,6 +20,7 @@ from pinbound.certificates import certify, certify_box
 from pinbound.certificates.records import Budget, Certificate, Verdict
 from pinbound.certificates.scope import scope
 from pinbound.certificates.search import Meter
+from pinbound.checks import random_numbers
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import UnsupportedError
 from pinbound.freespace.cover_records import APART, FreeCover
@@ -150,7 +151,7 @@ def plan(
         ('violated', True)
     """
     first, last = (one_configuration(one, robot.coordinates).copy() for one in (start, goal))
-    chosen = scope(robot, boundaries, True, limits_only)
+    chosen, rng = scope(robot, boundaries, True, limits_only), random_numbers(seed)
     speeds = None if velocity is None else largest_speeds(robot, velocity)
     if cover is not None and cover.digest != robot_digest(robot, chosen):
         counted = several(len(cover.boundaries), "boundary")
@@ -177,7 +178,7 @@ def plan(
             "values of the other coordinates",
         )
         return _said(nothing, meter, verdict=Verdict.VIOLATED, separated_by="cover", notes=notes)
-    search = _Search(robot, chosen, (first, last), window, cover, np.random.default_rng(seed), meter)
+    search = _Search(robot, chosen, (first, last), window, cover, rng, meter)
     for how, waypoints in search.ways():
         proof = _proof(robot, waypoints, names, meter, limits_only)
         if proof.verdict in (Verdict.CERTIFIED, Verdict.NOTHING_TO_CHECK):

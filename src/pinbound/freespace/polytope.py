@@ -13,6 +13,7 @@ from pinbound.certificates.boxes import certify_box
 from pinbound.certificates.records import Budget, Reason, Verdict
 from pinbound.certificates.scope import covered, scope, settled
 from pinbound.certificates.search import Meter
+from pinbound.checks import whole_number
 from pinbound.exceptions import UnsupportedError
 from pinbound.freespace.draft import Draft
 from pinbound.freespace.faces import Face, OneAngleGaps, guarded_choices, limit_faces, outer_box
@@ -78,7 +79,7 @@ def certified_polytope(
         The polytope. If q itself is not free, it is empty and has the verdict VIOLATED.
 
     Raises:
-        DimensionError: If q is not one finite configuration, or a coordinate has no limits.
+        DimensionError: If q is not one finite configuration, a coordinate has no limits, or the seed is negative.
         UnknownNameError: If a boundary, or a coordinate of `window`, does not exist.
         UnsupportedError: If the robot has no moving joint.
 
@@ -96,6 +97,7 @@ def certified_polytope(
     """
     start = one_configuration(q, robot.coordinates).copy()
     chosen = scope(robot, boundaries, True, limits_only)
+    whole_number(seed, "seed")
     meter = Meter(budget or _BUDGET)
     if not robot.coordinates:
         raise UnsupportedError(f"no joint of {robot.name!r} moves, so there is no free space; call certify()")

@@ -17,6 +17,7 @@ from pinbound.boundaries.boundary import Boundary
 from pinbound.certificates.records import Budget, Reason
 from pinbound.certificates.scope import covered, scope
 from pinbound.certificates.search import Meter
+from pinbound.checks import random_numbers
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import DimensionError, UnsupportedError
 from pinbound.freespace.paving import Paving, axes_of, halved, rounding_of_volumes, volume_of_boxes
@@ -132,10 +133,10 @@ def free_projection(
         raise UnsupportedError(f"you gave {len(names)} coordinates; give two of {', '.join(robot.coordinates)}")
     if not 0.0 < decided <= 1.0:
         raise DimensionError(f"the share {decided} is not in (0, 1]; give above 0, at most 1")
-    chosen = scope(robot, boundaries, True, limits_only)
+    chosen, rng = scope(robot, boundaries, True, limits_only), random_numbers(seed)
     everything = np.arange(len(robot.coordinates))
     paving = Paving(robot, chosen, everything, robot.home, dict(window or {}), Meter(budget or _BUDGET))
-    search = _Search(robot, chosen, paving, axes, np.random.default_rng(seed))
+    search = _Search(robot, chosen, paving, axes, rng)
     reason = search.run(decided)
     box = np.stack([paving.low[axes], paving.high[axes]])
     nothing = np.empty((0, 2, 2))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinbound.certificates.records import OpenBox, Verdict
+from pinbound.checks import random_numbers, whole_number
 from pinbound.coverage import CoverageRecord
 from pinbound.exceptions import UnsupportedError
 from pinbound.freespace.faces import Face
@@ -194,10 +195,15 @@ class FreePolytope(Value):
         Args:
             samples: Number of samples in the smallest box around each estimated factor.
             seed: Seed of the random numbers.
+
+        Raises:
+            DimensionError: If `samples` is not a whole number of at least 1, or `seed` one of at least 0.
         """
+        whole_number(samples, "samples", 1)
+        whole_number(seed, "seed")
         if not self.faces:
             return 0.0, 0.0
-        value, relative, rng = 1.0, 0.0, np.random.default_rng(seed)
+        value, relative, rng = 1.0, 0.0, random_numbers(seed)
         for part in self.factors:
             try:
                 value *= part.volume[0]

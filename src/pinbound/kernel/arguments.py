@@ -9,6 +9,7 @@ import numpy as np
 from numpy.exceptions import TooHardError
 from numpy.typing import NDArray
 
+from pinbound.checks import whole_number
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.machine.compiled import has_numba
 from pinbound.typing import AnyArray as Array
@@ -66,8 +67,7 @@ def check_choices(threads: Any, backend: Any) -> None:
         UnknownNameError: If there is no such backend.
         UnsupportedError: If compiled code is requested, and Numba is not installed.
     """
-    if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
-        raise DimensionError(f"threads is {threads!r}; give a whole number of 1 or more")
+    whole_number(threads, "threads", 1)
     if backend not in BACKENDS:
         raise UnknownNameError("backend", str(backend), BACKENDS)
     if backend == "compiled" and not has_numba():

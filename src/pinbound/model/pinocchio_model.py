@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from lxml import etree
 
-from pinbound.exceptions import Problems
+from pinbound.exceptions import DimensionError, Problems
 from pinbound.geometry.rotations import rotation_matrix
 from pinbound.model.coupling import couple
 from pinbound.model.document import Document
@@ -20,9 +20,22 @@ from pinbound.model.xml_text import local_name, refusal
 from pinbound.tolerances import AGREEMENT, UNIT_ROUNDOFF
 from pinbound.typing import Array
 
-__all__ = ["build_model", "compare_with_pinocchio", "placements"]
+__all__ = ["build_model", "check_model", "compare_with_pinocchio", "placements"]
 
 _UNBOUNDED = "1e9"  # urdfdom does not read "inf"; build_model restores infinity
+
+
+def check_model(model: Any) -> None:
+    """Refuse what is no model of Pinocchio.
+
+    Raises:
+        DimensionError: If it is none.
+    """
+    import pinocchio
+
+    if not isinstance(model, cast(Any, pinocchio).Model):
+        said = f"the model is of type {type(model).__name__}"
+        raise DimensionError(f"{said}; give a pinocchio.Model, e.g. robot.model, or the .model of a wrapper")
 
 
 def build_model(document: Document, kinematics: Kinematics) -> Any:

@@ -19,13 +19,14 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pinbound.checks import is_amount, random_numbers, three_numbers, whole_number
 from pinbound.evaluate import numeric
 from pinbound.exceptions import DimensionError, UnknownNameError
-from pinbound.model.coupling import GuardedLimit, LinearLimit, as_configurations
+from pinbound.model.coupling import GuardedLimit, LinearLimit, as_configurations, real_array
 from pinbound.path.chain import Chain
 from pinbound.path.relative import absolute_chain
 from pinbound.robot.home import nearest_within, ways_to_keep
-from pinbound.robot.robot import Robot
+from pinbound.robot.robot import Robot, check_robot
 from pinbound.tolerances import LIMIT, REACHED
 from pinbound.typing import Array, Flags, Ints
 from pinbound.values import Value
@@ -115,7 +116,8 @@ def solve_ik(
 
     Raises:
         UnknownNameError: If there is no such link.
-        DimensionError: If targets or start have another shape, or if the start is outside the limits or not finite.
+        DimensionError: If targets or start have another shape, if the start is outside the limits or not finite, or if
+            a number is not of its kind.
         UnsupportedError: If a floating or planar joint lies between the root and the link.
 
     Example:
@@ -127,13 +129,17 @@ def solve_ik(
         >>> bool(np.linalg.norm(robot.positions("link_6", found.q[0]) - [0.15, 0.05, 0.12]) < 1e-10)
         True
     """
+    check_robot(robot)
     if link not in robot.tree.links:
         raise UnknownNameError("link", link, robot.tree.links)
-    goals = np.asarray(targets, dtype=np.float64)
+    goals = real_array(targets, "targets")
     if goals.ndim not in (1, 2) or goals.shape[-1] != 3:
         raise DimensionError(f"targets have shape {goals.shape}; give (3,) or (N, 3) positions [m]")
-    x, y, z = (float(value) for value in xyz)
-    chain = absolute_chain(robot.tree, robot.coupling, link, (x, y, z))
+    whole_number(max_iterations, "max_iterations")
+    whole_number(restarts, "restarts")
+    if not is_amount(tolerance):
+        raise DimensionError(f"the tolerance is {tolerance!r}; give metres, 0 or more")
+    chain = absolute_chain(robot.tree, robot.coupling, link, three_numbers(xyz, "xyz"))
     solver = _Solver(chain, *_limit_rows(robot), max_iterations, tolerance)
     q = np.array(robot.home if start is None else as_configurations(start, robot.coordinates))
     inside = q.ndim == 1 and np.all(solver.A @ q <= solver.b + LIMIT) and _broken(robot, q) is None
@@ -169,7 +175,7 @@ def _random_starts(robot: Robot, q: Array, count: int, seed: int) -> list[Array]
     slides = np.array([not robot.turns(name) for name in robot.coordinates], dtype=np.bool_)
     lower[slides], upper[slides] = np.maximum(lower, q - 0.5)[slides], np.minimum(upper, q + 0.5)[slides]
     A, b, _ = _limit_rows(robot)
-    drawn = np.random.default_rng(seed).uniform(lower, upper, (20 * count, len(q)))
+    drawn = random_numbers(seed).uniform(lower, upper, (20 * count, len(q)))
     return list(drawn[np.all(drawn @ A.T <= b, axis=1) & robot.intervals.hold(drawn)][:count])
 
 

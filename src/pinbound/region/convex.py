@@ -7,6 +7,7 @@ from typing import Any, cast
 import numpy as np
 import shapely
 
+from pinbound.checks import random_numbers
 from pinbound.tolerances import VERTEX
 from pinbound.typing import Array
 
@@ -116,9 +117,7 @@ def inscribed_polygon(polygon: Any, seed: int = 0) -> Any:
     whole = max(gis.get_parts(polygon), key=lambda part: part.area)
     triangles = np.asarray(gis.get_parts(gis.constrained_delaunay_triangles(whole)))
     areas = gis.area(triangles)
-    chosen = np.random.default_rng(seed).choice(
-        len(areas), min(_SEEDS, len(areas)), replace=False, p=areas / areas.sum()
-    )
+    chosen = random_numbers(seed).choice(len(areas), min(_SEEDS, len(areas)), replace=False, p=areas / areas.sum())
     centres = [gis.get_coordinates(gis.centroid(triangles[i]))[0] for i in chosen]
     pole = gis.maximum_inscribed_circle(whole, 1e-3 * float(np.sqrt(whole.area)))
     centres.append(gis.get_coordinates(pole)[0])

@@ -16,7 +16,7 @@ from pinbound.boundaries.boundary import one_configuration
 from pinbound.exceptions import DimensionError
 from pinbound.region.region import Region, region_of
 from pinbound.region.slice import slice_of
-from pinbound.robot.robot import Robot
+from pinbound.robot.robot import Robot, check_robot
 from pinbound.tolerances import REGION_ACCURACY, REGION_BUDGET
 
 __all__ = ["feasible_region"]
@@ -72,6 +72,7 @@ def feasible_region(
         >>> round(region.area, 10)
         1.5434743997
     """
+    check_robot(robot)
     if not 0.0 < accuracy < 1.0:
         raise DimensionError(
             f"the accuracy is {accuracy}; give a number between 0 and 1 (radians, metres, or a share of the window)"

@@ -26,6 +26,7 @@ import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.boundaries.looped import over_z
+from pinbound.checks import names_of
 from pinbound.evaluate import separation
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.limits.univariate import gap_around, one_angle_strips
@@ -305,7 +306,7 @@ def _two_coordinates(robot: Robot, coordinates: Sequence[str] | None) -> tuple[s
             f"give coordinates=(..., ...), two names out of: {', '.join(robot.coordinates)}"
         )
     else:
-        names = tuple(coordinates)
+        names = names_of(coordinates, "coordinates")
     for name in names:
         if name in robot.coordinates:
             continue

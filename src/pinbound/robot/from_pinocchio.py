@@ -15,6 +15,7 @@ import numpy as np
 from lxml import etree
 
 from pinbound.exceptions import UnsupportedError
+from pinbound.model.pinocchio_model import check_model
 from pinbound.robot.loading import AnnotationSource, load
 from pinbound.robot.robot import Robot
 from pinbound.tolerances import SAME_ROBOT
@@ -67,6 +68,7 @@ def urdf_text(model: Any, geometry: Any = None) -> str:
     """
     import pinocchio
 
+    check_model(model)
     pin = cast(Any, pinocchio)
     root = etree.Element("robot", name=str(model.name) or "robot")
     links: dict[int, etree._Element] = {}

@@ -14,7 +14,7 @@ import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
-from pinbound.robot.robot import Robot, refuse_conditions
+from pinbound.robot.robot import Robot, check_robot, refuse_conditions
 from pinbound.robot.table_formats import LimitTable
 from pinbound.tolerances import LIMIT, TABLE
 from pinbound.typing import Array
@@ -77,6 +77,7 @@ def limit_table(
         >>> round(float(np.degrees(whole.loss)), 3)
         0.247
     """
+    check_robot(robot)
     grid = ("multiples" if whole else "fitted") if grid is None else grid
     if grid not in ENTRIES:
         raise UnknownNameError("grid", grid, ENTRIES)

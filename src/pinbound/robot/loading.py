@@ -16,11 +16,7 @@ from pinbound.annotations.records import kind_of
 from pinbound.boundaries.boundary import Boundary
 from pinbound.boundaries.boundary_set import BoundarySet
 from pinbound.contact import stop_fault
-from pinbound.exceptions import (
-    Problems,
-    UnsupportedError,
-    name_hint,
-)
+from pinbound.exceptions import Problems, UnsupportedError, name_hint
 from pinbound.loops.closures import Closure, close, joint_errors, place_error
 from pinbound.loops.loop_errors import carry, narrowed
 from pinbound.loops.parallelograms import settle
@@ -33,6 +29,7 @@ from pinbound.model.tree import Tree
 from pinbound.model.urdf import Mimic, read_kinematics
 from pinbound.path.relative import absolute_chain, direction_chain, relative_path
 from pinbound.path.shared import link_spots, moved
+from pinbound.robot import load_arguments
 from pinbound.robot.axes import joint_home, new_coordinates
 from pinbound.robot.home import feasible_start
 from pinbound.robot.presets import FAMILY, PREFIX, find_model
@@ -75,7 +72,8 @@ def load(
         The robot; every closure is proven to close, and home is proven to be free.
 
     Raises:
-        InputError: If the files have faults; the error lists all of them with lines and remedies.
+        InputError: If the files have faults; the error lists all of them with lines and remedies. Or if an argument is
+            of another type.
 
     Example:
         >>> robot = load("minervabot_v3")
@@ -84,20 +82,20 @@ def load(
         >>> load("minervabot_v3", xacro_args={"bridge": "as_printed"}).boundaries["beta_5"].coordinates
         ('q2',)
     """
-    arguments = {key: str(value) for key, value in (xacro_args or {}).items()}
-    package_dirs = (package_dirs,) if isinstance(package_dirs, str | Path) else package_dirs  # not its letters
+    load_arguments.check_robot_source(robot)
+    folders, arguments = load_arguments.folders_of(package_dirs), load_arguments.xacro_arguments(xacro_args)
     model = find_model(robot)
     if model is not None:
-        more = (annotations,) if isinstance(annotations, str | Path | Annotations) else annotations or ()
+        more = () if annotations is None else load_arguments.annotation_sources(annotations)
         annotations, robot = (model.annotations(arguments), *more), FAMILY
         arguments = model.arguments | arguments
-    document = normalise(read_document(robot, arguments, package_dirs, trust))
+    document = normalise(read_document(robot, arguments, folders, trust))
     if model is not None and model.name is not None:
         document.root.set("name", model.name.removeprefix(PREFIX))
     problems = Problems(document.label)
     given, said = _given_items(document, annotations, problems)
     items = [*read_inline(document.root, problems), *given]
-    folders = tuple(map(str, package_dirs))
+    said += load_arguments.missing_folders(folders)
     return _made(document, items, said, folders, problems, HullFiles(document.path, folders))
 
 
@@ -252,7 +250,7 @@ def _given_items(
         beside = document.path.with_name(f"{stem}.pinbound.yaml")
         given = beside if beside.is_file() else ()
     items, notes = list[RawItem](), list[str]()
-    for source in [given] if isinstance(given, str | Path | Annotations) else given:
+    for source in load_arguments.annotation_sources(given):
         found, said = _read_annotations(source, document, problems)
         items += found
         notes += said

@@ -24,7 +24,7 @@ from pinbound.boundaries.boundary_set import BoundarySet
 from pinbound.exceptions import DimensionError, name_hint
 from pinbound.loops.loop_coupling import LoopCoupling, refuse_linear
 from pinbound.model.coupling import Coupling, as_configurations, real_array
-from pinbound.model.pinocchio_model import placements
+from pinbound.model.pinocchio_model import check_model, placements
 from pinbound.model.tree import Tree
 from pinbound.model.urdf import Joint
 from pinbound.tolerances import COUPLED, SAME_ROBOT, UNIT_CIRCLE
@@ -82,6 +82,7 @@ def read_model(tree: Tree, coupling: Coupling, model: Any, home: Array) -> Model
         DimensionError: If it is not: a joint or link is missing, a link has another placement, or mimic joints are
             locked while their primary joints move.
     """
+    check_model(model)
     places, driven, flying = dict[str, tuple[int, int, int]](), list[str](), list[str]()
     known = {joint.name: joint for joint in tree.kinematics.joints}
     for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):

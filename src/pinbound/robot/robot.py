@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike
 from pinbound.annotations import Annotations
 from pinbound.boundaries.boundary import one_configuration
 from pinbound.boundaries.boundary_set import BoundarySet
+from pinbound.checks import three_numbers
 from pinbound.coverage import Coverage
 from pinbound.coverage.bodies import collision_bodies
 from pinbound.coverage.body_meshes import MeshSource
@@ -31,7 +33,7 @@ from pinbound.exceptions import (
 from pinbound.loops.closures import Closure
 from pinbound.model.coupling import Coupling, GuardedLimit, Intervals, LinearLimit, as_configurations
 from pinbound.model.document import Document
-from pinbound.model.pinocchio_model import build_model
+from pinbound.model.pinocchio_model import build_model, check_model
 from pinbound.model.tree import Tree
 from pinbound.path.relative import absolute_chain
 from pinbound.robot.model_view import ModelView, read_model
@@ -39,7 +41,7 @@ from pinbound.typing import Array
 from pinbound.units import several
 from pinbound.values import Value
 
-__all__ = ["Robot", "refuse_conditions"]
+__all__ = ["Robot", "check_robot", "refuse_conditions"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,16 +190,16 @@ class Robot(Value, Pictured):
 
         Raises:
             UnknownNameError: If the link does not exist.
+            DimensionError: If xyz is not three finite numbers, or Q has another shape.
 
         Example:
             >>> import pinbound as pb
             >>> pb.load("minervabot_v3").positions("link_6", [0.0, 0.0, 0.0]).round(5).tolist()
             [0.12943, 0.0, 0.14859]
         """
-        if link not in self.tree.links:
+        if link not in tuple(self.tree.links):
             raise UnknownNameError("link", link, self.tree.links)
-        x, y, z = (float(value) for value in xyz)
-        chain = absolute_chain(self.tree, self.coupling, link, (x, y, z))
+        chain = absolute_chain(self.tree, self.coupling, link, three_numbers(xyz, "xyz"))
         array = as_configurations(Q, self.coordinates)
         return numeric.positions(chain, array) if array.ndim > 1 else numeric.positions(chain, array[None])[0]
 
@@ -265,11 +267,14 @@ class Robot(Value, Pictured):
 
         Raises:
             UnknownNameError: If the kind or a boundary does not exist.
+            DimensionError: If it is no path, or a path in C that does not end in .c.
             UnsupportedError: If the export cannot represent the robot: C for boxes, prisms or hulls, whose nearest
                 points need an iteration; JSON for hulls and cylinders; JSON or ROS 2 for rules with conditions.
         """
         from pinbound.export import c_files, chains_record, is_closed, ros2_text, signed_nodes
 
+        if not isinstance(cast(object, path), str | os.PathLike):
+            raise DimensionError(f"path is {path!r}; give the path of a file")
         chosen = self.boundaries if boundaries is None else self.boundaries.select(boundaries)
         file, names = Path(path), chosen.names
         rules, marks = [b.rule for b in chosen], [(b.point_a.name, b.point_b.name) for b in chosen]
@@ -395,6 +400,7 @@ class Robot(Value, Pictured):
         """
         import pinocchio
 
+        check_model(model)
         theta = self.coupling.expand(Q)
         neutral: Array = cast(Any, pinocchio).neutral(model)
         full = np.broadcast_to(neutral, (*theta.shape[:-1], len(neutral))).copy()
@@ -410,6 +416,16 @@ class Robot(Value, Pictured):
             for step, column in enumerate(columns):
                 full[..., joint.idx_q + step] = column
         return full
+
+
+def check_robot(robot: Any) -> None:
+    """Refuse what is no robot, such as its name.
+
+    Raises:
+        DimensionError: If it is none.
+    """
+    if not isinstance(robot, Robot):
+        raise DimensionError(f"robot is of type {type(robot).__name__}; give a Robot, e.g. pinbound.load(...)")
 
 
 def refuse_conditions(robot: Robot, answer: str) -> None:
