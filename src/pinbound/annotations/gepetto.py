@@ -130,7 +130,7 @@ class _Reader:
         ways: list[set[str]] = []
         for end in links:
             link, way = end, set[str]()
-            while link in above and above[link][0] not in way:  # a cycle of joints is a fault that is told elsewhere
+            while link in above and above[link][0] not in way:  # a cycle of joints is a fault that other code reports
                 way.add(above[link][0])
                 link = above[link][1]
             ways.append(way)

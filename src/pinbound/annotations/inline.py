@@ -26,7 +26,7 @@ def read_inline(root: etree._Element, problems: Problems) -> list[RawItem]:
             continue
         namespace = etree.QName(element).namespace
         if namespace in foreign:
-            continue  # said once
+            continue  # reported only once
         if namespace != NAMESPACE:
             foreign.add(namespace)
             problems.add(
@@ -86,7 +86,7 @@ def _read_block(block: etree._Element, problems: Problems) -> list[RawItem]:
 
 
 def inline_text(items: Iterable[RawItem]) -> str:
-    """Return a `<pinbound:annotations>` block that says the items, to paste below `<robot>`.
+    """Return a `<pinbound:annotations>` block with the items, to paste below `<robot>`.
 
     Raises:
         UnsupportedError: If a joint of home has a name that XML does not allow for an attribute.
@@ -115,7 +115,7 @@ def inline_text(items: Iterable[RawItem]) -> str:
 
 
 def _set_attributes(element: etree._Element, fields: Mapping[str, Any]) -> None:
-    """Set attributes: texts as they are, names side by side, coefficients as `joint: number, joint: number`."""
+    """Set attributes: texts unchanged, names separated by spaces, coefficients as `joint: number, joint: number`."""
     for key, value in fields.items():
         text = ", ".join(f"{name}: {c}" for name, c in value) if key == "coefficients" else value
         element.set(key, text if isinstance(text, str) else " ".join(text))

@@ -34,7 +34,7 @@ class HullFiles:
     """
 
     def __init__(self, beside: str | Path = "annotations", package_dirs: Sequence[str | Path] = ()) -> None:
-        """Take the file beside which relative names are searched, and the folders of packages."""
+        """Store the file in whose folder relative names are searched, and the folders of packages."""
         self._beside, self._package_dirs = Path(beside), tuple(map(str, package_dirs))
         self._read: dict[tuple[str, Vector, str], Array] = {}
         self._said: dict[str, None] = {}
@@ -55,14 +55,14 @@ class HullFiles:
         """Return the extreme vertices (k, 3) of a mesh in the frame of its link [m].
 
         Args:
-            mesh: A name as a URDF has it.
-            scale: Factors on the numbers of the file; a negative one mirrors.
-            xyz: Where the mesh's origin is [m].
-            rpy: How it is turned [rad], as in a URDF's `<origin>`.
-            folder: Where relative names are looked for, if it is not the folder of `beside`.
+            mesh: A name in the form of a URDF.
+            scale: Factors along x, y and z; a negative factor mirrors.
+            xyz: Position of the mesh's origin [m].
+            rpy: Roll, pitch, yaw of the mesh [rad], as in a URDF's `<origin>`.
+            folder: The folder in which relative names are searched, if it is not the folder of `beside`.
 
         Raises:
-            InputError: If there is no such file, or it is damaged or too large.
+            InputError: If the file does not exist, is damaged, or is too large.
         """
         from pinbound.meshes import find_mesh, read_mesh
 

@@ -123,7 +123,7 @@ def _refuse_tags(node: yaml.Node, source: str, problems: Problems) -> None:
 
 
 class _Sidecar:
-    """Walk the YAML nodes, which know their lines, into raw items."""
+    """Converts YAML nodes, which have line numbers, to raw items."""
 
     def __init__(self, source: str, problems: Problems, folder: str) -> None:
         self.source, self.problems, self.folder = source, problems, folder
@@ -216,7 +216,7 @@ def _node_line(node: yaml.Node) -> int:
 
 
 def sidecar_text(items: Iterable[RawItem]) -> str:
-    """Return the YAML of a sidecar that says the items."""
+    """Return the YAML of a sidecar with the items."""
     data: dict[str, Any] = {}
     lists = {kind: key for key, kind in _LISTS.items()}
     for item in items:

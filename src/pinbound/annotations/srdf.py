@@ -87,7 +87,7 @@ def read_disabled(path: Path, links: Iterable[str]) -> tuple[LeftOutMark, ...]:
 
     Args:
         path: The SRDF.
-        links: Links with bodies; a default speaks of pairs of them.
+        links: Links with bodies; `disable_default_collisions` applies to pairs of them.
 
     Raises:
         InputError: If the file cannot be read, or is no XML.
@@ -134,7 +134,7 @@ def _stated(root: etree._Element, source: str, left_out: Mapping[tuple[str, str]
 
 
 def _pairs(root: etree._Element, tag: str) -> dict[frozenset[str], str]:
-    """Return the pairs of links that elements of one name speak of, and their reasons."""
+    """Return the pairs of links in elements with one tag, and their reasons."""
     return {
         frozenset((element.get("link1", ""), element.get("link2", ""))): element.get("reason", "")
         for element in root.iter(tag)
@@ -152,7 +152,7 @@ def _rigid_groups(robot: etree._Element) -> dict[str, str]:
     for link in robot.findall("link"):
         name, seen = str(link.get("name")), set[str]()
         top = name
-        while top in above and top not in seen:  # a cycle of joints is a fault that is told elsewhere
+        while top in above and top not in seen:  # a cycle of joints is a fault that another check reports
             seen.add(top)
             top = above[top]
         groups[name] = top

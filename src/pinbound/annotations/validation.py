@@ -28,8 +28,8 @@ from pinbound.tolerances import CLOSURE, CONTACT, LONGEST
 __all__ = ["sound_fields"]
 
 _SEEN = "Use letters, digits and signs; no control or formatting characters"
-_MOST_VERTICES = 100_000  # of a hull: its extreme ones are found by Qhull
-_MOST_WAYS = 9  # of a sweep: its corners are looked at one by one
+_MOST_VERTICES = 100_000  # largest number of vertices of a hull; Qhull finds the extreme ones
+_MOST_WAYS = 9  # largest number of edge vectors of a sweep, because each of its 2^k corners is used
 
 
 def sound_fields(
@@ -52,7 +52,7 @@ def sound_fields(
 
 
 class _Validator:
-    """Turn raw items into annotations, one kind at a time, so that references can be checked."""
+    """Converts raw items to annotations, one kind after the other, so that references can be checked."""
 
     def __init__(
         self, problems: Problems, links: Collection[str] | None, joints: Collection[str] | None, files: HullFiles
@@ -106,7 +106,7 @@ class _Validator:
         given = [item for item in settings if self._complete(item) and key in item.fields]
         for extra in given[1:]:
             if parse_floats(str(extra.fields[key]), 1) == parse_floats(str(given[0].fields[key]), 1):
-                continue  # a sidecar that repeats what the URDF says does not contradict it
+                continue  # a sidecar may repeat a value of the URDF
             self.item = extra
             self._fault(f"{key} is given twice", f"Keep one (the first is on line {given[0].line})")
         if not given:
@@ -131,7 +131,7 @@ class _Validator:
         return kept
 
     def _complete(self, item: RawItem) -> bool:
-        """Report missing and unknown fields; say whether the required ones are there."""
+        """Report missing and unknown fields; return whether all required fields are given."""
         self.item = item
         required, optional = (FROM_FILE if "mesh" in item.fields else FIELDS).get(item.kind, FIELDS[item.kind])
         what = f"{item.kind} {self._name(item)!r}" if self._name(item) else f"a {item.kind}"
@@ -408,7 +408,7 @@ class _Validator:
         if a == b:
             self._fault(f"left_out {self._name(item)!r} names one link twice", "Name two links")
             return None
-        # An SRDF may speak of links of a larger robot; `robot.coverage.notes` lists those.
+        # An SRDF may name links of a larger robot; `robot.coverage.notes` lists these links.
         if not item.source.endswith(".srdf") and None in [self._link(key) for key in ("a", "b")]:
             return None
         return LeftOutMark(a, b, reason, item.source, item.line)

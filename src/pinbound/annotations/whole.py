@@ -198,7 +198,7 @@ def _pairs(coefficients: Mapping[str, float]) -> tuple[tuple[str, str], ...]:
 
 
 def _rule_fields(rule: Rule | Condition) -> dict[str, Any]:
-    """Return a rule's fields, or a condition's; ends that are infinite are left out."""
+    """Return the fields of a rule or of a condition; infinite ends are left out."""
     fields: dict[str, Any] = {"name": rule.name} if isinstance(rule, Rule) else {}
     fields["coefficients"] = _pairs(rule.coefficients)
     fields |= {key: _text(end) for key in ("lower", "upper") if math.isfinite(end := getattr(rule, key))}
@@ -212,7 +212,7 @@ def _says_nothing(value: object) -> bool:
 
 
 def _text(value: Any) -> str:
-    """Return a field as a file says it; `repr` gives every float64 back exactly."""
+    """Return a field as the text in a file; `repr` keeps every float64 exactly."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, tuple):

@@ -1,7 +1,7 @@
-"""The terminal: arguments, tables, exit codes; no mathematics.
+"""The command line: arguments, tables, exit codes; no mathematics.
 
-Exit codes: 0, all holds; 1, a check found a violation; 2, bad input, with one message and no traceback; 3, the machine
-or the cluster failed.
+Exit codes: 0, every check passed; 1, a check found a violation; 2, bad input, with one message and no traceback; 3, the
+machine or the cluster failed.
 """
 
 from pinbound.cli.app import app, main

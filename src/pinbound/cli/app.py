@@ -1,4 +1,4 @@
-"""The command line program: one typer app, one module a group of commands."""
+"""The command line program: one typer app, with one module for each group of commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`pinbound batch`: evaluate boundaries over files, grids, random or Sobol points, into Parquet."""
+"""`pinbound batch`: evaluates boundaries on files, grids, random or Sobol points, and writes Parquet files."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ __all__ = ["batch"]
 
 QUANTILES = (0.01, 0.1, 0.5, 0.9)
 _DIGITS = 15
-_LOOK = 1000  # rows of a file that are looked at for degrees
+_LOOK = 1000  # number of rows of a file that are checked for values that look like degrees
 
 
 def batch(

@@ -1,4 +1,4 @@
-"""`pinbound check`: certify a motion from a file."""
+"""`pinbound check`: certifies a motion from a file."""
 
 from __future__ import annotations
 
@@ -112,12 +112,12 @@ def _draw(robot: Robot, motion: Motion, found: Certificate, path: Path) -> None:
     figure = draw_motion(seen, found, "waypoint" if motion.times is None else "time")
     try:
         figure.savefig(path, dpi=160)
-    except ValueError as error:  # matplotlib's word for an unknown suffix
+    except ValueError as error:  # matplotlib raises this error for an unknown suffix
         raise typer.BadParameter(str(error), param_hint="--plot") from error
 
 
 def _plane(robot: Robot) -> Region | None:
-    """Return the region of the two coordinates that the boundaries use, if there is such a plane."""
+    """Return the region of the two coordinates that the boundaries use; None if there is no such region."""
     try:
         return feasible_region(robot)
     except PinboundError:

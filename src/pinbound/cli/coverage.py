@@ -1,4 +1,4 @@
-"""What commands print about coverage: one line with every verdict, and the list of pairs that are not watched."""
+"""Output about coverage: one line with every verdict, and the list of pairs of links that are not watched."""
 
 from __future__ import annotations
 
@@ -33,26 +33,26 @@ _MOST_LINES = 40
 
 
 def say_assumptions(robot: Robot) -> None:
-    """Print the robot's assumptions, for instance which numbers of a preset are not published and so not modelled."""
+    """Print the robot's assumptions, for example which numbers of a preset are unpublished and not in the model."""
     for one in robot.annotations.assumptions:
         console().print(f"assumption: {one}", markup=False, soft_wrap=True)
 
 
 def say_coverage(record: CoverageRecord) -> None:
-    """Print the one line that goes with every verdict."""
+    """Print the line about coverage that every verdict has."""
     console().print(f"coverage: {record.summary}", markup=False, soft_wrap=True)
 
 
 def coverage_record(record: CoverageRecord) -> dict[str, Any]:
-    """Return the numbers and the line for JSON."""
+    """Return the numbers, and the line about coverage, for JSON."""
     return asdict(record)
 
 
 def require_coverage(coverage: Coverage, required: bool) -> None:
-    """End with exit code 1, and a list on stderr, if coverage is required and some pair of links is open.
+    """Exit with code 1, and list the pairs on stderr, if coverage is required and some pair of links is open.
 
     Raises:
-        Exit: If it is.
+        Exit: If coverage is required and a pair is open.
     """
     if not required or coverage.is_complete:
         return
@@ -70,11 +70,11 @@ def require_coverage(coverage: Coverage, required: bool) -> None:
 
 
 def nothing_to_check(name: str, robot: str) -> None:
-    """End with exit code 2: there is no boundary, and limits alone were not asked for.
+    """Exit with code 2: the robot has no boundary, and the user did not ask to check only its limits.
 
     Args:
-        name: What the robot is called.
-        robot: What was typed for it.
+        name: Name of the robot.
+        robot: The robot argument as typed.
 
     Raises:
         Exit: Always.
@@ -90,7 +90,7 @@ def nothing_to_check(name: str, robot: str) -> None:
 
 
 def print_coverage(coverage: Coverage, every_pair: bool) -> None:
-    """Print pairs of links counted by status and reason, or one by one, then the line."""
+    """Print the numbers of pairs of links by status and reason, or each pair, and then the line about coverage."""
     if every_pair:
         rows = [(*pair.links, pair.status.value, ", ".join(pair.boundaries), pair.reason) for pair in coverage.pairs]
         print_table("Pairs of links with bodies", ("link", "link", "coverage", "boundaries", "why"), rows)
@@ -106,7 +106,7 @@ def print_coverage(coverage: Coverage, every_pair: bool) -> None:
 
 
 def _short(pair: PairCoverage) -> str:
-    """Return the reason without the names and counts of one pair."""
+    """Return the reason without names and numbers that belong to one pair."""
     if pair.boundaries and pair.reason:
         return "not all of their bodies are held, or not all pairs of them are watched"
     return pair.reason

@@ -1,4 +1,4 @@
-"""`pinbound crosscheck`: the boundaries against coal, on four levels."""
+"""`pinbound crosscheck`: compares the boundaries with coal, on four levels."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ def _print_bodies(robot: Robot, level: BodyLevel) -> None:
 
 
 def _print_inside(robot: Robot, pair: LinkPair) -> None:
-    """Print where a body is completely inside another body's mesh, so that no triangles touch."""
+    """Print the cases in which a body is completely inside another body's mesh, so that no triangles touch."""
     said = console()
     text = f"Completely inside a mesh ({pair.within}), so that no triangles touch"
     if pair.inside_q is not None:
@@ -209,7 +209,7 @@ def _print_inside(robot: Robot, pair: LinkPair) -> None:
 
 def _print_region(robot: Robot, level: RegionLevel) -> None:
     turning = {robot.turns(name) for name in level.coordinates}
-    # Distances in a plane of an angle and a length have no unit of their own.
+    # In a plane of an angle and a length, distances have no single unit.
     unit, factor = ("deg", np.degrees(1.0)) if turning == {True} else ("m" if turning == {False} else "rad or m", 1.0)
     amounts = [f"{factor * value:.2e}" for value in (level.contour_inside, level.contour_outside, level.tolerance)]
     rows = [

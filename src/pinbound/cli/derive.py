@@ -109,7 +109,7 @@ def _contact_text(boundary: Boundary) -> str:
 
 
 def _solved(robot: Robot, boundary: Boundary) -> dict[str, str]:
-    """Return the passive joints in a boundary's expressions that loops determine, each with its loop."""
+    """Return the passive joints in a boundary's expressions that loops determine, each with the text of its loop."""
     return robot.coupling.solved(formula_joints(boundary)) if isinstance(robot.coupling, LoopCoupling) else {}
 
 

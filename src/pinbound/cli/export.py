@@ -1,4 +1,4 @@
-"""`pinbound export`: boundaries as C, as data, or as a table of coupled limits, for programs without pinbound."""
+"""`pinbound export`: writes boundaries as C or data, or a table of coupled limits, for programs without pinbound."""
 
 from __future__ import annotations
 

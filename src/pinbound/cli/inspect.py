@@ -1,4 +1,4 @@
-"""`pinbound info`, `limits`, `region`: look at a robot, its limits, its region."""
+"""`pinbound info`, `limits`, `region`: print the data of a robot, its limits, and its region."""
 
 from __future__ import annotations
 
@@ -297,7 +297,7 @@ def region(
         )
         said = f"a cut inside it: {slit.name} from {ends} [{a}, {b}]; both sides are free, but no motion crosses it"
         console().print(said, markup=False, soft_wrap=True)
-    alike = a == b  # a distance in a plane of angles and lengths has no unit
+    alike = a == b  # in a plane of an angle and a length, a distance has no single unit
     implied = [
         (name, ", ".join(s.by), f"{factors(found.units)[0] * s.slack:.6f}" if alike else "-")
         for name, s in found.supports().items()

@@ -1,4 +1,4 @@
-"""`pinbound mark`: propose a sidecar with marks that hold the bodies, and with boundaries between them."""
+"""`pinbound mark`: proposes a sidecar with marks that hold the bodies, and with boundaries between them."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def mark(
     start = perf_counter()
     bar = console(stderr=True)
     progress = Progress(console=bar, transient=True)
-    with progress if bar.is_terminal else nullcontext():  # where nothing is drawn it would leave an empty line
+    with progress if bar.is_terminal else nullcontext():  # without a terminal, the bar would print an empty line
         task = progress.add_task("covers of meshes", total=None, visible=False)
 
         def step(done: int, total: int, link: str) -> None:
@@ -107,7 +107,7 @@ def mark(
 
 
 def _srdf(robot: Robot, given: Path | None) -> tuple[Path | None, str]:
-    """Return the SRDF to examine, if any, and a sentence where none is read or it disables no pair."""
+    """Return the SRDF to examine, or None; and a sentence if no SRDF is read, or if it disables no pair."""
     files = list(find_srdf(robot)) if given is None else [given]
     if not files:
         return None, ""
@@ -118,7 +118,7 @@ def _srdf(robot: Robot, given: Path | None) -> tuple[Path | None, str]:
 
 
 class _Raw:
-    """Asks coal about the raw bodies of a robot, meshes among them, if it is asked at all."""
+    """Compares the bodies of a robot, also meshes, in coal; coal loads when the first pair is compared."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot

@@ -1,4 +1,4 @@
-"""Files and folders that a command is to write: made ready before the work, so that no fault is told after it."""
+"""Output files and folders of a command: they are prepared before the work, so that faults are reported before it."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ __all__ = ["ready_file", "ready_folder", "refuse_file"]
 
 
 def ready_file(file: Path | None) -> None:
-    """Make the folder of a file that is to be written; None: no file is.
+    """Make the folder of an output file; None: there is no output file.
 
     Raises:
-        InputError: If a folder has the file's name, or its folder cannot be made.
+        InputError: If a folder has the name of the file, or if the folder of the file cannot be made.
     """
     if file is None:
         return
@@ -23,10 +23,10 @@ def ready_file(file: Path | None) -> None:
 
 
 def refuse_file(folder: Path) -> None:
-    """Raise an error if a file has the name of a folder that is to be made, or of one above it.
+    """Raise an error if a file has the name of an output folder, or of a folder above it.
 
     Raises:
-        InputError: If so.
+        InputError: If such a file exists.
     """
     there = next(one for one in (folder, *folder.absolute().parents) if one.exists())
     if not there.is_dir():
@@ -34,10 +34,10 @@ def refuse_file(folder: Path) -> None:
 
 
 def ready_folder(folder: Path) -> None:
-    """Make a folder that is to be written into, if it is not there.
+    """Make an output folder, if it does not exist.
 
     Raises:
-        InputError: If a file has its name, or the system refuses.
+        InputError: If a file has the name of the folder, or if the system refuses to make it.
     """
     refuse_file(folder)
     try:

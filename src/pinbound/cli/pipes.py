@@ -1,4 +1,4 @@
-"""A terminal program whose reader stops reading (`pinbound info ROBOT | head`)."""
+"""Output to a pipe whose reader stops reading (`pinbound info ROBOT | head`)."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ __all__ = ["Unread"]
 
 
 class Unread:
-    """A text stream that throws away what nobody reads any more.
+    """A text stream that discards output after its reader has closed the pipe.
 
-    A command then runs to its end, and its exit code is that of its answer: 0 or 1, never a failure of the pipe. All
-    else is the stream's own.
+    The command then runs to its end, and its exit code is that of its result (0 or 1), not that of a broken pipe. All
+    other attributes are those of the wrapped stream.
     """
 
     def __init__(self, stream: TextIO) -> None:
-        """Stand before a stream, e.g. sys.stdout."""
+        """Wrap a stream, e.g. sys.stdout."""
         self._stream = stream
 
     def __getattr__(self, name: str) -> object:
-        """Return what the stream has under this name."""
+        """Return the attribute of the wrapped stream."""
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Write text; nothing where the reader is gone."""
+        """Write text; discard it if the reader has closed the pipe."""
         try:
             return self._stream.write(text)
         except BrokenPipeError:
@@ -32,7 +32,7 @@ class Unread:
             return len(text)
 
     def flush(self) -> None:
-        """Flush the stream; nothing where the reader is gone."""
+        """Flush the stream; discard the output if the reader has closed the pipe."""
         try:
             self._stream.flush()
         except BrokenPipeError:

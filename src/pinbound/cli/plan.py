@@ -1,4 +1,4 @@
-"""`pinbound plan`: a certified motion from one configuration to another, as a file of waypoints."""
+"""`pinbound plan`: finds a certified motion from one configuration to another, and writes a file of waypoints."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def plan(
 
 
 def _shown(robot: Robot, found: Plan, deg: bool) -> np.ndarray[Any, Any]:
-    """Return the waypoints with angles in degrees, if they are asked for."""
+    """Return the waypoints; angles are in degrees if `deg`."""
     factors = [math.degrees(1.0) if deg and robot.turns(name) else 1.0 for name in robot.coordinates]
     return found.waypoints * np.array(factors)
 

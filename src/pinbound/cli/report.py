@@ -1,4 +1,4 @@
-"""`pinbound report`: the HTML page, its figures, and a summary on the terminal."""
+"""`pinbound report`: writes the HTML page with its figures, and prints a summary."""
 
 from __future__ import annotations
 

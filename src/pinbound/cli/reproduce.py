@@ -1,4 +1,4 @@
-"""`pinbound reproduce`: the paper's tables and figures anew, and its errata with their numbers."""
+"""`pinbound reproduce`: computes the paper's tables and figures again, and its errata with their numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`pinbound robots`: the robots that ship with pinbound; `pinbound new`: a file to start from for a new robot."""
+"""`pinbound robots`: lists the robots that ship with pinbound. `pinbound new`: writes a first file for a new robot."""
 
 from __future__ import annotations
 

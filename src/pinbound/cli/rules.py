@@ -1,4 +1,4 @@
-"""Makers' rules as `pinbound info` shows them."""
+"""Rules of robot makers, as `pinbound info` prints them."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ __all__ = ["opened", "rule_rows"]
 
 
 def rule_rows(robot: Robot, for_people: bool = False) -> list[tuple[str, str, str]]:
-    """Return every rule as it is said of q: its name, what it asks, and where.
+    """Return every rule in terms of q: its name, its inequality, and the conditions where it applies.
 
-    For people a rule over angles alone is said in degrees; else numbers are in radians and metres. Through loops that
-    are not parallelograms a rule is said of q and their passive joints.
+    For people, a rule with angles only is in degrees. Otherwise numbers are in radians and metres. With loops that are
+    not parallelograms, a rule is in terms of q and the passive joints.
     """
     robot = opened(robot)
 
@@ -36,6 +36,6 @@ def rule_rows(robot: Robot, for_people: bool = False) -> list[tuple[str, str, st
 
 
 def opened(robot: Robot) -> Robot:
-    """Return the robot in which loops that are not parallelograms are open; itself, if it has none."""
+    """Return the robot whose loops that are not parallelograms are open; the robot itself, if it has no such loop."""
     found: Robot = getattr(robot, "opened", robot)
     return found

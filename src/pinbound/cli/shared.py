@@ -1,4 +1,4 @@
-"""What all commands share: the robot argument, tables for people, JSON for programs, errors as one message."""
+"""Parts that all commands use: the robot argument, tables for people, JSON for programs, errors as one message."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _PIPE_WIDTH = 140
-# What a message says in Python, and what one types in a terminal.
+# Remedies in messages: the text for Python, and the text with the command line option.
 _OPTIONS = {
     r"give coordinates=\(\.{3}, \.{3}\)(?:, two names)? out of:": "add --coordinates NAME,NAME with two names out of:",
     r"give window=\{[^}]*\}": "add --window NAME=LOWER..UPPER",
@@ -85,10 +85,10 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON (metres, radian
 
 
 def console(stderr: bool = False) -> Console:
-    """Return a console; piped output gets a fixed width, so that scripts see the same tables everywhere.
+    """Return a console; output to a pipe has a fixed width, so that scripts get the same tables everywhere.
 
-    Names are data: no markup, no emoji codes and no highlighting are read out of what is printed. Give `style=` or a
-    `rich.text.Text` for what is to be bold.
+    Names are data: the console interprets no markup and no emoji codes in printed text, and highlights nothing. For
+    bold text, pass `style=` or a `rich.text.Text`.
     """
     made = Console(stderr=stderr, markup=False, emoji=False, highlight=False)
     if made.is_terminal:
@@ -98,11 +98,11 @@ def console(stderr: bool = False) -> Console:
 
 @contextmanager
 def working(what: str, seconds: float = math.inf) -> Generator[None, None, None]:
-    """Show on a terminal that work goes on, for how long, and how much time is left at most; nothing in a pipe.
+    """Show on a terminal the elapsed time of the work, and the time that is left at most; show nothing in a pipe.
 
     Args:
         what: The work, in a few words.
-        seconds: Its budget [s], after which it ends; inf if it has none.
+        seconds: The budget [s] after which the work ends; inf if it has none.
     """
     shown = console(stderr=True)
     if not shown.is_terminal:
@@ -115,7 +115,7 @@ def working(what: str, seconds: float = math.inf) -> Generator[None, None, None]
 
 
 class _Clock(ProgressColumn):
-    """How long a task has run, and how long its budget lets it run."""
+    """A column with the time that a task has run, and the time that its budget leaves."""
 
     def __init__(self, seconds: float) -> None:
         super().__init__()
@@ -129,9 +129,10 @@ class _Clock(ProgressColumn):
 
 
 def guarded(command: Callable[P, R]) -> Callable[..., R]:
-    """Turn an expected error into one message on stderr: exit code 2 for bad input, 3 where the machine failed.
+    """Turn an expected error into one message on stderr; the exit code is 2 for bad input, 3 if the machine failed.
 
-    Ctrl-C ends a command with 130 and the way to go on; `pinbound batch` says itself what it keeps.
+    Ctrl-C ends a command with exit code 130 and a message how to continue; `pinbound batch` has its own message about
+    the files that it keeps.
 
     Every command that loads a robot gets the option `--trust`.
     """
@@ -166,7 +167,7 @@ def guarded(command: Callable[P, R]) -> Callable[..., R]:
 
 
 def _in_options(message: str) -> str:
-    """Return a message whose remedy is an argument in Python with the option that one types."""
+    """Return a message in which remedies with Python arguments are replaced by command line options."""
     for pattern, option in _OPTIONS.items():
         message = re.sub(pattern, option, message)
     return message
@@ -178,7 +179,7 @@ def load_robot(
     package_dirs: Sequence[Path] | None = None,
     xacro_args: Sequence[str] | None = None,
 ) -> Robot:
-    """Load the robot of a command line."""
+    """Load the robot that a command line names."""
     mappings: dict[str, str] = {}
     for text in xacro_args or ():
         name, equals, value = text.partition("=")
@@ -191,7 +192,7 @@ def load_robot(
 
 
 def number(text: str) -> float:
-    """Return the number that a word is; NaN if it is none. Digits are 0 to 9, without `_` between them.
+    """Return the number in a word; NaN if the word is not a number. Digits are 0 to 9, without `_` between them.
 
     Example:
         >>> number(" 1e-3 "), number("1_0"), number("far")
@@ -216,7 +217,7 @@ def _bad(option: str, message: str, remedy: str) -> InputError:
 def parse_configuration(
     robot: Robot, text: str | None, deg: bool = False, option: str = "--at"
 ) -> np.ndarray[Any, Any]:
-    """Return home, changed by ``"q2=0.1,q3=-0.2"`` (radians, or degrees with `deg`; slides in metres always)."""
+    """Return home, changed by ``"q2=0.1,q3=-0.2"`` (radians, or degrees with `deg`; always metres if prismatic)."""
     q, given = np.array(robot.home), set[str]()
     for part in filter(None, (text or "").split(",")):
         name, equals, word = (word.strip() for word in part.partition("="))
@@ -233,7 +234,7 @@ def parse_configuration(
 
 
 def hint_degrees(robot: Robot, Q: np.ndarray[Any, Any], option: str) -> None:
-    """Say on stderr if numbers that are read as radians look like degrees."""
+    """Print a hint on stderr if numbers that are read as radians look like degrees."""
     from pinbound.certificates.degrees import look_like_degrees
 
     if look_like_degrees(robot, Q[np.all(np.isfinite(Q), axis=1)]):
@@ -242,7 +243,7 @@ def hint_degrees(robot: Robot, Q: np.ndarray[Any, Any], option: str) -> None:
 
 
 def parse_window(robot: Robot, text: str | None, deg: bool = False) -> dict[str, tuple[float, float]]:
-    """Return the ends by coordinate of ``"q1=-1..1,s=0..0.5"`` (radians, or degrees with `deg`; metres of slides)."""
+    """Return the ends by coordinate of ``"q1=-1..1,s=0..0.5"`` (radians; degrees if `deg`; metres if prismatic)."""
     window: dict[str, tuple[float, float]] = {}
     for part in filter(None, (text or "").split(",")):
         name, _, ends = (word.strip() for word in part.partition("="))
@@ -282,11 +283,11 @@ def _plain(value: Any) -> Any:
 def print_table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[object]], note: str = "", most: int | None = None
 ) -> None:
-    """Print a table for people; columns whose heading ends in ``]`` hold numbers and are right-aligned.
+    """Print a table for people; columns whose heading ends in ``]`` have numbers and are right-aligned.
 
-    A number without a unit is headed ``"rows []"``, and the brackets are not printed. A table without rows is left out.
-    A table that is too wide for the terminal folds at spaces, and is printed row by row where that is not enough.
-    If there are more than `most` rows, those after them are not printed, and the note says how many.
+    The heading of numbers without a unit is ``"rows []"``; the brackets are not printed. A table without rows is not
+    printed. If a table is too wide for the terminal, cells fold at spaces; if this is not enough, each row is printed
+    as a record. Rows beyond the first `most` are not printed, and the note says how many these are.
     """
     rows = list(rows)
     if not rows:
@@ -298,7 +299,7 @@ def print_table(
 
 
 def degrees(angle: float | None, digits: int = 6) -> str:
-    """Return an angle [rad] in degrees for people; a dash if there is none.
+    """Return an angle [rad] in degrees for people; a dash if there is no angle.
 
     Example:
         >>> degrees(np.pi / 4), degrees(None), degrees(np.inf)
@@ -315,5 +316,5 @@ def millimetres(length: float, digits: int = 4) -> str:
 
 
 def typed(robot: Robot, q: Array, digits: int = 9) -> str:
-    """Return q (n,) as options of commands take it: names and values in radians or metres."""
+    """Return q (n,) in the form of command line options: names and values in radians or metres."""
     return ",".join(f"{name}={value:.{digits}g}" for name, value in zip(robot.coordinates, q.tolist(), strict=True))

@@ -13,15 +13,15 @@ from rich.text import Text
 __all__ = ["fitting_widths", "show"]
 
 _BORDER = 3
-"""Characters that a column adds to its text: two blanks and a line; the table has one line more."""
+"""Characters that a column adds to its text: two spaces and a vertical line; the table has one more line."""
 
 
 def fitting_widths(rows: Sequence[Sequence[str]], width: int) -> list[int] | None:
-    """Return widths of the columns, with which no word is cut, or None if there are none.
+    """Return widths of the columns such that no word is cut; None if this is not possible.
 
     Args:
-        rows: Texts of the cells, the headings among them.
-        width: Characters of a line of the terminal.
+        rows: Texts of the cells, including the headings.
+        width: Number of characters in a line of the terminal.
 
     Example:
         >>> fitting_widths([("edge", "why"), ("beta_7", "stopped by the upper limit")], 27)
@@ -35,7 +35,7 @@ def fitting_widths(rows: Sequence[Sequence[str]], width: int) -> list[int] | Non
     widths = [max((cell_len(word) for text in column for word in text.split()), default=0) for column in columns]
     if sum(widths) > room:
         return None
-    for _ in range(room - sum(widths)):  # to the column that is folded most
+    for _ in range(room - sum(widths)):  # the next character goes to the column that is folded most
         folded = max(range(len(widths)), key=lambda k: most[k] / max(widths[k], 1))
         if widths[folded] >= most[folded]:
             break
@@ -44,7 +44,7 @@ def fitting_widths(rows: Sequence[Sequence[str]], width: int) -> list[int] | Non
 
 
 def show(console: Console, title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], note: str) -> None:
-    """Print a table, or its rows one under the other; a column that ends in ``]`` is right-aligned."""
+    """Print a table, or each row as a record; a column whose heading ends in ``]`` is right-aligned."""
     headings = [column.removesuffix(" []") for column in columns]
     widths = fitting_widths([headings, *rows], console.width)
     if widths is None:

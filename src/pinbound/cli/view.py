@@ -1,4 +1,4 @@
-"""`pinbound view`: the robot in a browser, with its meshes, moved by sliders."""
+"""`pinbound view`: shows the robot in a browser, with its meshes; sliders move it."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Meshes in files: found by the names that URDFs give them, read within stated limits, never from the network.
 
-What is read is what Pinocchio's loader reads: the nodes of a DAE are placed, its unit and its up-axis are not applied.
-`docs/meshes.md`.
+The result is that of Pinocchio's loader: the transformations of a DAE's nodes are applied, its unit and its up-axis are
+not (`docs/meshes.md`).
 """
 
 from pinbound.meshes.finding import find_mesh

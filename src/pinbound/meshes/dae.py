@@ -1,7 +1,7 @@
-"""COLLADA (DAE): the polygons of the geometries that a scene places, as Pinocchio's loader takes them.
+"""COLLADA (DAE): the polygons of the geometries in a scene, read as by Pinocchio's loader.
 
-Every node's own matrices are applied. The unit of the file and its up-axis are not: assimp keeps both in the root of
-its scene, and Pinocchio's loader leaves that out.
+The transformations of every node are applied. The unit of the file and its up-axis are not applied: assimp stores both
+in the root of its scene, and Pinocchio's loader ignores the transformation of the root.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ _UP = "Z_UP"
 
 
 def read_dae(data: bytes, source: str) -> tuple[Array, Ints, Ints, tuple[str, ...]]:
-    """Return vertices, triangles, the polygon that each was cut from, and notes.
+    """Return vertices, triangles, the polygon from which each triangle was cut, and notes.
 
     Raises:
-        InputError: If it is not a COLLADA file, or something of it is damaged or not there.
+        InputError: If it is not a COLLADA file, or if a part of the file is damaged or missing.
     """
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=True)
     try:
@@ -46,7 +46,7 @@ def read_dae(data: bytes, source: str) -> tuple[Array, Ints, Ints, tuple[str, ..
 
 
 class _Reader:
-    """One file: its elements by id, its scene walked once."""
+    """Reads one file: it finds elements by id, and walks the scene once."""
 
     def __init__(self, root: etree._Element, source: str) -> None:
         self.root, self.source = root, source
@@ -135,7 +135,7 @@ class _Reader:
         return found
 
     def _step(self, element: etree._Element) -> Array | None:
-        """Return the matrix of one transformation of a node; None if the element is none."""
+        """Return the matrix of one transformation of a node; None if the element is not a transformation."""
         kind, count = _name(element), {"matrix": 16, "translate": 3, "rotate": 4, "scale": 3, "lookat": 9, "skew": 7}
         if kind not in count:
             return None
@@ -172,7 +172,7 @@ class _Reader:
         return found
 
     def _drawn(self, element: etree._Element, mesh: etree._Element) -> Piece:
-        """Return vertices, triangles and polygons of one <triangles>, <polylist>, <polygons>, or of its kin."""
+        """Return vertices, triangles and polygons of one element that has polygons, such as <triangles>, <polylist>."""
         kind, line = _name(element), element.sourceline
         said = element.get("count", "")
         if kind in ("triangles", "polylist") and said.isdigit():
@@ -257,7 +257,7 @@ class _Reader:
 
 
 def _fans(run: Ints, sizes: Ints) -> tuple[Ints, Ints]:
-    """Return the triangles of polygons whose corners follow each other in `run`, `sizes` of them each."""
+    """Return the triangles of polygons, and the polygon of each; `run` has all corners, `sizes` their numbers."""
     ends = np.cumsum(sizes)
     starts, cuts = ends - sizes, np.maximum(sizes - 2, 0)
     polygons = np.repeat(np.arange(len(sizes)), cuts)

@@ -1,4 +1,4 @@
-"""Where the file of a mesh is: package://, file://, relative and absolute names."""
+"""Finds the file of a mesh by its name: package://, file://, relative and absolute names."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _LOOKED = "package_dirs, ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, CMAKE_PREFIX_PATH 
 def find_mesh(filename: str, beside: str | Path, package_dirs: Sequence[str | Path] = ()) -> Path:
     """Return the file that a URDF names.
 
-    ``package://NAME/REST`` is looked for as NAME/REST in each of `package_dirs` first, as Pinocchio does; then in the
-    package NAME wherever ROS would find it. Other names are relative to the folder of the URDF. Nothing is ever fetched
-    from a network.
+    For ``package://NAME/REST``, each of `package_dirs` is searched first for NAME/REST, as Pinocchio does. Then the
+    package NAME is searched where ROS would find it. Other names are relative to the folder of the URDF. No file is
+    ever fetched from a network.
 
     Args:
-        filename: As written in the URDF.
-        beside: The URDF.
-        package_dirs: Folders of packages, or of folders of packages.
+        filename: The name as written in the URDF.
+        beside: The path of the URDF.
+        package_dirs: Folders that are packages, or that hold packages.
 
     Raises:
         InputError: If there is no such file.

@@ -1,4 +1,4 @@
-"""Triangles as they were read, and what is refused of them."""
+"""Triangles of a mesh file, and the checks that refuse faulty ones."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 MOST_TRIANGLES = 1_000_000
-"""Triangles that a mesh may have; a collision mesh has some thousand."""
+"""Largest number of triangles of a mesh; a collision mesh has some thousand."""
 MOST_BYTES = 512 * 2**20
-"""Bytes that a file may have, and what it is unpacked to: a million triangles as text take half of that."""
+"""Largest size of a file, packed or unpacked [bytes]; a million triangles as text take half of it."""
 _SIMPLER = "Give a simpler mesh: collision bodies need some thousand triangles"
-_NUMBERS = re.compile(r"[-+.\deEnNaAiIfFtTyY\s]*")  # digits, and what spells inf, infinity and nan
+_NUMBERS = re.compile(r"[-+.\deEnNaAiIfFtTyY\s]*")  # digits, and the letters of inf, infinity and nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +33,10 @@ class Mesh(Value):
 
     Attributes:
         vertices: (n, 3) [m].
-        triangles: (m, 3), rows of `vertices`.
-        polygons: (m,), the number of the polygon of the file that each triangle was cut from.
-        source: The file, as the user knows it.
-        notes: What of the file was not used, a sentence each.
+        triangles: (m, 3), indices of rows of `vertices`.
+        polygons: (m,), the number of the polygon in the file from which each triangle was cut.
+        source: The name of the file, as the user knows it.
+        notes: One sentence for each part of the file that was not used.
     """
 
     vertices: Array
@@ -46,7 +46,7 @@ class Mesh(Value):
     notes: tuple[str, ...] = ()
 
     def placed(self, rotation: Array, translation: Array) -> Mesh:
-        """Return it as seen from another frame: each vertex x becomes `rotation x + translation`.
+        """Return the mesh in another frame: each vertex x becomes `rotation x + translation`.
 
         Args:
             rotation: (3, 3).
@@ -62,12 +62,12 @@ class Mesh(Value):
 
 
 def refuse(source: str, message: str, remedy: str, line: int | None = None) -> NoReturn:
-    """Raise the one error of a file."""
+    """Raise the error of a file, with its only fault."""
     raise InputError([Problem(message, remedy, source, line)])
 
 
 def too_many(source: str, count: int) -> None:
-    """Refuse a file that says that it has more triangles than are taken, before they are read."""
+    """Refuse a file whose header states too many triangles, before the triangles are read."""
     if count > MOST_TRIANGLES:
         refuse(source, f"has {count} triangles; up to {MOST_TRIANGLES} are read", _SIMPLER)
 
@@ -80,7 +80,7 @@ def checked(
     scale: Sequence[float] = (1.0, 1.0, 1.0),
     notes: Sequence[str] = (),
 ) -> Mesh:
-    """Return the mesh, scaled, if it has triangles, their vertices exist, and all numbers are finite."""
+    """Return the scaled mesh; refuse it without triangles, or if a vertex is missing or not finite."""
     corners, places = np.asarray(triangles, dtype=np.int64).reshape(-1, 3), np.asarray(vertices, dtype=np.float64)
     if not len(corners):
         refuse(source, "holds no triangle", "Export the surface as triangles")
@@ -100,7 +100,7 @@ def checked(
 
 
 def numbers(source: str, text: str | None, what: str, line: int | None = None) -> Array:
-    """Return the numbers of a text, separated by spaces; what is no number is refused."""
+    """Return the numbers of a text, which are separated by spaces; refuse words that are not numbers."""
     words = text or ""
     try:
         if _NUMBERS.fullmatch(words):
@@ -111,7 +111,7 @@ def numbers(source: str, text: str | None, what: str, line: int | None = None) -
 
 
 def pieces(triangles: Ints, count: int) -> Ints:
-    """Return the number of the connected piece that each of `count` vertices is in; those of no triangle are alone.
+    """Return the number of each vertex's connected piece; a vertex without triangles is a piece of its own.
 
     Example:
         >>> pieces(np.array([[0, 1, 2], [2, 1, 3], [4, 5, 6]]), 7).tolist()

@@ -1,4 +1,4 @@
-"""Wavefront OBJ: vertices and polygons; what else a file says (normals, textures, lines, names) is not needed."""
+"""Wavefront OBJ: vertices and polygons; other content (normals, textures, lines, names) is ignored."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _MEND = "Export the mesh again"
 
 
 def read_obj(data: bytes, source: str) -> tuple[Array, Ints, Ints, tuple[str, ...]]:
-    """Return vertices, triangles, of each triangle which polygon it was cut from, and what was not used.
+    """Return vertices, triangles, the polygon from which each triangle was cut, and notes on unused parts.
 
-    A polygon is cut into a fan. Of `v x y z w` the first three are divided by w, as Pinocchio's loader does.
+    A polygon is cut into a fan of triangles. In `v x y z w`, x, y and z are divided by w, as in Pinocchio's loader.
 
     Raises:
-        InputError: If a line is none of the format.
+        InputError: If a line does not follow the format.
     """
     vertices: list[tuple[float, float, float]] = []
     triangles: list[tuple[int, int, int]] = []
@@ -43,7 +43,7 @@ def read_obj(data: bytes, source: str) -> tuple[Array, Ints, Ints, tuple[str, ..
         elif words[0] in ("f", "fo"):
             corners = [_corner(word, len(vertices), source, number) for word in words[1:]]
             if len(corners) < 3:
-                short += 1  # a line or a point, or what a file that was cut off has left of a polygon
+                short += 1  # a line or a point, or the rest of a polygon where a file was cut off
                 continue
             triangles += [(corners[0], one, two) for one, two in pairwise(corners[1:])]
             polygons += [polygon] * (len(corners) - 2)

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 OTHERS = (".ply", ".off", ".glb", ".3mf", ".zae")
-"""The endings of these files."""
+"""The endings of the names of these files."""
 _ZIPPED = (".3mf", ".zae")
 _COUNTED = re.compile(rb"element\s+(vertex|face|tristrips)\s+(\d+)")
 _FAULTS = (
@@ -42,7 +42,7 @@ _FAULTS = (
     zipfile.BadZipFile,
     zlib.error,
 )
-"""What a reader that does not check its input may raise on damaged bytes."""
+"""The errors that a reader without checks of its input may raise for damaged bytes."""
 _TO_ASCII = bytes([*range(128), *b"?" * 128])
 _MEND = "Export the mesh again"
 
@@ -51,7 +51,7 @@ def read_other(data: bytes, suffix: str, source: str) -> tuple[Array, Ints]:
     """Return vertices and triangles of all meshes of a file, placed as its scene says.
 
     Raises:
-        InputError: If the file is damaged, or would be unpacked to more than is read.
+        InputError: If the file is damaged, or if its unpacked content is too large.
     """
     if suffix in _ZIPPED:
         _look_into(data, source)
@@ -62,14 +62,14 @@ def read_other(data: bytes, suffix: str, source: str) -> tuple[Array, Ints]:
     loader: Any = trimesh
     try:
         with warnings.catch_warnings(), Needs("meshes", f"a mesh in {suffix[1:].upper()}"):
-            warnings.simplefilter("ignore")  # of numbers that do not fit: they are looked at below
+            warnings.simplefilter("ignore")  # warnings about numbers out of range: the numbers are checked later
             scene = loader.load_scene(io.BytesIO(_ascii_text(data, suffix)), file_type=suffix[1:], process=False)
             mesh = scene.to_mesh()
         vertices, triangles = np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
     except _FAULTS as error:
         said = " ".join(str(error).split())[:80] or type(error).__name__
         refuse(source, f"is no {suffix[1:].upper()} file that can be read ({said})", _MEND)
-    except ModuleNotFoundError:  # trimesh guesses the encoding of such text by a library that it does not require
+    except ModuleNotFoundError:  # trimesh guesses the encoding of such text with a library that need not be installed
         refuse(source, f"is no {suffix[1:].upper()} file that can be read (its text is not UTF-8)", _MEND)
     if len(triangles) < faces:
         refuse(source, f"is cut off: it has {len(triangles)} triangles of {faces} polygons", _MEND)
@@ -77,7 +77,7 @@ def read_other(data: bytes, suffix: str, source: str) -> tuple[Array, Ints]:
 
 
 def _ascii_text(data: bytes, suffix: str) -> bytes:
-    """Return the file with its comments in ASCII: trimesh takes text for UTF-8, and comments may be in any encoding."""
+    """Return the file with comments in ASCII: trimesh expects UTF-8, but comments may have any encoding."""
     if suffix == ".off":
         return data.translate(_TO_ASCII)
     head, mark, body = data.partition(b"end_header")
@@ -85,7 +85,7 @@ def _ascii_text(data: bytes, suffix: str) -> bytes:
 
 
 def _ply_faces(data: bytes, source: str) -> int:
-    """Return how many polygons a PLY file says it has, if it has as many lines; trimesh reads what there is."""
+    """Return the number of polygons in a PLY file's header; refuse a file with missing lines, which trimesh accepts."""
     head, mark, body = data.partition(b"end_header")
     counts = {kind: int(count[:12]) for kind, count in _COUNTED.findall(head)}
     for kind, count in counts.items():
@@ -97,7 +97,7 @@ def _ply_faces(data: bytes, source: str) -> int:
 
 
 def _off_faces(data: bytes, source: str) -> int:
-    """Return how many polygons an OFF file says it has, if it has as many lines."""
+    """Return the number of polygons in an OFF file's header; refuse a file with missing lines."""
     lines = [line for line in (one.partition(b"#")[0].split() for one in data.splitlines()) if line]
     words = lines[0][1:] if lines and len(lines[0]) > 1 else lines[1] if len(lines) > 1 else []
     if len(words) < 2 or not all(word.isdigit() for word in words[:2]):
@@ -121,7 +121,7 @@ def _glb_faces(data: bytes, source: str) -> int:
 
 
 def _look_into(data: bytes, source: str) -> None:
-    """Refuse an archive that says, or hides, that it unpacks to more than is read."""
+    """Refuse a damaged archive, and one whose unpacked size, as stated in its directory, is too large."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             size = sum(entry.file_size for entry in archive.infolist())
@@ -133,4 +133,4 @@ def _look_into(data: bytes, source: str) -> None:
 
 
 _COUNT = {".ply": _ply_faces, ".off": _off_faces, ".glb": _glb_faces}
-"""What looks at a file before trimesh does, by its ending."""
+"""The check of a file before trimesh reads it, by the ending of the file's name."""

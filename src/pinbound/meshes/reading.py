@@ -1,4 +1,4 @@
-"""One mesh from one file: its size looked at first, then read by its format."""
+"""Reads a mesh from a file: first its size is checked, then the reader of its format is called."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pinbound.meshes.stl import read_stl, stl_triangles
 __all__ = ["SUFFIXES", "read_mesh"]
 
 SUFFIXES = (".stl", ".obj", ".dae", *OTHERS)
-"""The endings of the files that are read, in capitals or not."""
+"""The endings of names of files that can be read, in capital or small letters."""
 
 _POINTER = b"version https://git-lfs.github.com/"
 
@@ -26,8 +26,8 @@ _POINTER = b"version https://git-lfs.github.com/"
 def read_mesh(path: str | Path, scale: Sequence[float] = (1.0, 1.0, 1.0)) -> Mesh:
     r"""Read a mesh.
 
-    Vertices are the numbers of the file, times `scale`, in metres. In a DAE the nodes of its scene are placed; its unit
-    and its up-axis are not applied, for Pinocchio's loader does not either, and a note says so.
+    Vertices are the numbers of the file times `scale`, in metres. In a DAE, the transformations of its nodes are
+    applied. Its unit and its up-axis are not applied, as in Pinocchio's loader, and a note says so.
 
     Args:
         path: A file that ends in one of `SUFFIXES`.
@@ -35,7 +35,7 @@ def read_mesh(path: str | Path, scale: Sequence[float] = (1.0, 1.0, 1.0)) -> Mes
 
     Raises:
         InputError: If the file is missing, empty, damaged, or holds more than `MOST_TRIANGLES` triangles or
-            `MOST_BYTES` bytes: one fault, with what to do.
+            `MOST_BYTES` bytes. The error has one fault and its remedy.
         MachineError: If the machine fails while reading.
 
     Example:
@@ -85,5 +85,5 @@ def _bytes(file: Path, source: str, suffix: str) -> bytes:
         if isinstance(error, OSError) and not blames_the_path(error):
             raise MachineError(f"{source}: reading failed: {error.strerror}; try again once it can be read") from error
         if not isinstance(error, OSError) and type(error) is not ValueError:
-            raise  # an InputError is a ValueError, too
+            raise  # an InputError is also a ValueError
         refuse(source, f"cannot be read ({getattr(error, 'strerror', error)})", "Check the path and its permissions")

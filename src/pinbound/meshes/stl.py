@@ -1,4 +1,4 @@
-"""STL: fifty bytes a triangle behind a head of 84, or text."""
+"""STL: binary (a header of 84 bytes, then 50 bytes for each triangle) or text."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MEND = "Export the mesh again"
 
 
 def stl_triangles(head: bytes, size: int) -> int | None:
-    """Return how many triangles a binary file of `size` bytes holds that starts with `head`; None if it is text."""
+    """Return the number of triangles in a binary file of `size` bytes that starts with `head`; None if it is text."""
     if size < _HEAD or len(head) < _HEAD:
         return None
     count = int.from_bytes(head[80:84], "little")
@@ -38,10 +38,10 @@ def stl_triangles(head: bytes, size: int) -> int | None:
 
 
 def read_stl(data: bytes, source: str) -> tuple[Array, NDArray[np.int64]]:
-    """Return vertices and triangles; equal vertices are one.
+    """Return vertices and triangles; equal vertices are merged.
 
     Raises:
-        InputError: If a byte is left over or missing, or something of a text is no facet.
+        InputError: If a byte is missing or too much, or if a part of a text is not a facet.
     """
     count = stl_triangles(data[:_HEAD], len(data))
     if count is None:
@@ -52,7 +52,7 @@ def read_stl(data: bytes, source: str) -> tuple[Array, NDArray[np.int64]]:
         if len(data) != wanted:
             said = f"says that it has {count} triangles, which take {wanted} bytes, and has {len(data)} bytes"
             refuse(source, said, "Export the mesh again")
-        with np.errstate(invalid="ignore"):  # what is no number is refused by name, later
+        with np.errstate(invalid="ignore"):  # values that are not numbers are refused later, by name
             corners = np.frombuffer(data, dtype=_RECORD, offset=_HEAD)["corners"].reshape(-1, 3).astype(np.float64)
     vertices, rows = np.unique(corners, axis=0, return_inverse=True)
     return vertices, rows.reshape(-1, 3)

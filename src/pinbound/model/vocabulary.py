@@ -1,9 +1,9 @@
-"""The words of URDF: which elements and attributes mean something where, and what to say of all others.
+"""The vocabulary of URDF: which elements and attributes are allowed in each element, and how others are reported.
 
-A word that URDF does not have is either nearly a word that pinbound reads (`uper`, `<axes>`, `xzy`, `<Joint>`): then
-what was meant is lost, and that is a fault. Or it is a word of some other program: then it is ignored, as every URDF
-reader ignores it, and one note says so. What stands twice, or in a place or namespace where readers disagree, is a
-fault.
+If an unknown word is almost a word that pinbound reads (`uper`, `<axes>`, `xzy`, `<Joint>`), it is probably a mistake,
+and its meaning would be lost: this is a fault. Any other unknown word belongs to some other program: it is ignored, as
+in every URDF reader, and one note says so. A word that occurs twice, or at a position or in a namespace where URDF
+readers disagree, is a fault.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ __all__ = ["check_vocabulary", "looks_like_ours", "near_miss"]
 
 XACRO = ("http://www.ros.org/wiki/xacro", "http://wiki.ros.org/xacro", "http://ros.org/wiki/xacro")
 _OURS = "pinbound"
-_QUIET = ("http://www.w3.org/",)  # xsi:schemaLocation and its like say nothing about the robot
+_QUIET = ("http://www.w3.org/",)  # attributes such as xsi:schemaLocation do not concern the robot
 
 
 @dataclass(frozen=True, slots=True)
 class _Word:
-    """An element of URDF: its attributes, its children, and which of both pinbound reads.
+    """An element of URDF: its attributes and children, and which of them pinbound reads.
 
     Attributes:
-        read: Attributes and children that pinbound reads; what is nearly one of them is a fault.
-        ignored: Attributes and children that URDF has, or that programs in common use have added to it.
-        children: The words among them that are elements with words of their own.
-        once: Children that may stand once only.
-        mistaken: What people write instead, and the word for it.
+        read: Attributes and children that pinbound reads; a word that is almost one of them is a fault.
+        ignored: Other attributes and children of URDF, or of extensions by programs in common use.
+        children: The children that have a vocabulary of their own, and its key.
+        once: Children that may occur only once.
+        mistaken: Words that people write by mistake, each with the correct word.
     """
 
     read: tuple[str, ...] = ()
@@ -138,7 +138,7 @@ WORDS: Mapping[str, _Word] = {
     "sphere": _Word(("radius",), ("name",)),
     "mesh": _Word(("filename", "scale"), ("name",)),
 }
-"""The words by element; `end` is `<parent>` and `<child>`, `body` is `<visual>` and `<collision>`."""
+"""The vocabulary by element; `end` is for `<parent>` and `<child>`, `body` is for `<visual>` and `<collision>`."""
 
 _ALL = {key: frozenset((*word.read, *word.ignored)) for key, word in WORDS.items()}
 _OPAQUE = ("transmission", "gazebo", "ros2_control", "sensor", "mujoco", "material")
@@ -146,7 +146,7 @@ _LEAVES = ("end", "origin", "axis", "limit", "mimic", "mass")
 
 
 def check_vocabulary(root: etree._Element, problems: Problems) -> list[str]:
-    """Check every word of a `<robot>`; faults go to `problems`, and what is ignored is returned as notes.
+    """Check every element and attribute of a `<robot>`; add faults to `problems`, return notes on ignored parts.
 
     Example:
         >>> problems = Problems("arm.urdf")
@@ -162,7 +162,7 @@ def check_vocabulary(root: etree._Element, problems: Problems) -> list[str]:
 
 
 def _open_loops(root: etree._Element) -> list[str]:
-    """Name joints that close a loop for some program only: the robot is read as the tree without them."""
+    """Return a note on joints that close a loop only for a simulator: the robot is read as a tree without them."""
     found = [
         *root.findall("loop_joint"),
         *(one for one in root.findall("gazebo/joint") if one.find("child") is not None),
@@ -177,7 +177,7 @@ def _open_loops(root: etree._Element) -> list[str]:
 
 
 class _Checker:
-    """One walk over the elements that pinbound reads."""
+    """Walks once over the elements that pinbound reads."""
 
     def __init__(self, problems: Problems) -> None:
         self.problems = problems
@@ -271,14 +271,14 @@ class _Checker:
         name = etree.QName(child)
         tag, namespace = name.localname, str(name.namespace)
         if looks_like_ours(child):
-            return  # `annotations` reads the first, and says what is wrong with them
+            return  # the room `annotations` reads these elements, and reports their faults
         if namespace.rstrip("/") in XACRO or child.prefix == "xacro":
             if not self.xacro_seen:
                 message = f"the file holds xacro elements, <xacro:{tag}> first: they would be ignored"
                 self._fault(message, "Name the file .urdf.xacro, or expand it with xacro", child)
             self.xacro_seen = True
         elif child.prefix and (parent := child.getparent()) is not None and local_name(parent) == "geometry":
-            return  # a shape of another reader, e.g. <drake:capsule>: `bodies` names it as one that no mark holds
+            return  # a shape of another reader, e.g. <drake:capsule>: coverage reports a body that no mark holds
         elif tag in word.read or tag in ("link", "joint"):
             message = f"<{tag}> in {said} is in the namespace {namespace!r}: some readers see it, and some do not"
             self._fault(message, f"Write <{tag}> without a prefix and without xmlns, or remove it", child)
@@ -287,7 +287,7 @@ class _Checker:
             self._ignore(f"<{tag}> of the namespace {namespace!r}", child)
 
     def _hidden(self, element: etree._Element) -> None:
-        """Refuse links and joints inside an element that no reader of URDF looks into."""
+        """Refuse links and joints inside an element whose content no URDF reader reads."""
         if local_name(element) in _OPAQUE:
             return
         for inner in element.iterdescendants("link", "joint"):
@@ -298,7 +298,7 @@ class _Checker:
 
 
 def looks_like_ours(element: etree._Element) -> bool:
-    """Return whether an element is meant for pinbound: its namespace or its prefix says so, or nearly so.
+    """Return whether an element is meant for pinbound: its namespace or prefix is that of pinbound, or almost.
 
     Example:
         >>> looks_like_ours(etree.fromstring('<p:annotations xmlns:p="urn:pinbond:1"/>'))
@@ -327,9 +327,10 @@ def _meant(word: str, element: _Word, words: Collection[str]) -> str | None:
 
 
 def near_miss(word: str, known: str) -> bool:
-    """Return whether a word is nearly another one: other capitals, its letters in another order, or a slip or two.
+    """Return whether a word is almost a known one: other capitals, the same letters in another order, or few typos.
 
-    One slip (a letter too many, too few, another, or two swapped) in words of up to five letters, two in longer ones.
+    A typo is an additional, a missing or a wrong letter, or two swapped letters. One typo is allowed in words of up to
+    five letters, two are allowed in longer words.
 
     Example:
         >>> [near_miss(word, "multiplier") for word in ("multiplyer", "Multiplier", "multi_plier", "offset")]

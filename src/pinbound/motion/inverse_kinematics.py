@@ -170,7 +170,7 @@ def solve_ik(
 
 
 def _random_starts(robot: Robot, q: Array, count: int, seed: int) -> list[Array]:
-    """Return configurations within all joint limits; fewer than `count` if followers' limits leave little room."""
+    """Return configurations within all joint limits; fewer than `count` if limits of mimic joints reject many."""
     lower, upper = np.maximum(robot.lower, q - np.pi), np.minimum(robot.upper, q + np.pi)
     slides = np.array([not robot.turns(name) for name in robot.coordinates], dtype=np.bool_)
     lower[slides], upper[slides] = np.maximum(lower, q - 0.5)[slides], np.minimum(upper, q + 0.5)[slides]
@@ -180,14 +180,15 @@ def _random_starts(robot: Robot, q: Array, count: int, seed: int) -> list[Array]
 
 
 def _broken(robot: Robot, q: Array) -> GuardedLimit | None:
-    """Return the first end of a guarded rule that q breaks."""
+    """Return the first end of a guarded rule that q violates; None if there is none."""
     return next((one for one in robot.guarded_limits if not one.holds_at(q.tolist())), None)
 
 
 def _solved(robot: Robot, solver: _Solver, start: Array, goal: Array, more: tuple[LinearLimit, ...] = ()) -> _Answer:
-    """Return the answer within guarded rules too.
+    """Return the answer within all limits, also those of guarded rules.
 
-    Where the answer breaks one, each way to keep it is a limit, with which the target is tried again.
+    If an answer violates a guarded rule, each way to keep the rule becomes one more limit, and the search is repeated
+    with this limit. The result is the answer with the smallest residual.
     """
     found = solver.solve(start, goal)
     broken = _broken(robot, found.q) if np.all(np.isfinite(goal)) else None
@@ -277,14 +278,14 @@ class _Solver:
         return tuple(dict.fromkeys(self.names[k] for k in held))
 
     def _step(self, q: Array, J: Array, error: Array, damping: float) -> tuple[Array, list[int]]:
-        """Return the damped step along the limits that it would break, cut at the next limit; and those limits."""
+        """Return the damped step along the active limits, shortened where it meets the next limit; and these limits."""
         slack = self.b - self.A @ q
         held = list[int]()
         while True:
             free = _null_space(self.A[held])
             stacked = np.vstack((J @ free, np.sqrt(damping) * np.eye(free.shape[1])))
             wanted = np.concatenate((error, np.zeros(free.shape[1])))
-            step = free @ np.linalg.lstsq(stacked, wanted, rcond=None)[0]  # least norm: no column needs to matter
+            step = free @ np.linalg.lstsq(stacked, wanted, rcond=None)[0]  # least norm: columns may be zero
             rate = self.A @ step
             rate[held] = 0.0
             broken = [k for k in np.flatnonzero((slack <= LIMIT) & (rate > 1e-15)) if k not in held]
@@ -297,7 +298,7 @@ class _Solver:
 
 
 def _null_space(A: Array) -> Array:
-    """Return an orthonormal basis (n, n - rank) of the directions along all rows' limits."""
+    """Return an orthonormal basis (n, n - rank) of the null space of A: directions that change no row."""
     n = A.shape[1]
     if not len(A):
         return np.eye(n)

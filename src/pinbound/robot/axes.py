@@ -1,8 +1,8 @@
 """Other coordinates for the same robot: sums of joints, such as a third axis measured from the ground.
 
 With `theta = S q + o` and new coordinates `p = T q + t` the coupling is `theta = (S T^-1) p + (o - S T^-1 t)`. T has
-the rows of the axes, and unit rows for the other coordinates. It is inverted in exact arithmetic and rounded once; sums
-and differences are not rounded at all.
+the rows of the axes, and unit rows for the other coordinates. It is inverted in exact arithmetic and rounded once; for
+sums and differences, no rounding is needed.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class NewCoordinates(Value):
     """The change of coordinates `p = T q + t`, and its inverse.
 
     Attributes:
-        names: Of p, in order.
+        names: Names of the coordinates of p, in order.
         T: (n, n).
         t: (n,) [rad or m].
         back: T^-1, exact, as rows of fractions.
@@ -67,7 +67,7 @@ class NewCoordinates(Value):
         return GuardedLimit(self.limit(one.limit), tuple(self.limit(condition) for condition in one.where))
 
     def _row(self, c: Array, offset: float) -> tuple[list[float], float]:
-        """Return the coefficients and the offset of `c . q + o`, said of p."""
+        """Return the coefficients and the offset of `c . q + o` in terms of p."""
         given = [Fraction(float(one)) for one in c]
         row = [sum((a * b[k] for a, b in zip(given, self.back, strict=True)), Fraction(0)) for k in range(len(given))]
         moved = sum((a * Fraction(float(t)) for a, t in zip(row, self.t, strict=True)), Fraction(0))
@@ -132,7 +132,7 @@ def new_coordinates(
 
 
 def _inverse(T: Matrix) -> tuple[tuple[Fraction, ...], ...] | None:
-    """Return the inverse by Gauss and Jordan, None if there is none."""
+    """Return the inverse, by Gauss-Jordan elimination; None if there is none."""
     n = len(T)
     rows = [[*row, *(Fraction(int(i == k)) for k in range(n))] for i, row in enumerate(T)]
     for column in range(n):

@@ -105,7 +105,7 @@ def _hang(pin: Any, model: Any, index: int, root: etree._Element) -> None:
     if np.abs(between.homogeneous - np.eye(4)).max() > SAME_ROBOT:
         raise _undetermined(f"body frame {frame.name!r} is not where its joint {via.name!r} is")
     parent = model.frames[int(via.parentFrame)]
-    if joint is None and int(via.parentFrame) == above:  # a locked joint of a reduced model: its link is not kept
+    if joint is None and int(via.parentFrame) == above:  # a locked joint of a reduced model: its link is missing
         same = [one for one in model.frames if one.type == kinds.BODY and one.parentJoint == via.parentJoint]
         parent = same[0]
     if joint is not None and joint.shortname() == _FLYING and int(via.parentFrame) == 0:
@@ -144,7 +144,7 @@ def _moving(pin: Any, model: Any, name: str, joint: Any, made: etree._Element) -
     made.set("type", "prismatic" if slides else "continuous" if endless else "revolute")
     if endless:
         return
-    # What Pinocchio drops of a mimic joint's limits is not known: there are none then.
+    # The model does not keep the limits of a mimic joint, so they are unknown, and the URDF gets none.
     ends = (-np.inf, np.inf) if mimics else _limits(model, joint)
     said = {"lower": ends[0], "upper": ends[1]}
     if not slides and not all(map(np.isfinite, said.values())):

@@ -99,7 +99,7 @@ def ways_to_keep(guarded: GuardedLimit) -> list[LinearLimit]:
 def _nearest(limits: Sequence[LinearLimit], q: Array, loose: Flags) -> Array | None:
     """Return the configuration within all limits whose loose coordinates differ least from q; None if there is none.
 
-    The change is `u - v` with u, v >= 0, and `sum(u + v)` is least.
+    The change is `u - v` with u, v >= 0; the linear program minimises `sum(u + v)`.
     """
     from scipy import optimize
 
@@ -118,7 +118,7 @@ def _nearest(limits: Sequence[LinearLimit], q: Array, loose: Flags) -> Array | N
         return None
     change = np.asarray(found.x, dtype=np.float64).reshape(2, -1)
     moved = np.where(loose, q + change[0] - change[1], q)
-    for limit in limits:  # the program's own tolerance is wider than that of a limit: one joint at a time, to its end
+    for limit in limits:  # the program's tolerance is wider than a limit's: move one joint to its end
         used = np.flatnonzero((limit.coefficients != 0.0) & loose)
         value = float(limit.values(moved[None])[0])
         if len(used) and not limit.holds(moved[None])[0]:

@@ -21,10 +21,10 @@ from pinbound.typing import Array
 
 __all__ = ["ENTRIES", "limit_table"]
 
-_BESIDE = 1e-3  # rad, to either side of a corner
+_BESIDE = 1e-3  # rad: distance to both sides of a corner
 _MOST_ENTRIES = 100_000
-_FINER = 6  # spacings that are tried for two corners, one entry more between them each
-_STRAIGHT = 1e-6  # slopes that differ by less are one
+_FINER = 6  # number of spacings that are tried between two corners; each has one entry more than the one before
+_STRAIGHT = 1e-6  # slopes that differ by less count as equal
 
 ENTRIES = ("multiples", "fitted", "corners")
 """The kinds of grids; `limit_table` explains them."""
@@ -138,7 +138,7 @@ def _half_planes(robot: Robot, boundaries: Sequence[Boundary], pair: tuple[int, 
             gap = contact.gap(float(contact.coefficients @ robot.home))
             stop = one.rule.stop
             low, high = stop.free_gap if stop is not None else gap
-            # Of contacts that the dependent joint changes, its limits keep away; of the others, the range of angles.
+            # `_entries` keeps a margin in the dependent joint; contacts that it does not change need the margin here.
             spare = 0.0 if contact.coefficients[pair[1]] else TABLE
             _add(rows, contact.coefficients, (low + spare, high - spare), pair, one.name, robot)
     return np.array(rows).reshape(-1, 3)
@@ -173,7 +173,7 @@ def _interval(planes: Array, x: float) -> tuple[float, float]:
 
 
 def _entries(planes: Array, angles: Array, whole: bool) -> tuple[Array, Array, Array]:
-    """Return the angles that leave something, and lower and upper there, `TABLE` inside."""
+    """Return the angles at which an interval remains, and its lower and upper end there, `TABLE` inside the limits."""
     rows = np.array([_interval(planes, float(x)) for x in angles]).reshape(-1, 2)
     lower, upper = rows[:, 0] + TABLE, rows[:, 1] - TABLE
     if whole:
@@ -182,12 +182,12 @@ def _entries(planes: Array, angles: Array, whole: bool) -> tuple[Array, Array, A
     straight = c == 0.0
     within = np.all(np.outer(angles, a[straight]) <= b[straight] + LIMIT, axis=1)
     kept = np.flatnonzero((lower <= upper) & within)
-    inside = slice(int(kept[0]), int(kept[-1]) + 1) if len(kept) else slice(0)  # a convex set: no gap between
+    inside = slice(int(kept[0]), int(kept[-1]) + 1) if len(kept) else slice(0)  # the set is convex: it has no gaps
     return angles[inside], lower[inside], upper[inside]
 
 
 def _angles(planes: Array, low: float, high: float, spacing: float, grid: str) -> Array:
-    """Return the angles of the entries [rad]; a corner is met to 1e-12 degrees, as angles are printed."""
+    """Return the angles of the entries [rad]; corners are exact to 1e-12 degrees, the precision of printed angles."""
     step = math.radians(spacing)
     if (high - low) / step > _MOST_ENTRIES:
         said = (
@@ -210,12 +210,12 @@ def _angles(planes: Array, low: float, high: float, spacing: float, grid: str) -
             apart = abs(other - start)
             for more in range(_FINER):
                 width = apart / (max(math.ceil(apart / step - TABLE), 1) + more)
-                if width > 0.25 * step:  # corners that are nearer to each other would make a table without end
+                if width > 0.25 * step:  # otherwise corners that are close to each other would make the table too long
                     before, behind = math.floor((start - low) / width), math.floor((high - start) / width)
                     candidates.append(np.asarray(start + width * np.arange(-before, behind + 1), dtype=np.float64))
 
     def rank(angles: Array) -> tuple[float, float, int]:
-        """Less is lost, of the dependent joint, then of the target; else fewer entries are better."""
+        """Return the sort key: loss of the dependent joint, then loss of the target's range, then number of entries."""
         kept, lower, upper = _entries(planes, angles, False)
         if not len(kept):
             return math.inf, math.inf, 0
@@ -226,13 +226,13 @@ def _angles(planes: Array, low: float, high: float, spacing: float, grid: str) -
 
 
 def _is_corner(planes: Array, x: float) -> bool:
-    """Return whether one of the two limits has its slope changed at x."""
+    """Return whether the slope of one of the two limits changes at x."""
     at, before, behind = (np.array(_interval(planes, x + step)) for step in (0.0, -_BESIDE, _BESIDE))
     return bool(np.any(np.abs(before + behind - 2.0 * at) > _BESIDE * _STRAIGHT))
 
 
 def _range(planes: Array, dependent: str) -> tuple[float, float]:
-    """Return the range of x over the polygon: the ends lie at corners."""
+    """Return the range of x over the polygon; its ends are at corners."""
     a, c, b = planes.T
     if not (np.any(c > 0.0) and np.any(c < 0.0)):
         raise UnsupportedError(
@@ -253,7 +253,7 @@ def _range(planes: Array, dependent: str) -> tuple[float, float]:
 
 
 def _breaks(planes: Array) -> list[float]:
-    """Return x of every two lines' common point."""
+    """Return x of the intersection of every two lines."""
     found: list[float] = []
     for k, (a, c, b) in enumerate(planes.tolist()):
         for u, v, w in planes[:k].tolist():
@@ -264,7 +264,7 @@ def _breaks(planes: Array) -> list[float]:
 
 
 def _loss(planes: Array, angles: Array, lower: Array, upper: Array) -> float:
-    """Return the largest difference from the true interval: both are broken lines, so it is at a break of one."""
+    """Return the largest difference from the true interval; as both are piecewise linear, it is at a corner of one."""
     inner = [x for x in _breaks(planes) if angles[0] <= x <= angles[-1]]
     xs = np.unique(np.concatenate((angles, np.array(inner))))
     true = np.array([_interval(planes, float(x)) for x in xs])

@@ -107,7 +107,7 @@ class _Again:
         document: The normalised document.
         items: Raw items of all annotations.
         said: Notes on annotations that were not used.
-        package_dirs: Those of the robot.
+        package_dirs: The folders of packages, as for the robot.
         files: The meshes that hulls have named so far; they are not read again.
     """
 
@@ -136,7 +136,7 @@ def _made(
 ) -> Robot:
     """Return the robot of a document and raw items.
 
-    `compared` are annotations under which Pinocchio's reading of the document was found to agree already.
+    `compared` are annotations for which the document was already compared with Pinocchio's reading, and agreed.
     """
     links, joints = ([str(e.get("name")) for e in document.root.findall(tag)] for tag in ("link", "joint"))
     marks = validate(items, problems, links, joints, files)
@@ -242,7 +242,7 @@ def _excesses(marks: Annotations) -> list[str]:
 def _given_items(
     document: Document, given: AnnotationSource | Sequence[AnnotationSource] | None, problems: Problems
 ) -> tuple[list[RawItem], list[str]]:
-    """Return the items of the annotations beside the document, and notes on what of them was not used."""
+    """Return the items of the annotations beside the document, and notes on the parts that were not used."""
     if given is None:
         stem = document.path.name
         for suffix in (".xacro", ".urdf"):
@@ -264,7 +264,7 @@ def _read_annotations(
 
     if isinstance(given, Annotations):
         items = raw_items(given, "annotations")
-        return items if given.contact_tolerance != CONTACT else items[1:], ()  # the default is no wish
+        return items if given.contact_tolerance != CONTACT else items[1:], ()  # a default value replaces nothing
     found = read_annotation_file(Path(given), problems, document)
     return found.items, found.notes
 
@@ -349,7 +349,7 @@ def _boundaries(
     limits: Sequence[LinearLimit],
     closures: Sequence[Closure],
 ) -> tuple[list[Boundary], list[str]]:
-    """Return the boundaries and what is to be said of their stops; those that are in contact at home are faults."""
+    """Return the boundaries, and notes on their stops; a boundary that is in contact at home is a fault."""
     boundaries: list[Boundary] = []
     notes: list[str] = []
     is_apart = _apart_at_home(tree, coupling, home)
@@ -397,7 +397,7 @@ def _boundaries(
 
 
 def _apart_at_home(tree: Tree, coupling: Coupling, home: Array) -> Callable[[Boundary], bool]:
-    """Return a function that says whether two points are certainly apart at home, without their relative path."""
+    """Return a function that tells whether two points are certainly apart at home; it needs no relative path."""
     theta = coupling.expand(home)
     names, places = placements(tree, dict(zip(coupling.joints, theta.tolist(), strict=True)))
     of_link = dict(zip(names, places, strict=True))
@@ -415,7 +415,7 @@ def _apart_at_home(tree: Tree, coupling: Coupling, home: Array) -> Callable[[Bou
 
 
 def _stop_notes(boundary: Boundary) -> list[str]:
-    """Return notes: how far the points of a stop miss each other, or that a boundary is nearly a stop."""
+    """Return a note if the points of a stop miss each other, or if a boundary is nearly a stop."""
     miss, names = boundary.rule.miss, f"{boundary.point_a.name} and {boundary.point_b.name} ({boundary.name})"
     if miss is None or miss <= boundary.contact_tolerance:
         return []

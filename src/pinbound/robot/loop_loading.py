@@ -22,7 +22,7 @@ __all__ = ["home_of_loops", "opened_loops", "toggles"]
 
 
 def opened_loops(tree: Tree, settled: Settled, marks: Annotations, problems: Problems) -> tuple[Settled, Lift]:
-    """Return the coupling with passive joints of loops that are not parallelograms as coordinates; and F."""
+    """Return the coupling whose coordinates include passive joints of loops that are no parallelograms; and F."""
     coupling, lift = lifted(settled.coupling, settled.linkages)
     closures = tuple(close(tree, coupling, one.mark) for one in settled.closures)
     name = settled.linkages[0].name
@@ -46,12 +46,12 @@ def opened_loops(tree: Tree, settled: Settled, marks: Annotations, problems: Pro
 
 
 def toggles(lift: Lift, marks: Annotations) -> tuple[LinearLimit, ...]:
-    """Return the toggles of the loops as limits that keep home's side."""
+    """Return the toggles of the loops as limits, with home on the allowed side."""
     return toggle_limits(lift, lift(_marked_home(lift, marks)))
 
 
 def _marked_home(lift: Lift, marks: Annotations) -> Array:
-    """Return q as home marks it, zero where it marks nothing."""
+    """Return q from the marked home; coordinates that it does not name are zero."""
     return np.array([marks.home.get(name, 0.0) for name in lift.coordinates], dtype=np.float64)
 
 

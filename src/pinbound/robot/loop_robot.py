@@ -105,7 +105,7 @@ class LoopRobot(Robot):
             object.__setattr__(self, name, value)
 
     def __getattr__(self, name: str) -> Any:
-        """Refuse limits as rows over q, which do not say what loops allow.
+        """Refuse limits as rows over q, because these rows do not contain the limits of loops.
 
         Raises:
             UnsupportedError: For `linear_limits`.
@@ -117,7 +117,7 @@ class LoopRobot(Robot):
 
     @property
     def guarded_limits(self) -> tuple[GuardedLimit, ...]:  # type: ignore[override]
-        """Refused, like `linear_limits`.
+        """Raises an error, like `linear_limits`.
 
         Raises:
             UnsupportedError: Always, with the names of the loops.

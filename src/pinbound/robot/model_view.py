@@ -130,7 +130,7 @@ def _frames(tree: Tree, model: Any) -> dict[str, int]:
 
 
 def _placed(model: Any, frames: Mapping[str, int], q: Array) -> dict[str, Array]:
-    """Return where the model places links, (4, 4) each."""
+    """Return the placement (4, 4) of each link in the model."""
     import pinocchio
 
     data = model.createData()
@@ -139,7 +139,7 @@ def _placed(model: Any, frames: Mapping[str, int], q: Array) -> dict[str, Array]
 
 
 def _locked_value(joint: Joint, placed: Mapping[str, Array], near: float) -> float:
-    """Return the value at which a model holds a joint, read from how the two links lie to each other."""
+    """Return the value at which a model locks a joint, from the relative placement of its two links."""
     relative = np.linalg.inv(placed[joint.parent]) @ placed[joint.child]
     if joint.type == "prismatic":
         return float(joint.axis @ joint.rotation.T @ (relative[:3, 3] - joint.translation))
@@ -150,7 +150,7 @@ def _locked_value(joint: Joint, placed: Mapping[str, Array], near: float) -> flo
 
 
 def _check_locked(coupling: Coupling, locked: Mapping[str, float]) -> None:
-    """Refuse locked mimic joints whose primaries move, or are locked elsewhere."""
+    """Refuse locked mimic joints whose primary joints move, or are locked at values that do not fit."""
     for name, value in locked.items():
         if name in coupling.coordinates:
             continue
@@ -173,7 +173,7 @@ def _check_locked(coupling: Coupling, locked: Mapping[str, float]) -> None:
 def _compare(
     tree: Tree, coupling: Coupling, model: Any, frames: Mapping[str, int], found: ModelJoints, home: Array
 ) -> None:
-    """Compare the placements of all links, as the root link sees them, at two configurations."""
+    """Compare the placements of all links, relative to the root link, at two configurations."""
     for seed in (0, 1):
         q = home + np.random.default_rng(seed).uniform(-1.0, 1.0, len(home))
         for index, name in enumerate(coupling.coordinates):

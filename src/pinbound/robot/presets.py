@@ -127,7 +127,7 @@ def _floats(numbers: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _ends(entry: Mapping[str, Any]) -> tuple[float, float]:
-    """Return lower and upper in radians; infinite where there is none."""
+    """Return the lower and the upper limit in radians; infinite if there is none."""
     return math.radians(entry.get("lower_deg", -math.inf)), math.radians(entry.get("upper_deg", math.inf))
 
 

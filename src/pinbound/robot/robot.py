@@ -109,7 +109,7 @@ class Robot(Value, Pictured):
 
     def _ends(self, end: str) -> Array:
         joints = {joint.name: float(getattr(joint, end)) for joint in self.tree.moving_joints}
-        nothing = -math.inf if end == "lower" else math.inf  # of an axis, which is no joint
+        nothing = -math.inf if end == "lower" else math.inf  # for an axis, which has no limits of its own
         values = np.array([joints.get(name, nothing) for name in self.coordinates])
         values.flags.writeable = False
         return values

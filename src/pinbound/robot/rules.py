@@ -98,7 +98,7 @@ def condition_text(condition: LinearLimit, names: Sequence[str], factor: float =
 
 
 def place_of_limit(name: str, marks: Annotations, joints: Mapping[str, Joint]) -> tuple[int | None, str | None]:
-    """Return line and file of what sets a limit: a rule, limits or a mimic joint of the annotations, or the joint."""
+    """Return line and file of the source of a limit: a rule, limits or a mimic joint in annotations, or the joint."""
     said = {f"rule {one.name}": one.line for one in marks.rules}
     said |= {f"limit {one.joint}": one.line for one in marks.limits}
     said |= {f"follower {one.joint}": one.line for one in marks.followers}

@@ -15,10 +15,10 @@ from pinbound.values import Value
 
 __all__ = ["FORMATS", "GRIDS", "LimitTable"]
 
-_DECIMALS = 6  # of printed limits, in degrees: 1e-6 deg is far below any encoder
-_WITHIN = 1e-4  # of the last decimal: a whole degree in radians is none to the last bit; entries have a margin of 0.05
-_ANGLES = 12  # decimals of printed angles: between entries a table is proved at these very angles
-_EVEN = 1e-9  # degrees: spacings that differ by no more are one spacing
+_DECIMALS = 6  # decimals of printed limits, in degrees: 1e-6 deg is far below the resolution of encoders
+_WITHIN = 1e-4  # of the last decimal: rounding allowance for a whole degree in radians; entries have a margin of 0.05
+_ANGLES = 12  # decimals of printed angles: the proof between entries holds for exactly these angles
+_EVEN = 1e-9  # degrees: spacings that differ by no more count as equal
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,4 +163,4 @@ FORMATS: dict[str, Callable[[LimitTable], str]] = {
 """Writers by format. All use degrees except JSON, which uses radians."""
 
 GRIDS = {"skrobot": "fitted", "jskeus": "multiples", "hrpsys": "multiples", "csv": "corners", "json": "corners"}
-"""The value of `limit_table(grid=)` that loses least, of those that a format can hold."""
+"""For each format, the value of `limit_table(grid=)` with the least loss among those that the format can store."""
