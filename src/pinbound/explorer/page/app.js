@@ -1,4 +1,4 @@
-// The page: one state, drawn once a frame.
+// The page: one state, which is drawn once for each frame.
 
 const element = (id) => document.getElementById(id);
 const SETTLED = 140; // ms after the last change in which limits that take long are found
@@ -40,7 +40,7 @@ class State {
     this.paint();
   }
 
-  // Clearances and limits of the present q.
+  // Updates clearances, limits and open loops for the present q.
   look() {
     this.signed = this.robot.evaluate(this.q);
     this.touching = this.robot.clearances.filter((_, k) => !(this.signed[k] > 0));
@@ -321,7 +321,7 @@ class Panels {
     }
   }
 
-  // The chosen boundary or limit: marks, formula, contact, and what it is now.
+  // The chosen boundary or limit: marks, formula, contact, and its present value.
   detail() {
     const { state } = this;
     this.swatches();

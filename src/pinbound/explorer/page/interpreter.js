@@ -1,11 +1,11 @@
-// The graph of pinbound's reduced paths, walked: values forward, gradients backward. It knows no kinematics.
+// Evaluates the graph of pinbound's reduced paths: values forward, gradients backward. It has no kinematics of its own.
 
 const KINDS = "kqcs+-*/r?h";
 const OPERANDS = { k: 0, q: 1, c: 1, s: 1, "+": 2, "-": 2, "*": 2, "/": 2, r: 1, "?": 4, h: 1 };
 
 class Program {
-  // record: { n, kinds: a letter a node, args: operands one after the other, constants, angles }
-  // With loops its n coordinates are those of z = F(q).
+  // record: { n, kinds: one letter for each node, args: all operands in one list, constants, angles }
+  // With loops, the n coordinates are those of z = F(q).
   constructor(record, loops = null) {
     const size = record.kinds.length;
     this.n = record.n;
@@ -27,7 +27,7 @@ class Program {
     this.all = Int32Array.from({ length: size }, (_, k) => k);
   }
 
-  // Numbers of the nodes that some nodes need, operands first.
+  // Numbers of all nodes that the given nodes need; operands are before the nodes that use them.
   needed(outputs) {
     const seen = new Set();
     const stack = [...outputs];
@@ -77,7 +77,7 @@ class Program {
     return values;
   }
 
-  // The gradient over q of sum_i weight_i node_i, after run(q, nodes). A hold passes nothing on.
+  // The gradient over q of sum_i weight_i node_i, after run(q, nodes). The derivative of a hold is zero.
   gradient(given, seeds, nodes = this.all) {
     const { kind, args, values, slopes } = this;
     const q = this.full(given);
@@ -116,7 +116,7 @@ class Program {
   }
 }
 
-// One boundary: its signed clearance [m], positive is free, and its gradient.
+// One boundary: its signed clearance [m] (positive is free) and its gradient.
 class Clearance {
   constructor(program, record) {
     this.program = program;
@@ -127,7 +127,7 @@ class Clearance {
     if (hull) this.search = new HullSearch(hull);
   }
 
-  // The value, after program.run(q) or run(q, this.nodes).
+  // The signed clearance, after program.run(q) or run(q, this.nodes).
   read() {
     if (!this.search) return this.program.values[this.record.value];
     return this.search.separation(this.program.values) - this.record.distance;
@@ -149,7 +149,7 @@ class Clearance {
   }
 }
 
-// What the page knows of a robot: clearances, limits, places of links.
+// The robot of the page: clearances, limits, placements of links.
 class Robot {
   constructor(data) {
     this.data = data;
@@ -171,14 +171,14 @@ class Robot {
     return this.signed;
   }
 
-  // The first boundary in contact at q, asked in an order; -1 where all are clear.
+  // The index of the first boundary, in the given order, that is in contact at q; -1 if all are clear.
   contact(q, order) {
     this.program.run(q, this.watched);
     for (const k of order) if (!this.clearances[k].isClear()) return k;
     return -1;
   }
 
-  // Places of all links: origin [m] and rotation, column by column, as a matrix of WebGL.
+  // Placements of all links: origin [m] and rotation, column by column, as a matrix of WebGL.
   places(q) {
     const v = this.program.run(q, this.placed);
     return this.data.links.map(({ o, x, y }) => {
@@ -192,7 +192,7 @@ class Robot {
     return this.loops ? this.loops.open(q) : [];
   }
 
-  // Names of the joint limits and rules that q does not keep; the same rule as in Python, to its tolerance.
+  // Names of the joint limits and rules that q violates; the test and its tolerance are those of Python.
   broken(given) {
     const { rows, guarded, roundoff } = this.data.limits;
     const q = this.program.full(given);

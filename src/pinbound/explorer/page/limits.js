@@ -1,7 +1,8 @@
-// How far one coordinate can move from q, the others standing still, and what stops it.
+// How far one coordinate can move from q while the others are fixed, and which boundary or limit ends its motion.
 //
-// Stops, points that turn by one rotation and prismatic joints have closed forms. Otherwise the coordinate is stepped by
-// clearance / speed, speed being a proven bound of how fast the clearance changes: no contact can be stepped over.
+// Stops, points that one rotation moves, and prismatic joints have closed forms. Otherwise the coordinate moves in
+// steps of clearance / speed. The speed is a proven bound of the rate of the clearance, so no step can pass over a
+// contact.
 
 const NEAR = 1e-8; // m: stepping ends at this clearance
 const MOST_STEPS = 600;
@@ -15,15 +16,15 @@ class Reach {
     this.through = robot.data.coordinates.map((_, j) => (robot.loops?.rates[j] ? throughLoops(robot, j) : null));
   }
 
-  // The interval around q_j in which one boundary is out of contact, in closed form; null if nothing ends it, or there is
-  // no closed form.
+  // The interval around q_j without contact of one boundary, in closed form; null if the interval has no ends, or if
+  // there is no closed form.
   span(one, q, j) {
     const { way, rate } = one.record.ways[j];
     if (this.through[j]?.clearances.has(one)) return null;
     return CLOSED[way]?.(one, way === "stop" ? this.robot.program.full(q) : q, j, rate) ?? null;
   }
 
-  // { lower: { value, name, how }, upper: ... }; null where q itself is in contact or out of limits.
+  // { lower: { value, name, how }, upper: ... }; null if q itself is in contact or outside the limits.
   of(q, j, signed) {
     const { data, clearances } = this.robot;
     const x = q[j];
@@ -87,8 +88,9 @@ class Reach {
   }
 }
 
-// What a coordinate moves through loops: clearances, contact of stops, and limits of what is passive. Each is a function
-// of q that is positive where it is allowed, with bounds of how fast it changes in each part of the coordinate's window.
+// The clearances, contacts of stops, and limits of passive joints that depend on a coordinate through loops. Each is a
+// function of q that is positive where q is allowed. It has a bound of its rate in each part of the coordinate's
+// window.
 function throughLoops(robot, j) {
   const { loops, data, clearances, program } = robot;
   const passive = Array.from({ length: program.n }, (_, k) => k).filter((k) => k >= robot.n && loops.moves(j, k));
@@ -125,13 +127,14 @@ function throughLoops(robot, j) {
   return found;
 }
 
-// How far a sum is inside its limits; negative outside.
+// The distance of a sum of coordinates from its nearest limit; negative outside the limits.
 function room(limit, z) {
   const value = dot(limit.coefficients, z) + limit.offset;
   return Math.min(limit.lower === null ? Infinity : value - limit.lower, limit.upper === null ? Infinity : limit.upper - value);
 }
 
-// As stepTo, with a bound for each part of the window: a step goes on through parts until their speeds have used it up.
+// Like stepTo, with one bound for each part of the window: a step continues through parts until the clearance is used
+// up.
 function follow(value, q, j, { speeds, from, to }, sign, end) {
   const x = q[j];
   const size = (to - from) / speeds.length;
@@ -171,7 +174,7 @@ function linearSpan({ coefficients, offset, lower, upper }, q, j) {
   return [upper === null ? -Infinity : ends[1], lower === null ? Infinity : ends[0]];
 }
 
-// What a rule with conditions forbids along the coordinate: an interval, or null.
+// The interval of the coordinate that a rule with conditions forbids, or null.
 function guardedSpan(limit, where, q, j) {
   let [low, high] = [-Infinity, Infinity];
   for (const part of where) {
@@ -195,7 +198,8 @@ const CLOSED = {
     return linearSpan({ coefficients, offset: 0, lower: gap[0], upper: gap[1] }, q, j);
   },
 
-  // f = a + b cos(d) + s sin(d), d = rate (q_j - x), from three values a third of a turn apart; free where f > target.
+  // f = a + b cos(d) + s sin(d), d = rate (q_j - x); three values at distances of a third of a turn give a, b and s.
+  // The boundary is free where f > target.
   turn(one, q, j, rate) {
     const x = q[j];
     const [f0, f1, f2] = [0, 1, 2].map((k) => measured(one, q, j, x + (k * 2 * Math.PI) / (3 * rate)));
@@ -209,7 +213,7 @@ const CLOSED = {
     return [x + Math.min(...ends), x + Math.max(...ends)];
   },
 
-  // f = a + b y + c y^2 of the square of a distance, a + b y of a height; y = q_j - x.
+  // The squared distance is f = a + b y + c y^2, a height is f = a + b y; y = q_j - x.
   slide(one, q, j) {
     const x = q[j];
     const [f0, up, down] = [0, 1, -1].map((k) => measured(one, q, j, x + k));
@@ -257,7 +261,7 @@ function stepTo(one, q, j, speed, sign, end) {
   return found;
 }
 
-// `turn`, if there is one, jumps by a whole turn at its cut, which ends what is allowed.
+// The angle `turn`, if there is one, jumps by a whole turn at its cut; the motion ends there.
 function sampleTo(one, q, j, sign, end) {
   const x = q[j];
   let found = null;

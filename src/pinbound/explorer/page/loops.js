@@ -1,7 +1,8 @@
-// Loops that are not parallelograms, in the closed forms of pinbound's docs/loops.md: z = F(q), and its slopes.
+// Loops that are not parallelograms, in the closed forms of pinbound's docs/loops.md: z = F(q) and its derivatives.
 //
-// z is q, then for each loop its two passive joints, its transmission and, in some, its turn. Beyond a toggle the formulas
-// go on with the transmission held at its end, as in Python; no robot has these values, and `open` says so.
+// z is q, then for each loop its two passive joints, its transmission and, for some loops, the angle `turn`. Beyond a
+// toggle, the formulas hold the transmission at its end, as in Python. No robot can reach such q, and `open` names the
+// loops.
 
 const sparse = (row) => row.flatMap((c, k) => (c ? [[k, c]] : []));
 const total = (row, z) => row.reduce((sum, [k, c]) => sum + c * z[k], 0);
@@ -18,7 +19,7 @@ class Linkage {
     this.ends = this.isArms ? [-1, 1].map((s) => y * y + z * z + s * 2 * y * z * record.flat) : null;
   }
 
-  // X, the part of the loop that q moves.
+  // The vector X, the part of the loop that depends on its inputs.
   moved(z) {
     let [x, y] = [0, 0];
     this.vectors.forEach((vector, k) => {
@@ -52,7 +53,7 @@ class Linkage {
     return Math.max(square, b + 0.25 * (this.range[0] - b));
   }
 
-  // Writes passive joints, transmission and turn into z.
+  // Writes passive joints, transmission and `turn` to z.
   solve(z) {
     const [x, y] = this.moved(z);
     const [Y, Z] = this.lengths;
@@ -82,7 +83,7 @@ class Linkage {
     this.columns.forEach((column, i) => (z[column] = found[i]));
   }
 
-  // Writes the slopes of the same along a way (the slopes of all of z) into it.
+  // Writes the directional derivatives of these values to `way`, which holds the derivatives of the entries of z.
   slope(z, way) {
     let [x, y, dx, dy] = [0, 0, 0, 0];
     this.vectors.forEach((vector, k) => {
@@ -142,7 +143,7 @@ class Loops {
     this.rates = record.rates;
   }
 
-  // z of q; the array is the next call's, too.
+  // z at q; the next call uses the same array.
   at(q) {
     const { z, last, n } = this;
     let same = true;
@@ -154,7 +155,7 @@ class Loops {
     return z;
   }
 
-  // The gradient over q of what has the gradient g over z.
+  // The gradient over q of a function with the gradient g over z.
   chain(q, g) {
     const z = this.at(q);
     const found = g.slice(0, this.n);
@@ -174,8 +175,9 @@ class Loops {
     return this.linkages.filter((one) => !one.closes(z)).map(({ name }) => name);
   }
 
-  // Bounds of how fast a function changes along q_j, part by part, from its speeds over z; NaN where none is known. They
-  // hold for the present value of the other coordinate that moves the same loops, if there is one.
+  // Bounds of the rate of a function along q_j, one for each part, from its rates over z; NaN where no bound is known.
+  // If one other coordinate moves the same loops, the bounds hold for the part of its window that contains its present
+  // value.
   speeds(j, speeds, q, windows) {
     const { cells, rows, other, of } = this.rates[j];
     let row = 0;

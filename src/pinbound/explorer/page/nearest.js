@@ -1,7 +1,8 @@
-// The least |x| over all x = a + b, a in the hull of some points, b in that of others: GJK. Each step takes the nearest
-// point of at most four differences, by trying all their faces.
+// GJK: the least |x| over all x = a + b, with a in the hull of points A and b in the hull of points B. Each step finds
+// the nearest point of at most four such sums by trying all their faces.
 
-// It ends early where the least is proven to be above `clear`, or has come down to `hit`: then `size` says only that.
+// The search ends early if the least is proven to be above `clear`, or if `hit` is reached. Then `size` only tells
+// which of the two holds.
 function nearestOfHulls(A, B, scale, clear = Infinity, hit = 0) {
   const support = (x, y, z) => {
     const [i, j] = [lowest(A, x, y, z), lowest(B, x, y, z)];
@@ -31,7 +32,7 @@ function lowest(points, x, y, z) {
   return found;
 }
 
-// Faces of at most four points that hold the last one: where it lowers the least, the nearest face has it.
+// Faces of at most four points that contain the last point: if this point lowers the least, it is in the nearest face.
 const FACES = [1, 2, 3, 4].map((count) =>
   Array.from({ length: 1 << (count - 1) }, (_, bits) =>
     [...Array(count).keys()].filter((k) => k === count - 1 || bits & (1 << k)),
@@ -94,7 +95,7 @@ function norm3(a) {
   return Math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
 }
 
-// r = w + sum_i t_i e_i, t over the product of two hulls: its least length, or least height.
+// The least length, or the least height, of r = w + sum_i t_i e_i, with t in the product of two hulls.
 class HullSearch {
   constructor(record) {
     this.record = record;
@@ -102,7 +103,7 @@ class HullSearch {
     this.points = record.corners.map((corners) => new Float64Array(3 * corners.length));
   }
 
-  // Whether the separation is above the contact distance: ends as soon as that is known.
+  // Whether the separation is above the contact distance; the search ends as soon as this is known.
   isClear(values) {
     const { distance, overlap, is_height: isHeight } = this.record;
     if (isHeight) return this.separation(values) > distance;
@@ -111,7 +112,7 @@ class HullSearch {
     return size > Math.max(distance, overlap);
   }
 
-  // Points of both hulls, w in the first, and the largest number in them.
+  // The points of both hulls (w is added to the first hull), and the largest absolute value of their components.
   place(values) {
     const { w, edges, corners } = this.record;
     let scale = 0;
@@ -142,7 +143,7 @@ class HullSearch {
     return this.found.size;
   }
 
-  // Weights of nodes in the gradient of the separation; null where it is zero, for it has a kink there.
+  // Weights of nodes in the gradient of the separation; null if the separation is zero, where it has no gradient.
   seeds() {
     const { w, edges, corners } = this.record;
     const { simplex, r, size } = this.found;

@@ -1,4 +1,4 @@
-// Draws solids and lines by WebGL 2, on a graphics processor; where there is none, `pen_soft.js` draws the same.
+// Draws solids and lines by WebGL 2 on a graphics processor; without one, `pen_soft.js` draws the same.
 
 const VERTEX = `#version 300 es
 in vec3 corner; in vec3 normal; uniform mat4 place; uniform mat4 view; out vec3 facing;
@@ -13,7 +13,7 @@ void main() {
 const STILL = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 
 class GlPen {
-  // The pen of a canvas; null without WebGL 2, and where the processor does WebGL's work, which takes many times longer.
+  // The pen of a canvas; null without WebGL 2, and if WebGL runs on the CPU, which takes many times longer.
   static of(canvas) {
     if (isSlow(document.createElement("canvas"))) return null;
     const gl = canvas.getContext("webgl2", { antialias: true });
@@ -42,13 +42,13 @@ class GlPen {
     gl.clearColor(0, 0, 0, 0);
   }
 
-  // Pixels of the canvas for one of the page, standing still and moving.
+  // Pixels of the canvas for one pixel of the page, at rest and during a motion.
   ratios(device) {
     const still = Math.min(device, 2);
     return { still, moving: still };
   }
 
-  // One buffer for many solids; each keeps its first corner and their number.
+  // One buffer for many solids; each part has the index of its first corner and the number of its corners.
   upload(solids) {
     const { gl } = this;
     const array = gl.createVertexArray();
@@ -83,7 +83,8 @@ class GlPen {
     gl.uniform3fv(this.at.light, light);
   }
 
-  // isAsked: what is nearer hides; isKept: it hides what comes later; isBehind: it is drawn a little behind where it is.
+  // isAsked: nearer pixels hide it; isKept: it hides pixels that are drawn later; isBehind: its depth is increased a
+  // little.
   depth({ isAsked = true, isKept = true, isBehind = false }) {
     const { gl } = this;
     (isAsked ? gl.enable : gl.disable).call(gl, gl.DEPTH_TEST);
@@ -121,7 +122,8 @@ class GlPen {
   end() {}
 }
 
-// Whether WebGL 2 is missing, or says that it is a program: asked of a canvas of its own, for a canvas keeps its first context.
+// Whether WebGL 2 is missing or is done in software. A separate canvas is used, because a canvas keeps its first
+// context.
 function isSlow(canvas) {
   const gl = canvas.getContext("webgl2", { failIfMajorPerformanceCaveat: true });
   if (!gl) return true;

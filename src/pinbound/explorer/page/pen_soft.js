@@ -1,4 +1,5 @@
-// Draws what `pen_gl.js` draws, without a graphics processor: triangles into an array of pixels, the nearest one kept.
+// Draws the same as `pen_gl.js` without a graphics processor: triangles are drawn into an array of pixels with a depth
+// buffer.
 
 const THIN = 1e-5; // pixels^2: a triangle whose doubled area is smaller covers none
 
@@ -13,12 +14,12 @@ class SoftPen {
     this.depth({});
   }
 
-  // Twice as many pixels as needed are smooth edges; while something moves, one for one of the page.
+  // At rest, up to two pixels of the canvas for one pixel of the page make edges smooth; during a motion it is one.
   ratios(device) {
     return { still: Math.min(2 * device, 2), moving: 1 };
   }
 
-  // Corners that triangles share are one, so that each is placed once.
+  // Corners that triangles share are stored once, so that each is transformed only once.
   upload(solids) {
     const parts = solids.map(([solid, link, record]) => {
       const [corners, seen] = [[], new Map()];
@@ -54,7 +55,7 @@ class SoftPen {
     this.far.fill(1);
   }
 
-  // As GlPen.depth.
+  // The same as GlPen.depth.
   depth({ isAsked = true, isKept = true, isBehind = false }) {
     Object.assign(this, { isAsked, isKept: isAsked && isKept, isBehind });
   }
@@ -96,7 +97,7 @@ class SoftPen {
     return this.clip[5 * k + 2] > -this.clip[5 * k + 3] ? 1 : 0;
   }
 
-  // A corner in pixels.
+  // Converts a corner to pixels.
   show(clip, from, shown, to) {
     const w = clip[from + 3];
     shown[to] = 0.5 * (clip[from] / w + 1) * this.width;
@@ -105,7 +106,8 @@ class SoftPen {
     shown[to + 3] = clip[from + 4];
   }
 
-  // A triangle of which one or two corners are nearer than where the view begins: what is beyond is drawn.
+  // Draws a triangle of which one or two corners are in front of the near plane: only the part behind the plane is
+  // drawn.
   cut(corners) {
     const { clip, spare } = this;
     const rows = corners.map((k) => clip.subarray(5 * k, 5 * k + 5));
@@ -120,7 +122,7 @@ class SoftPen {
     for (let k = 2; k < kept.length; k++) this.triangle(spare, 0, 4 * k - 4, 4 * k);
   }
 
-  // Fills one triangle, row by row: depth and shade change evenly over the screen.
+  // Fills one triangle, row by row: depth and shade are linear over the screen.
   triangle(shown, a, b, c) {
     if (shown[b + 1] < shown[a + 1]) [a, b] = [b, a];
     if (shown[c + 1] < shown[b + 1]) [b, c] = [c, b];
@@ -214,7 +216,7 @@ class SoftPen {
   }
 }
 
-// A pixel in one word, blue above green above red, as little-endian machines have them.
+// A pixel in one 32-bit word, with blue above green above red, as on little-endian machines.
 function packed(r, g, b) {
   return (0xff000000 | ((b + 0.5) << 16) | ((g + 0.5) << 8) | (r + 0.5)) >>> 0;
 }

@@ -1,4 +1,5 @@
-// The plane of two coordinates: the region that Python computed where it holds, else a grid sampled here and called so.
+// The plane of two coordinates: the region that Python computed, where it is valid; else a grid that is sampled here,
+// and a text that says so.
 
 const LIGHT = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F6000", "#000000"];
 const DARK = ["#4DA8E0", "#FF8A3D", "#2FC79B", "#E29BC4", "#F2B632", "#8ACFF5", "#C9A227", "#FFFFFF"];
@@ -40,7 +41,7 @@ class Plane {
     return this.state.data.regions.find(({ columns, error }) => error && columns[0] === i && columns[1] === j)?.error;
   }
 
-  // Coordinates that have left the values for which the region was computed.
+  // Coordinates that do not have the values for which the region was computed.
   get moved() {
     const { region } = this;
     return region ? region.fixed.filter((k) => Math.abs(this.state.q[k] - region.at[k]) > SAME) : [];
@@ -68,7 +69,7 @@ class Plane {
     this.state.changed();
   }
 
-  // Which part of the plane is shown; scaled alike where both coordinates have one unit.
+  // Sets the part of the plane that is shown; both axes have the same scale if both coordinates have the same unit.
   frame() {
     const { coordinates } = this.state.data;
     const shown = this.columns.map((k) => [...coordinates[k].window]);
@@ -170,7 +171,7 @@ class Plane {
     return parts.join("");
   }
 
-  // Names of edges, inside the region, one a name, none over another.
+  // SVG of the names of edges: inside the region, each name once, and not over each other.
   names(edges, region) {
     const corners = region.corners;
     const centre = this.toPixels([0, 1].map((k) => corners.reduce((sum, p) => sum + p[k], 0) / corners.length));
@@ -207,7 +208,7 @@ class Plane {
     return parts;
   }
 
-  // A contact that others imply: its line, and its name on it or beside it, where no edge of the region is near.
+  // SVG of an implied contact: its line, and its name on or beside the line, away from edges of the region.
   implied(name, normal, bound, region) {
     const [[x0, x1], [y0, y1]] = this.shown;
     const ends = [];
@@ -254,7 +255,7 @@ class Plane {
         : `<path class="point bad" d="M${x},${y - 10} L${x + 10},${y + 8} L${x - 10},${y + 8}Z"/>`);
   }
 
-  // Once a frame: the point; the drawing where exactness changed; a slice of the sampling.
+  // Called once for each frame: draws the point, draws all if `isExact` has changed, and continues the sampling.
   update() {
     if (!this.width) return;
     if (this.wasExact !== this.isExact) this.draw();
@@ -296,7 +297,7 @@ class Plane {
     }
   }
 
-  // -1: free; -2: outside limits; else the boundary in contact. The one that was found last is asked first.
+  // -1: free; -2: outside the limits; else the index of a boundary in contact. The boundary found last is tried first.
   hit(q) {
     const { robot } = this.state;
     if (robot.broken(q).length) return -2;
@@ -325,7 +326,7 @@ class Plane {
     context.drawImage(small, PAD.left * this.ratio, PAD.top * this.ratio, this.inner[0] * this.ratio, this.inner[1] * this.ratio);
   }
 
-  // What the picture is worth, in a sentence.
+  // One sentence about how exact the picture is.
   said() {
     const { data } = this.state;
     const names = this.columns.map((k) => data.coordinates[k].name).join(", ");
@@ -389,7 +390,8 @@ function niceStep(rough) {
   return [1, 2, 5, 10].map((k) => k * power).find((step) => step >= rough * 0.999);
 }
 
-// Distance of an edge from the middle line of a name, 2 half wide, by 17 points of it [pixels].
+// Distance [pixels] of an edge from the middle line of a name, whose width is 2 half; 17 points of the line are
+// compared.
 function apart([x, y], half, [from, to]) {
   const along = [to[0] - from[0], to[1] - from[1]];
   const square = along[0] ** 2 + along[1] ** 2 || 1;

@@ -1,4 +1,4 @@
-// The robot in three dimensions: bodies, marks, the chosen pair on top of everything. A pen draws: WebGL, or the processor.
+// The robot in three dimensions: bodies, marks, and the chosen pair on top. A pen draws them: by WebGL, or on the CPU.
 
 const COARSE = [1, 0.75, 0.5, 0.35]; // share of the full resolution while something moves, finest first
 const LATE = 18; // ms: a frame that takes longer lowers the resolution by one step
@@ -28,7 +28,7 @@ class Scene {
     element.addEventListener("keydown", (event) => this.key(event));
   }
 
-  // Where everything is at the start: what the view is laid around, and the side from which most is seen.
+  // Measures the robot at the start: centre and size for the view, and the side that shows most of the robot.
   measure() {
     const { data, robot } = this.state;
     const places = robot.places(data.at);
@@ -54,7 +54,7 @@ class Scene {
     this.reset();
   }
 
-  // A view in which everything at the start is seen, and not much else.
+  // Sets the view to one that the robot at the start fills.
   reset(view = {}) {
     this.view = { ...this.start, pan: [0, 0], ...view };
     this.isFitted = !this.width;
@@ -101,13 +101,14 @@ class Scene {
     this.state.changed();
   }
 
-  // Pixels of the canvas for one of the page: few while something moves and frames come late, all when it does not move.
+  // Pixels of the canvas for one pixel of the page: fewer during a motion with late frames, all at rest.
   get ratio() {
     const { still, moving } = this.pen.ratios(window.devicePixelRatio || 1);
     return this.isMoving ? moving * COARSE[this.step] : still;
   }
 
-  // Told after a frame of a movement: `gap` until the next one came, `spent`, what of it the page's own work took [ms].
+  // Called after each frame of a motion: `gap` is the time to the next frame [ms], `spent` the page's own share of it
+  // [ms].
   pace(gap, spent) {
     if (gap > LATE) {
       this.inTime = 0;
@@ -120,7 +121,7 @@ class Scene {
     }
   }
 
-  // Something moves: draw fast, and once more at full resolution when it has stopped.
+  // Called during a motion: the page draws fast, and once at full resolution after the motion has stopped.
   moving() {
     this.isMoving = true;
     this.dirty = true;
@@ -219,7 +220,7 @@ class Scene {
     return [...joints, ...this.pins.flatMap(([k, xyz]) => [...places[k].slice(12, 15), ...through(places[k], xyz)])];
   }
 
-  // Names of the chosen marks, beside them.
+  // Writes the names of the chosen marks beside them.
   name(view, places, pair) {
     const { data } = this.state;
     const seen = pair.map((name) => {
@@ -289,7 +290,7 @@ class Scene {
   }
 }
 
-// Marks inside their bodies would be hidden by them: where bodies are drawn, marks with a size are thin.
+// Bodies would hide marks inside them: where bodies are drawn, marks with a size are more transparent.
 function markColour(record, dark, overBodies) {
   const [r, g, b] = dark ? [0.93, 0.95, 0.97] : [0.11, 0.15, 0.19];
   const isBody = record.radius > 0 || record.kind === "hull" || record.kind === "plane";

@@ -1,4 +1,5 @@
-// Triangles of bodies and marks, each in the frame of its link: lists of corners and of normals, three numbers each.
+// Triangles of bodies and marks, each in the frame of its link: lists of corners and of normals, with three numbers
+// each.
 
 class Solid {
   constructor() {
@@ -15,7 +16,7 @@ class Solid {
     this.normals.push(...na, ...nb, ...nc);
   }
 
-  // A grid of points and normals, point(i, k), i around, k along.
+  // A grid of points and normals from point(i, k), with i around the axis and k along it.
   patch(around, along, point) {
     for (let k = 0; k < along; k++) {
       for (let i = 0; i < around; i++) {
@@ -26,7 +27,7 @@ class Solid {
     }
   }
 
-  // Places everything by rotation rows and a translation.
+  // Transforms all corners and normals by a rotation (its rows) and a translation.
   placed(rotation, translation) {
     const move = (list, shift) => {
       for (let k = 0; k < list.length; k += 3) {
@@ -119,7 +120,7 @@ function bodySolid(body) {
   return make[body.shape]().placed(body.rotation, body.translation);
 }
 
-// A mark: what is kept clear of, its radius around it; a point of radius zero is drawn as a dot of `dot`.
+// The solid of a mark with its radius; a point of radius zero is drawn as a dot of radius `dot`.
 function markSolid(mark, dot) {
   const radius = mark.radius || dot;
   const [first, second] = mark.vertices;
