@@ -15,6 +15,7 @@ import pinbound as pb
 from pinbound.annotations.sidecar import read_sidecar
 from pinbound.annotations.srdf import read_srdf
 from pinbound.exceptions import Problems
+from robots import joint, robot_xml
 from test_input import BARE, GOOD
 
 Load = Callable[..., pb.Robot]
@@ -251,3 +252,51 @@ def test_numbers_of_numpy_are_numbers(minerva: pb.Robot) -> None:
     got = minerva.with_annotations(pb.Annotations.of([mark], [boundary])).annotations
     assert got.marks["p"] == mark
     assert got.boundaries[-1] == boundary
+
+
+ON_ONE = """boundaries: [{name: b, a: p, b: s}]
+points: [{name: p, link: base, xyz: [50, 0, 0]}, {name: s, link: '010', xyz: [%s, 0, 0]}]"""
+
+
+@pytest.mark.parametrize(
+    ("written", "value"), [("'010'", 10.0), ("10", 10.0), ("010.0", 10.0), ("07", 7.0), ("08", 8.0)]
+)
+def test_a_yaml_number_that_all_readers_take_for_the_same_is_read(written: str, value: float, tmp_path: Path) -> None:
+    (tmp_path / "n.yaml").write_text(ON_ONE % written)
+    robot = pb.load(robot_xml([joint("q", "revolute", "base", "010")], {}, []), annotations=tmp_path / "n.yaml")
+    assert robot.annotations.points["s"].xyz == (value, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("written", "octal"), [("010", 8), ("-012", -10), ("+0017", 15)])
+def test_a_yaml_number_that_readers_take_for_different_ones_is_refused(
+    written: str, octal: int, tmp_path: Path
+) -> None:
+    (tmp_path / "n.yaml").write_text(ON_ONE % written)
+    assert yaml.safe_load(f"x: {written}") == {"x": octal}
+    with pytest.raises(pb.InputError, match=rf"n\.yaml, line 2: {re.escape(written)} is {octal} in YAML 1\.1 and"):
+        pb.load(robot_xml([joint("q", "revolute", "base", "010")], {}, []), annotations=tmp_path / "n.yaml")
+
+
+def test_a_name_of_octal_digits_survives_a_sidecar(tmp_path: Path) -> None:
+    marks = [pb.Point("010", "base", (50.0, 0, 0)), pb.Point("s", "010", (1.0, 0, 0))]
+    text = robot_xml([joint("q", "revolute", "base", "010")], {}, [])
+    once = pb.load(text, annotations=pb.Annotations.of(marks, [pb.BoundaryMark("012", "010", "s")]))
+    (tmp_path / "n.yaml").write_text(once.annotations.to_yaml())
+    assert pb.load(text, annotations=tmp_path / "n.yaml").boundaries.names == ("012",)
+
+
+def test_angles_of_annotations_that_look_like_degrees_are_noted() -> None:
+    text = robot_xml([joint("q", "revolute", "base", "a"), joint("x", "prismatic", "a", "b")], {}, [])
+    right = pb.Box("right", "a", (9.0, 0, 0), (0.0, 1.5, 3.0), (0.1, 0.1, 0.1), 0.0)
+    wrong = pb.Box("wrong", "a", (9.0, 0, 0), (0.0, 90.0, 0.0), (0.1, 0.1, 0.1), 0.0)
+    rules = [pb.Rule("lean", {"q": 1.0}, -19.0), pb.Rule("reach", {"x": 1.0}, -19.0), pb.Rule("far", {"q": 1.0}, -1.5)]
+
+    def said(*marks: pb.Box, rules: list[pb.Rule]) -> list[str]:
+        found = pb.load(text, annotations=pb.Annotations.of(marks, rules=rules))
+        return [note for note in found.notes if "degrees" in note]
+
+    told = "angles are read as radians, and these look like degrees: "
+    assert said(right, rules=[]) == []
+    assert said(right, rules=rules[1:]) == []
+    assert said(right, wrong, rules=[]) == [f"{told}rpy 0 90 0 of box 'wrong'"]
+    assert said(right, rules=rules) == [f"{told}-19 .. inf of rule 'lean'"]

@@ -523,6 +523,8 @@ def entries() -> Iterator[Entry]:  # noqa: PLR0915 - a table, one row a remedy
     yield yaml("It needs {}", "name: p2, link: base,", "name: p2,")
     yield yaml("Write finite numbers, metres or radians", "radius: 0.01", "radius: wide")
     yield yaml("Give a length in metres, zero or more", "radius: 0.01", "radius: -1")
+    octal = "Write {} or {}, without the zero in front; put a name in quotes"
+    yield yaml(octal, "radius: 0.01", "radius: 010")
     yield yaml(HINT, "link: base", "link: bass")
     yield urdf("Give a vector of any length but zero", 'normal="0 0 1"', 'normal="0 0 0"')
     yield urdf("Give three numbers for each way (edge vector), up to {} ways", 'ways="0.1 0 0 0 0.1 0"', 'ways="0.1 0"')

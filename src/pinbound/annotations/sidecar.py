@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, cast
@@ -70,6 +71,7 @@ def sidecar_items(node: yaml.Node, path: Path, problems: Problems) -> list[RawIt
 
 
 _MOST_NESTED = 32
+_OCTAL = re.compile("[-+]?0[0-7]+")
 _TAGS = tuple(
     f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "bool", "null", "seq", "map", "timestamp")
 )
@@ -194,6 +196,7 @@ class _Sidecar:
         With `rows` a list may also hold lists of three scalars, each one vector.
         """
         if isinstance(node, yaml.ScalarNode):
+            self._refuse_octal(node)
             return str(node.value)
         entries: list[yaml.Node] = node.value if isinstance(node, yaml.SequenceNode) else [node]
         for entry in entries:
@@ -209,6 +212,14 @@ class _Sidecar:
                 self.problems.add(said, "Give three numbers for each", _node_line(entry), self.source)
                 return ""
         return " ".join(self._plain(entry) for entry in entries)
+
+    def _refuse_octal(self, node: yaml.ScalarNode) -> None:
+        """Refuse 010, which is 8 in YAML 1.1 and 10 in YAML 1.2, unless it is quoted, which makes it a text."""
+        text = str(node.value)
+        if not node.style and _OCTAL.fullmatch(text) and int(text, 8) != int(text):
+            both = f"{int(text, 8)} in YAML 1.1 and {int(text)} in YAML 1.2"
+            remedy = f"Write {int(text)} or {int(text, 8)}, without the zero in front; put a name in quotes"
+            self.problems.add(f"{text} is {both}", remedy, _node_line(node), self.source)
 
 
 def _node_line(node: yaml.Node) -> int:

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from pinbound.exceptions import Problems, name_hint
 from pinbound.model.kinematics import Joint, Link
 from pinbound.tolerances import PARALLEL, REDUCTION
 
-__all__ = ["check_mimics", "check_tree", "listed", "note_degrees", "note_nearly_parallel"]
+__all__ = [
+    "check_mimics",
+    "check_tree",
+    "like_degrees",
+    "listed",
+    "note_degrees",
+    "note_nearly_parallel",
+    "said_of_degrees",
+]
 
 _NAMED = 4
 
@@ -143,14 +151,18 @@ def note_degrees(joints: Mapping[str, Joint], turned: Mapping[str, tuple[float, 
     found = [
         f"limits {joint.lower:g} .. {joint.upper:g} of {name!r}"
         for name, joint in joints.items()
-        if joint.type == "revolute" and _like_degrees((joint.lower, joint.upper))
+        if joint.type == "revolute" and like_degrees((joint.lower, joint.upper))
     ]
-    found += [
-        f"rpy {' '.join(f'{a:g}' for a in rpy)} of {name!r}" for name, rpy in turned.items() if _like_degrees(rpy)
-    ]
+    found += [f"rpy {' '.join(f'{a:g}' for a in rpy)} of {name!r}" for name, rpy in turned.items() if like_degrees(rpy)]
+    return said_of_degrees(found)
+
+
+def said_of_degrees(found: Sequence[str]) -> list[str]:
+    """Return the note on angles that look like degrees, if there are any."""
     return [f"angles are read as radians, and these look like degrees: {listed(found)}"] if found else []
 
 
-def _like_degrees(angles: Iterable[float]) -> bool:
+def like_degrees(angles: Iterable[float]) -> bool:
+    """Return whether angles, at least one, look like degrees: whole numbers, the largest from 10 to 720."""
     sizes = [abs(angle) for angle in angles]
     return all(size.is_integer() for size in sizes) and _FEWEST_DEGREES <= max(sizes) <= _MOST_DEGREES

@@ -32,6 +32,7 @@ from pinbound.path.shared import link_spots, moved
 from pinbound.robot import load_arguments
 from pinbound.robot.axes import joint_home, new_coordinates
 from pinbound.robot.home import feasible_start
+from pinbound.robot.mark_notes import excesses, marked_degrees
 from pinbound.robot.presets import FAMILY, PREFIX, find_model
 from pinbound.robot.robot import Robot
 from pinbound.robot.rules import place_of_limit, rule_limits
@@ -215,7 +216,8 @@ def _made(
             *own,
             *notes,
             *stops,
-            *_excesses(marks),
+            *marked_degrees(items, marks, slides),
+            *excesses(marks),
         ),
         package_dirs=package_dirs,
         again=again,
@@ -228,15 +230,6 @@ def _with_loops(robot: Robot, lift: Lift, again: _Again) -> Robot:
     from pinbound.robot.loop_robot import LoopRobot
 
     return LoopRobot(robot, lift, again)
-
-
-def _excesses(marks: Annotations) -> list[str]:
-    """Return notes on how far shapes stick out of the marked bodies."""
-    widest = {name: mark.shape.excess for name, mark in marks.marks.items() if mark.shape.excess > 0.0}
-    if not widest:
-        return []
-    names = ", ".join(f"{name} {1e3 * excess:.3g} mm" for name, excess in widest.items())
-    return [f"each round mark is replaced by a prism around it, whose edges are outside the mark by at most: {names}"]
 
 
 def _given_items(
