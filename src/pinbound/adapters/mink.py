@@ -130,7 +130,7 @@ class StepLimit(_Limit):
 
 
 class PolytopeLimit(_Limit):
-    """A convex region, or `A q <= b`, as a limit: inside it no step leaves it."""
+    """A convex region, or `A q <= b`, as a limit: if q is inside the set, no step leaves it."""
 
     def __init__(self, robot: Robot, model: Any, A: Any, b: ArrayLike | None = None) -> None:
         """Take a convex `Region` of all coordinates that boundaries depend on, or A (k, n) and b (k,) for q.

@@ -358,7 +358,7 @@ class StepBounds:
         """Return the indices of boundaries that some step may bring within `more` [m], and the proof for the others.
 
         A separation changes by at most `moved . |change of q|`, so one measured value bounds it elsewhere. The proof is
-        (m,) the largest change within the box, and (m,) what is subtracted besides.
+        (m,) the largest change within the box, and (m,) other amounts that are subtracted.
         """
         if not self._areas:
             return np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros(0)

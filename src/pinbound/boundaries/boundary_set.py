@@ -390,7 +390,7 @@ class BoundarySet(NamedBoundaries):
             held = [span for _, span in spans if span]
             window = max((s[0] for s in held), default=-math.inf), min((s[1] for s in held), default=math.inf)
         clearances = self.signed_clearances(point)
-        if any(span is None for _, span in spans):  # no way is asked for: only which boundaries forbid the value, too
+        if any(span is None for _, span in spans):  # q violates a limit: only contacts at q are of interest
             found = [(-math.inf, math.inf) if s > 0.0 else None for s in clearances.tolist()]
         else:
             found = spans_of(self, self._ahead(index), clearances, coordinate, point, window, self.signed_clearances)

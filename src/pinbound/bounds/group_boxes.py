@@ -1,4 +1,4 @@
-"""Pairs of points in groups, over boxes of configurations: the results of machine code, and what it leaves open."""
+"""Pairs of points in groups, over boxes of configurations: the results of machine code, and the undecided rest."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class MeshSource:
         self._read: dict[tuple[str, tuple[float, float, float]], Mesh | InputError] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle without what was read."""
+        """Pickle without the meshes that were read."""
         return MeshSource, (self._beside, self._package_dirs)
 
     def of(self, body: Body) -> Mesh:

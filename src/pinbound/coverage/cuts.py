@@ -36,11 +36,11 @@ def on_plane(height: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Side(Value):
-    """What is on one side of a plane.
+    """The part of a body's surface on one side of a plane.
 
     Attributes:
         triangles: (n, 3, 3) [m].
-        rows: (n,), the triangle that each was cut from; `NO_ROW` for those that close the cut.
+        rows: (n,), the triangle from which each was cut; `NO_ROW` for triangles that close the cut.
     """
 
     triangles: Array

@@ -39,7 +39,7 @@ _SINGULAR = 1e-14  # a determinant of unit rows: two edge vectors at 1e-7 rad
 def separations(path: RelativePath, Q: Array) -> Array:
     """Return the distance, or the signed height above a plane, (N,) [m]; NaN for a row that is not finite."""
     found = _of(path).values(path, Q)
-    return np.where(np.isfinite(found), found, np.nan)  # a slide at infinity is no clearance
+    return np.where(np.isfinite(found), found, np.nan)  # an infinite prismatic coordinate gives no clearance
 
 
 def gradients(path: RelativePath, Q: Array) -> Array:

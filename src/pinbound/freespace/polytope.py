@@ -158,7 +158,7 @@ def _searched(robot: Robot, exact: FreePolytope, ground: _Ground, meter: Meter, 
         grower = Grower(draft, robot, np.random.default_rng(seed))
         grower.begin()
         budget = meter.budget
-        if share == 1.0:  # smaller polytopes end before this is worth its time
+        if share == 1.0:  # for smaller polytopes, this takes more time than it saves
             grower.grow(_SAMPLES, meter, meter.seconds + _GROWING * (budget.seconds - meter.seconds))
         for face in around:
             draft.add(face.normal, face.proven, _SIDE)

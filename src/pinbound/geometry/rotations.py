@@ -50,7 +50,7 @@ def rotate(axis: Array, cos: Array, sin: Array, x: Components | Array) -> Compon
         axis: The components of unit axes u, numbers or arrays.
         cos: Cosines of the angles phi; all arrays broadcast.
         sin: Their sines.
-        x: The components of what is turned.
+        x: The components of the vector that is rotated.
 
     Example:
         >>> [float(part) for part in rotate(np.array([0.0, 0.0, 1.0]), np.array(0.0), np.array(1.0), (1.0, 2.0, 3.0))]

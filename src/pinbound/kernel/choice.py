@@ -4,7 +4,7 @@ Nothing is timed, so the same calls always use the same backend. The work of eac
 would need for it on a common machine, and summed over the calls of a kernel:
 
 1. Machine code that this process has loaded is used.
-2. Machine code in the cache folder is loaded on the second call, or on the first one that is worth it.
+2. Machine code in the cache folder is loaded on the second call, or earlier, on a first call with enough work.
 3. Otherwise code is compiled when the work so far, with this call, is worth `PAYS` times the compilation.
 
 So a call is slower than NumPy by at most one loading, or one compilation, once for each kernel and kind of answer. For

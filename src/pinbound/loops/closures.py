@@ -156,7 +156,7 @@ def place_error(
     if not crossed:
         return 0.0
     reach = _reach(limits, len(whole.coordinates))
-    reach[:n] = np.where(np.any(chain.slides, axis=(0, 1))[:n], reach[:n], 0.0)  # of what turns any angle is allowed
+    reach[:n] = np.where(np.any(chain.slides, axis=(0, 1))[:n], reach[:n], 0.0)  # revolute: any angle
     reach[n:] = [one.bound for one in found]
     if not np.all(np.isfinite(reach)):
         return math.inf
