@@ -125,3 +125,41 @@ def test_a_package_folder_that_is_none_is_noted(tmp_path: Path) -> None:
     ]
     assert noted == [f"package_dirs: there is no folder {one!r}, so no package or mesh is found there" for one in wrong]
     assert not [note for note in arm().notes if "package_dirs" in note]
+
+
+def names_from_arrays() -> dict[str, Callable[[], Any]]:
+    """Return calls with names out of NumPy arrays; the errors of half of them name one that does not exist."""
+    q1, q2, none = np.array(["q1", "q2", "none"])
+    home = arm().home
+    return {
+        "region": lambda: pb.feasible_region(arm(), coordinates=np.array(["q1", "q2"]), window={q1: (-1, 1)}).edges,
+        "no region": lambda: pb.feasible_region(arm(), coordinates=np.array(["q1", "none"])),
+        "no window": lambda: pb.feasible_region(arm(), window={none: (-1, 1)}),
+        "limits": lambda: arm().boundaries.limits(q1, home),
+        "no limits": lambda: arm().boundaries.limits(none, home),
+        "arcs": lambda: arm().boundaries["s_t"].limits(q2, home),
+        "select": lambda: arm().boundaries.select(np.array(["s_t"])).names,
+        "twice": lambda: arm().boundaries.select(np.array(["s_t", "s_t"])),
+        "no boundary": lambda: arm().boundaries[none],
+        "certificate": lambda: pb.certify(arm(), [home], boundaries=np.array(["s_t"])).boundaries[0],
+        "polytope": lambda: pb.certified_polytope(arm(), home, window={q2: (-1, 1)}, budget=pb.Budget(50, 5.0)).faces,
+        "table": lambda: pb.limit_table(pb.load("minervabot_v3"), *np.array(["q2", "q3"])),
+        "no link": lambda: arm().positions(none, home),
+        "no level": lambda: pb.cross_check(arm(), levels=np.array(["none"])),
+        "no preset": lambda: pb.load(np.str_("palletizers/none")),
+        "two marks": lambda: pb.Annotations.of([pb.Point(q1, q2, (0, 0, 0))] * 2),
+        "mark": lambda: pb.Segment(q1, q2, (0, 0, 0), (0, 0, 1)),
+        "boundary": lambda: pb.BoundaryMark(q1, q2, none),
+        "rule": lambda: pb.Rule(none, {q1: 1.0}, -1.0, where=(pb.Condition({q2: 1.0}, 0.0),)),
+        "hull": lambda: pb.Hull(q1, q2, np.eye(3)),
+    }
+
+
+@pytest.mark.parametrize("name", list(names_from_arrays()))
+def test_names_from_arrays_are_shown_as_names(name: str) -> None:
+    try:
+        found = names_from_arrays()[name]()
+    except pb.PinboundError as error:
+        found = (str(error), vars(error))
+    assert "np.str_" not in repr(found)
+    assert "'q1'" in repr(found) or "q2" in repr(found) or "none" in repr(found) or "s_t" in repr(found)

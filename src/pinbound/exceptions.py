@@ -95,8 +95,9 @@ class UnknownNameError(PinboundError, KeyError):
 
     def __init__(self, kind: str, name: object, valid: Iterable[str]) -> None:
         """Say which name is unknown and which ones exist."""
-        self.kind, self.name, self.valid = kind, name, tuple(valid)
-        super().__init__(f"there is no {kind} {name!r}. {name_hint(str(name), self.valid)}")
+        self.kind, self.valid = kind, tuple(map(str, valid))
+        self.name = str(name) if isinstance(name, str) else name  # of NumPy, too
+        super().__init__(f"there is no {kind} {self.name!r}. {name_hint(str(name), self.valid)}")
 
     def __str__(self) -> str:
         """Return the message itself; KeyError alone would print its repr."""

@@ -131,7 +131,10 @@ def owned(array: A) -> A:
 
 
 class Value:
-    """Base of frozen dataclasses: their arrays, mappings and lists become such as cannot be changed."""
+    """Base of frozen dataclasses: their arrays, mappings and lists become such as cannot be changed.
+
+    NumPy's strings become Python's, also in tuples and as keys, so that messages and tables show them as names.
+    """
 
     __slots__ = ()
 
@@ -158,6 +161,8 @@ def _freezer(kind: type) -> Callable[[Any], Any] | None:
         return None if issubclass(kind, FrozenDict | MadeMapping) else _frozen_mapping
     if issubclass(kind, list):
         return _frozen_list
+    if issubclass(kind, np.str_):
+        return str  # a name from an array prints as a name
     return _frozen_tuple if issubclass(kind, tuple) else None
 
 
@@ -167,7 +172,7 @@ def _frozen(value: object) -> Any:
 
 
 def _frozen_mapping(value: Mapping[Any, Any]) -> Any:
-    return FrozenDict({key: _frozen(entry) for key, entry in value.items()})
+    return FrozenDict({_frozen(key): _frozen(entry) for key, entry in value.items()})
 
 
 def _frozen_list(value: list[Any]) -> Any:

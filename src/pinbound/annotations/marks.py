@@ -17,6 +17,7 @@ from pathlib import Path
 
 from pinbound.annotations.shapes import Measure, Shape, hull, unbounded, zonotope
 from pinbound.geometry.rotations import rpy_matrix
+from pinbound.values import Value
 
 __all__ = [
     "CYLINDER_SIDES",
@@ -40,7 +41,7 @@ CYLINDER_SIDES = 24
 
 
 @dataclass(frozen=True)
-class Point:
+class Point(Value):
     """A marked point: `xyz` [m] in the frame of `link`, the centre of a sphere of `radius` [m].
 
     Attributes:
@@ -77,7 +78,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Segment:
+class Segment(Value):
     """A marked segment from `xyz_a` to `xyz_b` [m] in the frame of `link`: with a `radius` [m] a capsule.
 
     Attributes:
@@ -122,7 +123,7 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(Value):
     """A marked body: all `xyz + sum_i t_i way_i`, t_i in [0, 1] [m] in the frame of `link`, `radius` [m] around it.
 
     One edge vector makes a segment, two a parallelogram, three a parallelepiped. Several edge vectors in one plane and
@@ -159,7 +160,7 @@ class Sweep:
 
 
 @dataclass(frozen=True)
-class Line:
+class Line(Value):
     """A marked unbounded line: through `xyz` [m] along `direction`, in the frame of `link`, `radius` [m] around it.
 
     A boundary measures the distance from the line.
@@ -205,7 +206,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Plane:
+class Plane(Value):
     """A marked plane: through `xyz` [m] with its `normal` towards the free side, in the frame of `link`.
 
     A boundary measures the signed height, which is negative behind the plane. In a planar mechanism, use a plane for an
@@ -255,7 +256,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Hull:
+class Hull(Value):
     """A marked convex hull of `vertices` (k, 3) [m] in the frame of `link`, with `radius` [m] around it.
 
     Attributes:
@@ -279,6 +280,7 @@ class Hull:
     def __post_init__(self) -> None:
         """Convert the vertices, given as any sequence or array, to tuples of numbers."""
         object.__setattr__(self, "vertices", tuple((float(x), float(y), float(z)) for x, y, z in self.vertices))
+        Value.__post_init__(self)
 
     @classmethod
     def of_mesh(
@@ -328,7 +330,7 @@ class Hull:
 
 
 @dataclass(frozen=True)
-class Box:
+class Box(Value):
     """A marked box: `size` [m] along the axes of its own frame. The origin of this frame, the centre, is at `xyz` [m].
 
     The frame is rotated by `rpy` [rad]: roll, pitch, yaw as in a URDF's origin. A size of zero makes the box flat.
@@ -366,7 +368,7 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class Cylinder(Value):
     """A marked cylinder with flat ends: its axis leads from `xyz_a` to `xyz_b` [m] in the frame of `link`.
 
     A prism of 24 sides around it stands for it. The edges of the prism stick out by `excess`; `robot.notes` says so.

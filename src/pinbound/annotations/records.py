@@ -83,7 +83,7 @@ def kind_of(mark: Mark) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class BoundaryMark:
+class BoundaryMark(Value):
     """Two marks, by name, whose surfaces must stay `min_distance` [m] apart.
 
     `stop=True` declares a stop: two points of zero threshold and one effective angle. Contact is the angle at which
@@ -110,7 +110,7 @@ class BoundaryMark:
 
 
 @dataclass(frozen=True, slots=True)
-class ClosureMark:
+class ClosureMark(Value):
     """A pin that closes a loop: `xyz_a` [m] of `link_a` and `xyz_b` [m] of `link_b` are the same point.
 
     In an open tree, `passive` may name the joints that follow the others. By default these are the joints furthest from
@@ -147,7 +147,7 @@ class ClosureMark:
 
 
 @dataclass(frozen=True, slots=True)
-class FollowerMark:
+class FollowerMark(Value):
     """A mimic joint that the URDF does not declare, or declares wrongly: `theta = multiplier * theta_primary + offset`.
 
     Attributes:
@@ -169,7 +169,7 @@ class FollowerMark:
 
 
 @dataclass(frozen=True, slots=True)
-class LimitMark:
+class LimitMark(Value):
     """Limits [rad or m] that replace those of the URDF.
 
     Attributes:
@@ -259,7 +259,7 @@ class Axis(Value):
 
 
 @dataclass(frozen=True, slots=True)
-class LeftOutMark:
+class LeftOutMark(Value):
     """Two links, by name, that have no boundary, with the reason and the file that states it.
 
     This is a statement, not a proof: `robot.coverage` lists it with its source, unless it can prove the pair itself.

@@ -69,7 +69,7 @@ class ContactAngle(Value):
 
 
 @dataclass(frozen=True)
-class CoordinateLimits:
+class CoordinateLimits(Value):
     """How far one coordinate can move from a configuration, and what stops it.
 
     Attributes:

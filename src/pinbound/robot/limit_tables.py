@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pinbound.boundaries.boundary import Boundary
+from pinbound.checks import names_of
 from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedError
 from pinbound.robot.robot import Robot, check_robot, refuse_conditions
 from pinbound.robot.table_formats import LimitTable
@@ -78,6 +79,7 @@ def limit_table(
         0.247
     """
     check_robot(robot)
+    target, dependent = names_of((target, dependent), "coordinates")
     grid = ("multiples" if whole else "fitted") if grid is None else grid
     if grid not in ENTRIES:
         raise UnknownNameError("grid", grid, ENTRIES)
