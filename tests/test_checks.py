@@ -108,6 +108,25 @@ def test_a_wrong_argument_is_one_error_that_says_what_is_valid(name: str) -> Non
     assert message in str(caught.value)
 
 
+NAMED: dict[str, Callable[[Any], object]] = {
+    "certify_box": lambda name: pb.certify_box(name, [0, 0], [0, 0]),
+    "certified_box": lambda name: pb.certified_box(name, [0, 0]),
+    "certified_polytope": lambda name: pb.certified_polytope(name, [0, 0]),
+    "certified_cover": pb.certified_cover,
+    "free_projection": lambda name: pb.free_projection(name, ("q1", "q2")),
+    "free_volume": lambda name: pb.free_volume(name, ("q1", "q2")),
+    "plan": lambda name: pb.plan(name, [0, 0], [0, 0]),
+    "history": lambda name: pb.history(name, [[0, 0]]),
+    "propose_marks": pb.propose_marks,
+}
+
+
+@pytest.mark.parametrize("call", NAMED)
+def test_the_name_of_a_robot_is_no_robot(call: str) -> None:
+    with pytest.raises(pb.DimensionError, match=r"^robot is of type str; give a Robot, e\.g\. pinbound\.load"):
+        NAMED[call]("minervabot_v3")
+
+
 def test_every_kind_of_path_is_accepted(tmp_path: Path) -> None:
     class Here:
         def __fspath__(self) -> str:

@@ -25,7 +25,7 @@ from pinbound.certificates.swept import SweptBoundaries
 from pinbound.certificates.trajectory import refuse_far
 from pinbound.exceptions import DimensionError
 from pinbound.robot.loop_robot import LoopRobot
-from pinbound.robot.robot import Robot
+from pinbound.robot.robot import Robot, check_robot
 from pinbound.tolerances import FARTHEST
 from pinbound.typing import Array, Flags, Indices
 
@@ -97,6 +97,7 @@ def certify_box(
         >>> pb.certify_box(robot, [-1.0, 0.1, 0.0], [1.0, 0.6, 1.1]).violated
         'beta_4'
     """
+    check_robot(robot)
     low, high = (one_configuration(corner, robot.coordinates).copy() for corner in (lower, upper))
     if np.any(low > high):
         index = int(np.flatnonzero(low > high)[0])
@@ -302,6 +303,7 @@ def certified_box(
         >>> box.verdict.value, bool(np.all(box.upper_corner[1:] - box.lower_corner[1:] > 0.5))
         ('certified', True)
     """
+    check_robot(robot)
     start = one_configuration(q, robot.coordinates).copy()
     if not (np.ndim(reach) == 0 and 0.0 < reach <= FARTHEST):
         raise DimensionError(f"the reach is {reach}; give one positive number [rad or m]")

@@ -24,7 +24,7 @@ from pinbound.exceptions import DimensionError, UnknownNameError, UnsupportedErr
 from pinbound.freespace.faces import Face, guarded_choices, limit_faces, outer_box
 from pinbound.freespace.held import HeldPairs, Lists
 from pinbound.freespace.pairs import Pairs
-from pinbound.robot.robot import Robot
+from pinbound.robot.robot import Robot, check_robot
 from pinbound.tolerances import INFLATION, LIMIT, UNIT_ROUNDOFF
 from pinbound.typing import Array, Flags, Indices
 from pinbound.values import Value
@@ -144,6 +144,7 @@ def free_volume(
         >>> found.lower < area < found.upper, found.decided >= 0.999
         (True, True)
     """
+    check_robot(robot)
     held = np.array(robot.home if at is None else one_configuration(at, robot.coordinates), dtype=np.float64)
     names, axes = axes_of(robot, coordinates)
     if not 0.0 < decided <= 1.0:
@@ -176,6 +177,7 @@ def axes_of(robot: Robot, coordinates: Sequence[str]) -> tuple[tuple[str, ...], 
         UnknownNameError: If a coordinate does not exist.
         UnsupportedError: If there are not two to four different ones.
     """
+    check_robot(robot)
     names = names_of(coordinates, "coordinates")
     for name in names:
         if name not in robot.coordinates:

@@ -29,7 +29,7 @@ from pinbound.freespace.faces import OneAngleGaps, limit_faces, outer_box, witho
 from pinbound.freespace.pieces import free_union, lifted, path_in_union
 from pinbound.freespace.smoothing import smooth_motion, straight_times
 from pinbound.freespace.trees import Trees
-from pinbound.robot.robot import Robot
+from pinbound.robot.robot import Robot, check_robot
 from pinbound.robot.speeds import largest_speeds
 from pinbound.typing import Array
 from pinbound.units import several
@@ -150,6 +150,7 @@ def plan(
         >>> beyond.verdict.value, beyond.separated_by is not None
         ('violated', True)
     """
+    check_robot(robot)
     first, last = (one_configuration(one, robot.coordinates).copy() for one in (start, goal))
     chosen, rng = scope(robot, boundaries, True, limits_only), random_numbers(seed)
     speeds = None if velocity is None else largest_speeds(robot, velocity)

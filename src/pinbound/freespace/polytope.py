@@ -22,7 +22,7 @@ from pinbound.freespace.pairs import Pairs
 from pinbound.freespace.proving import Prover
 from pinbound.freespace.records import FreePolytope
 from pinbound.freespace.vertices import linear_program
-from pinbound.robot.robot import Robot
+from pinbound.robot.robot import Robot, check_robot
 from pinbound.tolerances import UNIT_ROUNDOFF
 from pinbound.typing import Array
 
@@ -95,6 +95,7 @@ def certified_polytope(
         >>> sorted(polytope.names)
         ['beta_10', 'beta_3', 'beta_4', 'beta_7', 'beta_8', 'beta_9', 'q1 lower', 'q1 upper']
     """
+    check_robot(robot)
     start = one_configuration(q, robot.coordinates).copy()
     chosen = scope(robot, boundaries, True, limits_only)
     whole_number(seed, "seed")

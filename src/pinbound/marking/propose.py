@@ -32,7 +32,7 @@ from pinbound.marking.judge import (
 )
 from pinbound.marking.kept import kept, known, unused
 from pinbound.marking.narrow import Pair
-from pinbound.robot.robot import Robot
+from pinbound.robot.robot import Robot, check_robot
 from pinbound.values import FrozenDict, Value
 
 __all__ = ["ALL_SHAPES", "Proposal", "left_out_marks", "propose_marks"]
@@ -140,6 +140,7 @@ def propose_marks(
         >>> proposal.uncovered, [reason for _, _, reason in proposal.left_out]
         ((), ['neighbours'])
     """
+    check_robot(robot)
     for shape in shapes:
         if shape not in ALL_SHAPES:
             raise UnknownNameError("shape", shape, ALL_SHAPES)

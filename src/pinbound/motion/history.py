@@ -14,7 +14,7 @@ from pinbound.certificates import signed_clearances
 from pinbound.certificates.trajectory import as_trajectory
 from pinbound.exceptions import Problems, name_hint
 from pinbound.region import Region, classify, region_membership
-from pinbound.robot.robot import Robot
+from pinbound.robot.robot import Robot, check_robot
 from pinbound.tables import open_table, read_table
 from pinbound.tables.text import TextTable
 from pinbound.tolerances import FOLLOWS
@@ -111,6 +111,7 @@ def history(
         >>> [pb.Place(place).name for place in seen.places[[0, -1]]], bool(np.all(seen.mu[-1] > 0))
         (['INSIDE', 'OUTSIDE'], True)
     """
+    check_robot(robot)
     trajectory = as_trajectory(waypoints, robot.coordinates, times)
     pieces = len(trajectory.starts)
     each = max(1, round(samples / pieces))
