@@ -133,7 +133,7 @@ FAULTS = {
     "no radius": (shape("<sphere/>"), 4, "has no radius"),
     "misspelt radius": (shape('<sphere raduis="0.1"/>'), 4, "Did you mean 'radius'"),
     "namespaced radius": (shape('<sphere xmlns:x="u" x:radius="0.1"/>'), 4, "'radius' in the namespace 'u'"),
-    "size as in SDF": (shape("<box><size>1 1 1</size></box>"), 4, "has no size. .*<size>"),
+    "size as in SDF": (shape("<box><size>1 1 1</size></box>"), 4, "'size' as an element.*size="),
     "no length": (shape('<cylinder radius="0.1"/>'), 4, "has no length"),
     "no length of a capsule": (shape('<capsule radius="0.1"/>'), 4, "has no length"),
     "size of a capsule": (shape('<capsule size="1 1 1"/>'), 4, "has no radius"),

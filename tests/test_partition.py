@@ -61,7 +61,8 @@ def test_a_cover_is_never_worse_than_that_of_cuts_alone(monkeypatch: pytest.Monk
         return bool(found) and len(works[0].parts) > 2 and works[0].join(found[-1], np.inf)
 
     monkeypatch.setattr(mesh_covers, "_join_best", worst)
-    monkeypatch.setattr(mesh_covers, "_cut", lambda works, most, cut=mesh_covers._cut: cut(works, min(most, 5)))
+    cut_up_to = mesh_covers._cut
+    monkeypatch.setattr(mesh_covers, "_cut", lambda works, most, *patience: cut_up_to(works, min(most, 5), *patience))
     (cover,) = cover_meshes([("m", "l", star(6))], 0.005, most=5)
     assert cover.excess <= cut.excess
     assert [mark.shape.vertices.tolist() for mark in cover.marks] == [
@@ -229,3 +230,19 @@ def test_a_place_is_inside_a_closed_surface_whichever_way_it_is_turned() -> None
             assert Near(one).is_inside(np.array([x, y, z])) == inside
     open_one = replace(mesh, triangles=mesh.triangles[4:], polygons=mesh.polygons[4:])
     assert not Near(open_one).is_inside(np.array([0.05, 0.05, -0.01]))
+
+
+def test_cuts_that_do_not_help_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each cut parts a group in two that stick out as far as one did."""
+    work = Partition("m", "l", star(6), "hulls", 0.001)
+    cuts: list[int] = []
+
+    def vain() -> None:
+        cuts.append(1)
+        work.parts = [*work.parts, work.parts[0]]
+
+    monkeypatch.setattr(work, "cut", vain)
+    mesh_covers._cut([work], 100, 8)
+    assert len(cuts) == 8
+    mesh_covers._cut([work], 30)
+    assert len(work.parts) == 30

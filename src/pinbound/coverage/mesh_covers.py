@@ -6,6 +6,7 @@ The part that sticks out furthest is cut in two by a plane, until no part sticks
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -24,6 +25,7 @@ __all__ = ["MeshCover", "cover_meshes"]
 
 _ATTEMPTS, _IN_PIECES = 8, 5  # attempts to hold all triangles; of them with pieces, before whole triangles
 _MORE = 32  # additional parts (or as many again as allowed, if fewer) that are cut before parts are joined
+_RECUTS = 8  # cuts in a row after joining that may leave the largest excess as it is: sections of sections explode
 _HARDLY, _PATIENCE = 0.98, 3  # cutting ends after this many cuts in a row that leave more than this share of the excess
 
 
@@ -66,16 +68,22 @@ def _count(works: Sequence[Partition]) -> int:
     return sum(len(one.parts) for one in works)
 
 
-def _cut(works: Sequence[Partition], most: int) -> None:
-    """Cut the part that sticks out furthest, until no part sticks out too far, or `most` parts exist."""
-    while _count(works) < most:
+def _cut(works: Sequence[Partition], most: int, patience: float = math.inf) -> None:
+    """Cut the part that sticks out furthest, until no part sticks out too far, or `most` parts exist.
+
+    After `patience` cuts in a row that hardly reduced the largest excess it stops.
+    """
+    vain = 0
+    while _count(works) < most and vain < patience:
         if not any(one.can_be_cut for one in works):
             for one in works:  # a bound may be larger than the estimate
                 one.measure()
         open_ones = [one for one in works if one.can_be_cut]
         if not open_ones:
             break
+        before = max(one.bound for one in works)
         max(open_ones, key=lambda one: one.bound).cut()
+        vain = vain + 1 if max(one.bound for one in works) > _HARDLY * before else 0
 
 
 def _improve(works: Sequence[Partition], accuracy: float, most: int) -> None:
@@ -91,7 +99,7 @@ def _improve(works: Sequence[Partition], accuracy: float, most: int) -> None:
             pass
     while _join_best(works, accuracy):
         pass
-    _cut(works, sum(map(len, old)) if worth[0] <= accuracy else most)  # a bound may exceed the accuracy
+    _cut(works, sum(map(len, old)) if worth[0] <= accuracy else most, _RECUTS)  # a bound may exceed the accuracy
     for one in works:
         one.measure()
     if _worth(works, accuracy) >= worth:
