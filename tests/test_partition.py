@@ -242,7 +242,7 @@ def test_cuts_that_do_not_help_end(monkeypatch: pytest.MonkeyPatch) -> None:
         work.parts = [*work.parts, work.parts[0]]
 
     monkeypatch.setattr(work, "cut", vain)
-    mesh_covers._cut([work], 100, 8)
-    assert len(cuts) == 8
+    mesh_covers._cut([work], 100, mesh_covers._RECUTS)
+    assert len(cuts) == mesh_covers._RECUTS
     mesh_covers._cut([work], 30)
     assert len(work.parts) == 30

@@ -25,7 +25,7 @@ __all__ = ["MeshCover", "cover_meshes"]
 
 _ATTEMPTS, _IN_PIECES = 8, 5  # attempts to hold all triangles; of them with pieces, before whole triangles
 _MORE = 32  # additional parts (or as many again as allowed, if fewer) that are cut before parts are joined
-_RECUTS = 8  # cuts in a row after joining that may leave the largest excess as it is: sections of sections explode
+_RECUTS = 4  # cuts in a row after joining that may leave the largest excess as it is: sections of sections explode
 _HARDLY, _PATIENCE = 0.98, 3  # cutting ends after this many cuts in a row that leave more than this share of the excess
 
 
