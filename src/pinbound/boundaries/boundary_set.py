@@ -89,7 +89,7 @@ class BoundarySet(NamedBoundaries):
             raise DimensionError(f"boundary {twice!r} is named twice; name each boundary once")
         if wanted == self.names:
             return self
-        chosen = [self[name] for name in wanted]
+        chosen: list[Boundary] = [self[name] for name in wanted]
         return BoundarySet(chosen, self._coordinates, self._limits, self._home, self.common, self._guarded)
 
     def to_casadi(self, name: str = "signed_clearances") -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 
@@ -48,7 +48,8 @@ class NamedBoundaries(Sequence[Boundary]):
             if key not in self._index:
                 raise UnknownNameError("boundary", key, self._index)
             return self._index[key]
-        if not isinstance(key, int | np.integer | slice):
+        position: Any = key  # of any type, whatever the hints say
+        if not isinstance(position, int | np.integer | slice):
             raise UnknownNameError("boundary", key, self._index)
         return self._boundaries[key]
 
