@@ -309,6 +309,26 @@ def test_a_broken_file_is_one_clear_error(name: str, tmp_path: Path) -> None:
     assert problem.remedy
 
 
+@pytest.mark.parametrize("damage", ["ends early", "is encrypted", "has an unknown compression"])
+def test_an_archive_whose_entry_cannot_be_unpacked_is_one_error(damage: str, tmp_path: Path) -> None:
+    """The directory at the end of the archive says more bytes than there are, or what this reader cannot do."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr("part.dae", dae(PLAIN))
+        if damage == "is encrypted":
+            archive.infolist()[0].flag_bits |= 1
+        elif damage == "has an unknown compression":
+            archive.infolist()[0].compress_type = 77
+        else:
+            archive.infolist()[0].compress_size += 10_000
+            archive.infolist()[0].file_size += 10_000
+    data = packed.getvalue()
+    if damage == "is encrypted":
+        data = data[:6] + b"\x01" + data[7:]
+    with pytest.raises(pb.InputError, match=r"is no ZAE file that can be read|is no archive"):
+        read_mesh(written(tmp_path, "part.zae", data))
+
+
 @pytest.mark.parametrize("installed", [True, False])
 def test_text_that_is_not_utf8_is_damaged_whatever_guesses_its_encoding(
     installed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import lzma
 import re
 import struct
 import warnings
@@ -29,16 +30,17 @@ _FAULTS = (
     ArithmeticError,
     AssertionError,
     AttributeError,
+    EOFError,
     LookupError,
     MemoryError,
-    NotImplementedError,
     OSError,
-    RecursionError,
+    RuntimeError,
     SyntaxError,
     TypeError,
     ValueError,
     NameError,
     struct.error,
+    lzma.LZMAError,
     zipfile.BadZipFile,
     zlib.error,
 )
