@@ -22,7 +22,6 @@ from pinbound.cli.shared import (
     load_robot,
     millimetres,
 )
-from pinbound.loops.loop_coupling import LoopCoupling
 from pinbound.robot.robot import Robot
 
 __all__ = ["derive"]
@@ -70,7 +69,7 @@ def derive(
                     f"  {label}_{axis} [mm] = {line}" if line != "0" else f"  {label}_{axis} = 0",
                     markup=False,
                 )
-        solved = _solved(loaded, boundary)
+        solved = loaded.coupling.solved(formula_joints(boundary))
         if solved:
             joints = ", ".join(f"{name} = {text}" for name, text in solved.items())
             out.print(f"  {joints}: passive, solved from the loop", markup=False)
@@ -108,11 +107,6 @@ def _contact_text(boundary: Boundary) -> str:
     )
 
 
-def _solved(robot: Robot, boundary: Boundary) -> dict[str, str]:
-    """Return the passive joints in a boundary's expressions that loops determine, each with the text of its loop."""
-    return robot.coupling.solved(formula_joints(boundary)) if isinstance(robot.coupling, LoopCoupling) else {}
-
-
 def _boundary_record(robot: Robot, name: str) -> dict[str, Any]:
     boundary = opened(robot).boundaries[name]
     contact = boundary.contact
@@ -123,7 +117,7 @@ def _boundary_record(robot: Robot, name: str) -> dict[str, Any]:
         "kind": boundary.kind.value,
         "ancestor": boundary.ancestor,
         "coordinates": robot.boundaries[name].coordinates,
-        "solved_joints": _solved(robot, boundary),
+        "solved_joints": robot.coupling.solved(formula_joints(boundary)),
         "threshold": boundary.threshold,
         "place_error": boundary.place_error,
         "contact_distance": boundary.contact_distance,

@@ -12,13 +12,11 @@ from pinbound.boundaries.boundary import Boundary
 from pinbound.boundaries.looped import LoopBoundarySet, formula_joints
 from pinbound.boundaries.spans import CoordinateLimits
 from pinbound.exceptions import UnsupportedError
-from pinbound.loops.loop_coupling import LoopCoupling
 from pinbound.loops.solving import toggles
 from pinbound.model.coupling import linear_text
 from pinbound.robot.loop_robot import LoopRobot
 from pinbound.robot.robot import Robot
 from pinbound.typing import Array
-from pinbound.units import several
 
 __all__ = ["ClosureRow", "LimitRow", "LoopRow", "closure_rows", "limit_rows", "loop_rows", "solved_joints", "tree_rows"]
 
@@ -139,13 +137,13 @@ def closure_rows(robot: Robot) -> tuple[list[ClosureRow], str]:
     """
     low, high = (np.clip(ends, -2 * np.pi, 2 * np.pi) for ends in (robot.lower, robot.upper))
     Q: Array = np.random.default_rng(0).uniform(low, high, (_SAMPLES, len(robot.coordinates)))
-    said = several(_SAMPLES, "sample")
+    said = units.several(_SAMPLES, "sample")
     solved = set[str]()
     if isinstance(robot.boundaries, LoopBoundarySet):
         lift = robot.boundaries.lift
         solved = {one.name for one in lift.linkages}
         kept = Q[np.asarray(robot.boundaries.closed(lift(Q)))]
-        said = f"{several(len(kept) + 1, 'sample')} of {_SAMPLES:,} and home, where all loops can be closed"
+        said = f"{units.several(len(kept) + 1, 'sample')} of {_SAMPLES:,} and home, where all loops can be closed"
         Q = np.vstack((robot.home, kept))
     largest = robot.closure_residuals(Q).max(axis=0).tolist()
     return [
@@ -161,7 +159,5 @@ def closure_rows(robot: Robot) -> tuple[list[ClosureRow], str]:
 
 def solved_joints(robot: Robot, boundary: Boundary) -> str:
     """Return which joints in a boundary's formula are determined by loops: ``"knee = four_bar(crank)"``."""
-    if not isinstance(robot.coupling, LoopCoupling):
-        return ""
-    found = robot.coupling.solved(formula_joints(boundary))
-    return ", ".join(f"{name} = {text}" for name, text in found.items())
+    found = robot.coupling.solved(formula_joints(boundary)).items()
+    return ", ".join(f"{name} = {text}" for name, text in found)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -95,6 +95,10 @@ class Coupling(Value):
         """
         coefficients, offset = self.row(joint)
         return linear_text(coefficients, self.coordinates, offset)
+
+    def solved(self, used: Iterable[str]) -> dict[str, str]:
+        """Return the given joints that a loop determines, each with its loop: none, because this map is affine."""
+        return {}
 
 
 def linear_text(coefficients: Array, names: Sequence[str], offset: float = 0.0) -> str:
